@@ -8,6 +8,7 @@ from .accuracy.space import refined as refined
 from .contacts import ContactHistory as ContactHistory
 from .initial import initial_state as initial_state
 from .replay import scene_under as scene_under
+from .rest import friction_of as friction_of
 from .run import integrate as integrate
 from .signals import Signals as Signals
 from .signals import interpolate as interpolate
@@ -18,7 +19,6 @@ from .spectrum import spectral_radius as spectral_radius
 from .static_shape import Equilibrium as Equilibrium
 from .statics import equilibrium_path as equilibrium_path
 from .statics import equilibrium_under as equilibrium_under
-from .statics import friction_of as friction_of
 from .trajectory import Trajectory as Trajectory
 from .verbs import equilibrium as equilibrium
 from .verbs import modes as modes

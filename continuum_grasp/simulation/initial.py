@@ -9,9 +9,8 @@ import numpy as np
 from continuum_grasp.base import Array, check_arguments
 from continuum_grasp.model import FingerModel, Memory, System
 from continuum_grasp.scene import FAMILIES, Scene
+from continuum_grasp.simulation.rest import friction_of, model_at_rest, rest_at, states_of_motors
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.static_shape import states_of_motors
-from continuum_grasp.simulation.statics import equilibrium_at, friction_of, statics_model
 
 
 @check_arguments
@@ -58,8 +57,8 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
         q = np.array(initial.q, dtype=float)
         qd = np.zeros(n) if initial.qd is None else np.array(initial.qd, dtype=float)
     elif initial.pose == "equilibrium":
-        held = statics_model(scene, model, (*scene.loads, *initial.held_by))
-        rest = equilibrium_at(scene, held)
+        held = model_at_rest(scene, model, (*scene.loads, *initial.held_by))
+        rest = rest_at(scene, held)
         q, stands = rest.q, rest.u[: len(initial.motor_angles or ())]
     elif initial.pose == "straight":
         q = model.structure.straight()

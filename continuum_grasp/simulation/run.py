@@ -22,6 +22,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import INTEGRATORS, Scene, Timing
 from continuum_grasp.simulation.initial import initial_state, start_warnings
+from continuum_grasp.simulation.rest import LOST
 from continuum_grasp.simulation.slack import tension_warnings
 from continuum_grasp.simulation.spectrum import (
     contact_frequency,
@@ -31,7 +32,7 @@ from continuum_grasp.simulation.spectrum import (
     spectral_radius,
 )
 from continuum_grasp.simulation.stepping import Motion, Stepper, SteppingPlan, Stop
-from continuum_grasp.simulation.trajectory import LOST, Trajectory
+from continuum_grasp.simulation.trajectory import Trajectory
 
 Progress = Callable[[float], None]
 

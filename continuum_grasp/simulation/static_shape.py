@@ -1,24 +1,23 @@
-"""The shape of a finger at rest."""
+"""A shape at rest as a result: what is stored, written and drawn of it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.base import Array, check_arguments, named_value
+from continuum_grasp.base import Array, named_value
 from continuum_grasp.core import Core
-from continuum_grasp.model import FingerModel
 from continuum_grasp.results import Dimension, Picture, Result, Stored
 from continuum_grasp.scene import Scene
-from continuum_grasp.simulation.slack import TensionLimit, tension_limits
+from continuum_grasp.simulation.rest import RestingShape
 from continuum_grasp.simulation.trajectory import acting_forces, error_text
 
 
 @dataclass(frozen=True)
-class Equilibrium(Result):
+class Equilibrium(RestingShape, Result):
     """A shape at rest.
 
     Attributes
@@ -67,57 +66,12 @@ class Equilibrium(Result):
     )
     pictures: ClassVar[tuple[Picture, ...]] = (Picture("shape", "continuum_grasp.plotting.motion:plot_shape"),)
 
-    q: Array
-    u: Array
-    w: Array
-    p: Array
-    stable: bool
-    margin: float
-    residual: float
-    iterations: int
-    model: FingerModel
-    warnings: tuple[str, ...] = ()
     scene: Scene | None = None
-    history: Array = field(default_factory=lambda: np.zeros(0))
 
-    @property
-    def friction_states(self) -> Array:
-        """Direction of friction, per friction state, from -1 to 1 [1]."""
-        return self.model.friction_after(self.q, self.u, self.p, self.history)
-
-    @cached_property
-    def tensions(self) -> Array | None:
-        """Tensions (tendons,) at the drives [N]; None of a finger without tendons."""
-        count = len(self.model.finger.tendon_list)
-        if not self.model.structure.own_tendons:
-            return self.u[:count] if count else None
-        history = (self.history,) if self.history.size else ()
-        return np.array(self.model.tensions_at_rest()(self.q, self.u, self.p, *history)).ravel()
-
-    @property
-    def limits(self) -> tuple[TensionLimit, ...]:
-        """Limits that tensions exceed, and tendons that are slack."""
-        return tension_limits(self.model.finger, self.tensions)
-
-    @cached_property
-    def commands(self) -> Array | None:
-        """Least and greatest command (motors, 2) under which motors stay here; None without motors.
-
-        Dry friction of a motor holds it under every command between: torque [N m], current [A] or angle [rad]. Pulled
-        up to here it needs the one, let out to here the other: of a motor that winds up, the greatest and the least.
-        Where a motor cannot hold (``torque_max``), both are nan; where a servo gives all its torque and holds, the
-        angle has no bound on that side.
-        """
-        motors = self.model.structure.motors
-        if self.tensions is None or not motors:
-            return None
-        drives = self.model.drives_at(self.q, self.u, self.friction_states, p=self.p)
-        friction = dict(zip(self.model.p_names, self.p.tolist(), strict=True)).get("drive_coulomb_friction [N m]")
-        tensions = self.tensions.tolist()
-        states = zip(motors, states_of_motors(self.model, np.array(drives)), strict=True)
-        return np.array(
-            [motor.holding(at.tolist(), [tensions[k] for k in motor.tendons], friction) for motor, at in states]
-        )
+    @classmethod
+    def of(cls, found: RestingShape, scene: Scene | None = None) -> Equilibrium:
+        """A shape at rest as a result, of a scene where there is one."""
+        return cls(**{each.name: getattr(found, each.name) for each in fields(RestingShape)}, scene=scene)
 
     @cached_property
     def space_error(self) -> float:
@@ -168,20 +122,3 @@ class Equilibrium(Result):
     def forces(self) -> list[tuple[Array, Array, str]]:
         """Forces that act: position (2,) [m], force (2,) in the world [N], and kind."""
         return acting_forces(Core(self.model, compiled=False), self.q, self.u, self.w, self.p)
-
-    @property
-    def tip(self) -> Array:
-        """World position of the tip [m]."""
-        return np.array(self.model.tip(self.q, self.u, self.p)).ravel()
-
-    @check_arguments
-    def backbone(self, points: int = 50) -> Array:
-        """World positions (points, 2) along the backbone [m]."""
-        core = Core(self.model, compiled=False)
-        return np.asarray(core.backbones(self.q[None], self.u[None], points, self.p)[0])
-
-
-def states_of_motors(model: FingerModel, drives: Array) -> list[Array]:
-    """Parts of the states of all drives that are those of each motor, which come last; views of the array."""
-    ends = np.cumsum([motor.states for motor in reversed(model.structure.motors)])
-    return np.split(drives, len(drives) - ends[::-1])[1:]

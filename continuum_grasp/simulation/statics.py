@@ -1,196 +1,18 @@
-"""Equilibrium under constant loads, also beyond buckling.
-
-1. Pseudo-transient continuation from the start: steps of a motion without inertia, whose shift falls with the residual,
-   down to Newton's method (C. T. Kelley, D. E. Keyes, SIAM J. Numer. Anal. 35 (1998), doi:10.1137/S0036142996304796).
-2. Judge the stability: by the least stiffness, or, without a potential, by the poles of the motion.
-3. An unstable one is left along its weakest direction, and 1 follows.
-4. Where tendons with friction are released, the shape decides which way they slid back: again until that settles.
-"""
+"""Equilibria of scenes and models, one by one and along a path of growing loads."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, InputError, SolverError, check_arguments, choice, real_array
-from continuum_grasp.core import Core
+from continuum_grasp.base import check_arguments
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import (
-    Actuation,
-    Consumer,
-    Initial,
-    LengthDrive,
-    Load,
-    Scene,
-)
+from continuum_grasp.scene import Consumer, Load, Scene
+from continuum_grasp.simulation.rest import EquilibriumSearch, RestingShape, rest_at, rest_under
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric, poles
 from continuum_grasp.simulation.static_shape import Equilibrium
-from continuum_grasp.simulation.trajectory import LOST
-
-_TOLERANCE = 1e-11
-"""Missing force per that of the forces that balance [1]; a few digits above rounding."""
-_MAX_ITERATIONS = 500
-"""Iterations after which the search is given up [1]."""
-_NEAR_BUCKLING, _NEAR_BUCKLING_ARCS = 0.02, 0.25
-"""Least stiffness per that of the unloaded finger [1] below which the shape is sensitive to the model's own error; the
-second for families of order 2, arcs, divided by the square of their number. Column under P: below 0.02, 2 matched
-clothoids have errors of 4e-3 to 4e-2 of the length; arcs shift the buckling load by 0.21 of it over the square of their
-number."""
-
-
-class EquilibriumSearch:
-    """Equilibria of a model at given input, forces and parameters; ``history`` is that of tendon friction."""
-
-    def __init__(self, model: FingerModel, u: Array, w: Array, p: Array, history: Array) -> None:
-        self._model, self._u, self._w, self._p, self._history = model, u, w, p, history
-        self._friction = (history,) if history.size else ()
-        self._core = Core(model, compiled=False)
-
-    def rest(self) -> Array:
-        """The unloaded shape: elastic forces vanish."""
-        force, stiffness = self._elasticity()
-        return np.asarray(-np.linalg.solve(stiffness, force))
-
-    def _elasticity(self) -> tuple[Array, Array]:
-        """Elastic force at q = 0 and its derivative; it is linear in q."""
-        force = np.asarray(self._core.elastic(np.zeros(self._model.n), self._u, self._p))
-        columns = [self._core.elastic(e, self._u, self._p) - force for e in np.eye(self._model.n)]
-        return force, np.array(columns).T
-
-    def find(self, start: Array, stable: bool, side: int) -> Equilibrium:
-        """Equilibrium from a start; see ``equilibrium``."""
-        try:
-            q, iterations = self._descend(start, 0)
-            margin, direction, steady = self._stability(q)
-            if stable and not steady:
-                # An eigenvector has no sign of its own: the largest component decides what the sides are.
-                kick = direction * side * (1.0 if direction[np.argmax(np.abs(direction))] > 0 else -1.0)
-                # 1e-3: displacement along the weakest direction with which an unstable equilibrium is left, per typical
-                # coordinate: large against rounding, small against the buckled shape
-                size = 1e-3 * self._reach() / max(np.abs(kick).max(), 1e-300)
-                q, iterations = self._descend(q + size * kick, iterations)
-                margin, _, steady = self._stability(q)
-            warnings = (*self._checked(q), *self._buckling(q, margin))
-            missing = self._core.statics(q, self._u, self._w, self._p, *self._friction)[0]
-        except np.linalg.LinAlgError as error:
-            raise SolverError(
-                "no equilibrium found",
-                status="singular",
-                violated=[f"mass or stiffness matrix ({error})"],
-                advice="a bending stiffness or mass is so small or large that the matrices have no usable numbers, or "
-                "the start is far outside the bending range: check units, or give a guess nearer to the shape",
-            ) from error
-        residual = float(np.abs(missing).max() / max(self._scales(q)))
-        inputs = self._u, self._w, self._p
-        solution = Equilibrium(q, *inputs, steady, margin, residual, iterations, self._model, history=self._history)
-        return replace(solution, warnings=(*warnings, *map(str, solution.limits)))
-
-    def _checked(self, q: Array) -> tuple[str, ...]:
-        """Warnings of a shape that the model is good for."""
-        use = np.asarray(self._core.range_use(q, self._u, self._p))
-        if use.max() > LOST:
-            k = int(use.argmax())
-            raise SolverError(
-                "the equilibrium found lies where the model means nothing",
-                status="beyond the bending range",
-                violated=[f"element {k + 1} is bent {use[k]:.3g} times its range of {self._model.ranges[k]:.3g} rad"],
-                advice="lower the loads, raise fidelity.bending_range, or give a guess nearer to the shape",
-            )
-        return self._model.limit_warnings(use[None])
-
-    def _buckling(self, q: Array, margin: float) -> tuple[str, ...]:
-        """Warning about a shape whose least stiffness the loads have nearly used up."""
-        mass = self._core.mass_matrix(q, self._u, self._p)
-        unloaded = float(np.linalg.eigvalsh(in_mass_metric(mass, self._elasticity()[1])[1])[0])
-        coarse = self._model.structure.family.order <= 2
-        arcs = _NEAR_BUCKLING_ARCS / len(self._model.lengths) ** 2 if coarse else 0.0
-        if not abs(margin) < max(_NEAR_BUCKLING, arcs) * unloaded:
-            return ()
-        return (
-            f"the loads are near a buckling load: the least stiffness is {margin / unloaded:.1g} of that of the "
-            "unloaded finger, and small errors of the model change the shape by percents of the length: take more "
-            "elements, clothoids in place of arcs, or fidelity.tolerance",
-        )
-
-    def _reach(self) -> float:
-        """Typical size of a bending coordinate."""
-        return float(self._model.structure.family.coordinate_size(min(self._model.ranges), max(self._model.lengths)))
-
-    def _descend(self, start: Array, iterations: int) -> tuple[Array, int]:
-        q = start.copy()
-        missing, stiffness = self._core.statics(q, self._u, self._w, self._p, *self._friction)
-        mass = self._core.mass_matrix(q, self._u, self._p)
-        if not (np.all(np.isfinite(missing)) and np.all(np.isfinite(stiffness)) and np.all(np.isfinite(mass))):
-            raise np.linalg.LinAlgError("not finite at the start")
-        # Steps with K + shift M.
-        squares = np.linalg.eigvals(np.linalg.solve(mass, stiffness))
-        rate, weakest = float(np.abs(squares).max()), float(squares.real.min())
-        shift, (forces, floor), falls = rate, self._scales(q), False
-        for count in range(iterations, iterations + _MAX_ITERATIONS):
-            # What Newton's method still lowers, or did not try yet, is no rounding.
-            scale = forces if falls or shift > 1e-9 * rate else max(forces, floor)
-            if np.abs(missing).max() <= _TOLERANCE * scale and shift < 1e-3 * rate:
-                return q, count
-            # Directions that the loads make unstable are turned, so that the step still goes down the energy.
-            limit = 0.25 * self._reach()
-            change = np.linalg.solve(stiffness + (shift + 2.0 * max(0.0, -weakest)) * mass, -missing)
-            change *= min(1.0, limit / max(np.abs(change).max(), 1e-300))
-            trial = q + change
-            after, stiffness_after = self._core.statics(trial, self._u, self._w, self._p, *self._friction)
-            if not np.all(np.isfinite(after)):
-                shift = 10.0 * max(shift, rate)
-                continue
-            before_size, after_size = np.abs(missing).max(), np.abs(after).max()
-            q, missing, stiffness = trial, after, stiffness_after
-            mass = self._core.mass_matrix(q, self._u, self._p)
-            weakest = float(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.min())
-            shift = float(np.clip(shift * min(0.5, after_size / max(before_size, 1e-300)), 1e-12 * rate, rate))
-            (forces, floor), falls = self._scales(q), bool(after_size < 0.1 * before_size)
-            # Too far: back towards the damped motion.
-            if after_size > max(2.0 * before_size, _TOLERANCE * forces, _TOLERANCE * floor):
-                shift = min(10.0 * max(shift, 1e-6 * rate), rate)
-        raise SolverError(
-            "no equilibrium found",
-            status="iteration limit",
-            violated=[f"generalized force missing: {np.abs(missing).max():.3g} (scale {scale:.3g})"],
-            advice="the loads may bend the finger beyond its range (see range_use): lower them, raise "
-            "fidelity.bending_range, or give a guess nearer to the shape",
-        )
-
-    def _scales(self, q: Array) -> tuple[float, float]:
-        """Size of the forces that balance, and that below which they may be rounding."""
-        core, u, w, p = self._core, self._u, self._w, self._p
-        parts = [
-            core.elastic(q, u, p),
-            core.elastic(np.zeros_like(q), u, p),
-            core.gravity(q, u, p),
-            core.actuation(q, u, p, *self._friction),
-            core.external_force(q, u, w, p),
-        ]
-        # Where nothing loads the finger, or tendons pull alike: a bend of a part in 1e4 of the range, of which the
-        # tolerance is rounding.
-        floor = 1e-4 * np.abs(core.statics(q, u, w, p, *self._friction)[1]).max() * self._reach()
-        return float(max(np.abs(part).max(initial=0.0) for part in parts)), float(floor)
-
-    def _stability(self, q: Array) -> tuple[float, Array, bool]:
-        """Smallest stiffness eigenvalue in the metric of the mass matrix, its direction, and the verdict."""
-        _, stiffness = self._core.statics(q, self._u, self._w, self._p, *self._friction)
-        mass = self._core.mass_matrix(q, self._u, self._p)
-        root, scaled, symmetric = in_mass_metric(mass, stiffness)
-        values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
-        margin, direction = float(values[0]), np.asarray(root.T @ vectors[:, 0])
-        if symmetric:
-            return margin, direction, margin > 0.0
-        # Without a potential the energy decides nothing: flutter shows in the motion alone (H. Ziegler, 1952).
-        eigenvalues = poles(mass, stiffness, damping_matrix(self._core, q, self._u, self._p))
-        return margin, direction, bool(eigenvalues.real.max() <= 1e-9 * np.abs(eigenvalues).max())
-
 
 _STATICS = Consumer(
     "statics, modes",
@@ -248,77 +70,7 @@ def equilibrium_of(
     _WHOLE.check(scene, of={"extra_loads": bool(model is not None and extra_loads)})
     if model is None:
         model = FingerModel(scene, loads=(*scene.loads, *extra_loads), input_rates=False)
-    return replace(equilibrium_at(scene, model, guess=guess, stable=stable, side=side), scene=scene)
-
-
-def equilibrium_at(scene: Scene, model: FingerModel, *, at: float = 0.0, **search: Any) -> Equilibrium:
-    """Find the equilibrium of a model under a scene's inputs and its own loads at an instant [s], time zero by default.
-
-    Where motors stand at ``initial.motor_angles``, tendons are as long as on winches that follow a length, behind a
-    play where there is one, and the input of the result balances the tensions without dry friction of the motors;
-    SolverError if that is more than their ``torque_max``.
-    """
-    angles = scene.initial.motor_angles
-    if angles is None:
-        signals, friction = Signals(scene, model), friction_of(scene.initial, model)
-        return equilibrium_under(model, signals.u(at)[0], signals.w(at)[0], **friction, **search)
-    motors, finger = model.structure.motors, scene.finger.with_drives(_locked)
-    wound = tuple(motor.radius * angle for motor, angle in zip(motors, angles, strict=True))
-    # Chambers beside the tendons have their pressures.
-    pressures = scene.actuation.values[len(wound) :] if scene.actuation else (0.0,) * len(finger.chambers)
-    held_at = wound if "lengths" in finger.input_keys else tuple(angles)
-    actuation = Actuation.of(finger.input_keys, (*held_at, *pressures))
-    same = scene.replaced(finger=finger, actuation=actuation, initial=scene.initial.replaced(motor_angles=None))
-    solution = equilibrium_at(same, statics_model(same, model, model.loads), **search)
-    tensions = [] if solution.tensions is None else solution.tensions.tolist()
-    held = solution.u.copy()  # moments that are inputs come after the drives
-    for k, (motor, angle) in enumerate(zip(motors, angles, strict=True)):
-        least, greatest = motor.holding([angle], [tensions[j] for j in motor.tendons], 0.0)
-        if not math.isfinite(least + greatest):
-            raise SolverError(
-                "no equilibrium found",
-                status="torque limit",
-                violated=[f"motor {k + 1} does not balance its tendons at {angle:.4g} rad: {tensions} N"],
-                advice="raise tendons.drive.torque_max, or let initial.motor_angles wind up less",
-            )
-        held[k] = 0.5 * (least + greatest)
-    return replace(solution, model=model, u=held, p=np.array(model.p_nominal))
-
-
-def statics_model(scene: Scene, model: FingerModel, loads: Sequence[Load]) -> FingerModel:
-    """The elements of a model under other loads, whose inputs have no rates."""
-    accuracy = model.structure.accuracy
-    return FingerModel(
-        scene, family=model.family, elements=model.lengths, accuracy=accuracy, loads=loads, input_rates=False
-    )
-
-
-def _locked(drive: Any) -> Any:
-    """A winch that follows a length in place of a motor, or the motor that stands before its gear."""
-    if drive.gear_stiffness is None:
-        same = {key: getattr(drive, key) for key in ("arrangement", "pretension", "slack")}
-        return LengthDrive(kind="length", time_constant=1.0, **same)  # of no effect at rest
-    # A servo and a gear of twice the stiffness each yield together what the gear does.
-    stiffness = 2.0 * drive.gear_stiffness
-    # 1e12: torque that holds a motor wherever it stands [N m]: the greatest number that a scene has
-    servo = {"position_gain": stiffness, "rate_gain": 0.0, "torque_max": 1e12}
-    return drive.replaced(gear_stiffness=stiffness, **servo)
-
-
-class Friction(TypedDict, total=False):
-    """History by which a finger with friction came to its shape; see ``equilibrium_under``."""
-
-    reached_by: str
-    friction_states: Sequence[float] | None
-
-
-def friction_of(initial: Initial, model: FingerModel, *, needed: bool = True) -> Friction:
-    """Friction history that a scene gives for its finger, if any; InputError where it is ``needed`` and not there."""
-    if needed or initial.reached_by is not None:
-        model.structure.check_reached_by(initial)
-    if initial.reached_by is None or not model.friction_names:
-        return {}
-    return {"reached_by": initial.reached_by, "friction_states": initial.friction_states}
+    return Equilibrium.of(rest_at(scene, model, guess=guess, stable=stable, side=side), scene)
 
 
 @check_arguments
@@ -364,29 +116,10 @@ def equilibrium_under(
     >>> equilibrium_under(model, [0.05], []).q.round(6).tolist()  # bend = moment L / EI [rad]
     [1.0]
     """
-    choice("side", side, (1, -1))
-    choice("reached_by", reached_by, ("pulling", "releasing", "state"))
-    command, forces, p = real_array("u", u), real_array("w", w), np.array(model.p_nominal)
-    start = None if guess is None else real_array("guess", guess)
-    if start is not None and (start.shape != (model.n,) or not np.all(np.isfinite(start))):
-        raise InputError(f"guess: expected {model.n} finite entries, got {start.tolist()}")
-    states = np.array(() if friction_states is None else friction_states, dtype=float).ravel()
-    count = len(model.friction_names)
-    if count and reached_by == "state" and states.size != count:
-        raise InputError(f"friction_states: expected {count} entries, got {states.tolist()}")
-    first = "pulling" if reached_by == "releasing" else reached_by
-    search = EquilibriumSearch(
-        model, command, forces, p, model.friction_history(np.zeros(model.n), command, p, first, states)
+    found = rest_under(
+        model, u, w, guess=guess, stable=stable, side=side, reached_by=reached_by, friction_states=friction_states
     )
-    solution = search.find(search.rest() if start is None else start, stable, side)
-    # 8: searches in which the directions of friction settle
-    for _ in range(8 if reached_by == "releasing" else 0):
-        # The shape decides which way the tendons slid back; it seldom changes that.
-        history = model.friction_history(solution.q, command, p, reached_by)
-        if np.array_equal(history, solution.history):
-            break
-        solution = EquilibriumSearch(model, command, forces, p, history).find(solution.q, stable, side)
-    return solution
+    return Equilibrium.of(found)
 
 
 @check_arguments
@@ -424,7 +157,7 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
     signals = Signals(scene, model)
     u, w, p = signals.u(0.0)[0], signals.w(0.0)[0], np.array(model.p_nominal)
     gravity = [k for k, label in enumerate(model.p_names) if label.startswith("gravity_")]
-    path: list[Equilibrium] = []
+    path: list[RestingShape] = []
     states = np.zeros(len(model.friction_names))
     for factor in factors:
         scaled = p.copy()
@@ -435,4 +168,4 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
         history = np.append(states - model.slid(q, u, scaled), 1.0) if states.size else states
         path.append(EquilibriumSearch(*arguments, history).find(q, True, side))
         states = path[-1].friction_states
-    return path
+    return [Equilibrium.of(found) for found in path]

@@ -306,7 +306,3 @@ def acting_forces(core: Core, q: Array, u: Array, w: Array, p: Array | None = No
             force = np.array([[c, -s], [s, c]]) @ force
         forces.append((np.asarray(core.position(q, u, [at], p)), force, kind))
     return [(at, force, kind) for at, force, kind in forces if np.any(force != 0.0)]
-
-
-LOST = 3.0
-"""Multiple of the declared bending range beyond which the model means nothing."""

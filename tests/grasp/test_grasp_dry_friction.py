@@ -21,7 +21,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import Damping, Finger, ForceLoad, MomentLoad, PointMass, Rod, Tendons, load
 from continuum_grasp.simulation import equilibrium_under
-from continuum_grasp.simulation.statics import EquilibriumSearch
+from continuum_grasp.simulation.rest import EquilibriumSearch
 from tests import certificate_cases as cases
 from tests.grasp_scenes import CONFIGS
 

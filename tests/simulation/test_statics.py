@@ -284,7 +284,7 @@ def test_an_absurd_load_says_so(family):
 
 @pytest.mark.parametrize("family", ["clothoid", "matched_clothoid"])
 def test_an_equilibrium_that_is_not_found_says_what_is_missing(family, monkeypatch):
-    monkeypatch.setattr("continuum_grasp.simulation.statics._MAX_ITERATIONS", 1)
+    monkeypatch.setattr("continuum_grasp.simulation.rest._MAX_ITERATIONS", 1)
     with pytest.raises(SolverError, match="no equilibrium found") as caught:
         equilibrium(pushed(1e3, family))
     assert caught.value.status == "iteration limit"

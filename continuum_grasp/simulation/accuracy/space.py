@@ -20,10 +20,11 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Consumer, Fidelity, Initial, Scene
 from continuum_grasp.simulation.accuracy.choice import COUNTS, coordinates_near, relative_errors
 from continuum_grasp.simulation.contacts import greatest_motion
+from continuum_grasp.simulation.rest import RestingShape, model_at_rest, rest_at
 from continuum_grasp.simulation.run import integrate
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.static_shape import Equilibrium
-from continuum_grasp.simulation.statics import equilibrium_at, equilibrium_of, statics_model
+from continuum_grasp.simulation.statics import equilibrium_of
 from continuum_grasp.simulation.trajectory import Trajectory, error_text
 from continuum_grasp.simulation.vibration import Modes, modes_of
 
@@ -158,7 +159,7 @@ def at_both_ends(motion: Trajectory) -> Trajectory:
     try:
         finer_scene = refined(held, model)
         finer = FingerModel(finer_scene, loads=model.loads, input_rates=False)
-        coarse = statics_model(held, model, model.loads)
+        coarse = model_at_rest(held, model, model.loads)
     except InputError:
         return motion
     ends = [(0.0, "its first", motion.q[0]), (float(motion.t[-1]), "its last", motion.q[-1])]
@@ -167,11 +168,11 @@ def at_both_ends(motion: Trajectory) -> Trajectory:
     errors, warnings = list[float](), list[str]()
     for at, name, q in ends:
         try:
-            rest = equilibrium_at(held, coarse, at=at, guess=q)
+            rest = rest_at(held, coarse, at=at, guess=q)
         except SolverError:
             continue
         try:
-            fine = equilibrium_at(finer_scene, finer, at=at, guess=translated(coarse, rest.q, rest.u, finer))
+            fine = rest_at(finer_scene, finer, at=at, guess=translated(coarse, rest.q, rest.u, finer))
             errors.append(_whole(model) * _between(rest, fine))
         except SolverError:
             errors.append(np.inf)
@@ -231,7 +232,7 @@ def error_of_equilibrium(equilibrium: Equilibrium) -> float:
     return _whole(equilibrium.model) * _between(equilibrium, finer)
 
 
-def _between(first: Equilibrium, other: Equilibrium) -> float:
+def _between(first: RestingShape, other: RestingShape) -> float:
     """Greatest distance of the finger's places of two equilibria, per length [1]."""
     distance = np.linalg.norm(first.backbone(_PLACES) - other.backbone(_PLACES), axis=-1).max()
     return float(distance / first.model.finger.rod.length)
