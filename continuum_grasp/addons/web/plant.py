@@ -236,6 +236,8 @@ _PAGE = Consumer(
         "time.duration": "the page goes on until it is closed; a table of inputs ends with it",
         **{f"time.{key}": "a page has its own steps" for key in ("step", "method", "tolerance", "space_error")},
         **Consumer.LEAST_COMMANDS,
+        "controller.deadline": "the page waits for each command, so that none is late",
+        "plant.seed": "the browser draws the noise, anew each time",
     },
 )
 
