@@ -103,7 +103,7 @@ def test_tilt_is_no_reason_where_it_is_ignored_or_harmless():
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize("seed", [2, 9, 10])
+@pytest.mark.parametrize("seed", [2, 10, 16])
 def test_images_of_a_scene_have_the_same_reasons(seed):
     """Single limits and pairs, in the same order, off by the same factors."""
 
