@@ -10,7 +10,7 @@ from PIL import Image
 
 import continuum_grasp as cg
 from benchmarks.bench_tendons import FORCES, TENSIONS, Chain, Reduced
-from continuum_grasp.plotting import label, new_figure, quiet
+from continuum_grasp.plotting import StyledAxes, new_figure
 from continuum_grasp.plotting.motion import plot_tension_loop, plot_tensions_along
 from continuum_grasp.results import save_picture
 from continuum_grasp.simulation import equilibrium_under
@@ -33,7 +33,7 @@ def save(figure, name: str) -> None:
 def interval() -> None:
     """Bend at rest, pulled and released."""
     figure = new_figure(6.4, 4.0)
-    ax = quiet(figure.add_subplot())
+    ax = figure.add_subplot()
     tensions = np.linspace(0.0, 15.0, 31)
     for k, friction in enumerate((0.1, 0.2)):
         made = model(friction, elements=4)
@@ -47,7 +47,7 @@ def interval() -> None:
     free = [bend(model(0.0), equilibrium_under(model(0.0), [t, 0.0], [0.0, 0.0]).q) for t in (0.0, 15.0)]
     ax.plot([0.0, 15.0], free, color="k", linewidth=1.0, label="no friction")
     ax.set_ylim(0.0, 3.2)
-    label(ax, "tension at the drive [N]", "bend of the finger [rad]")
+    StyledAxes(ax).label("tension at the drive [N]", "bend of the finger [rad]")
     ax.legend(loc="upper left", frameon=False)
     save(figure, "drives_interval")
 
@@ -56,7 +56,7 @@ def loops(friction: float = 0.3) -> None:
     """The laws beside a chain of guides."""
     figure = new_figure(10.0, 4.2)
     pulls, pushes = way(TENSIONS[friction], 0.5), way(FORCES, 0.03)
-    left, right = (quiet(figure.add_subplot(1, 2, k)) for k in (1, 2))
+    left, right = (figure.add_subplot(1, 2, k) for k in (1, 2))
     drawn = [("chain of 60 guides", None, "k", ":"), *LAWS]
     for name, cells, color, style in drawn:
         one = [Chain(friction, 60) if cells is None else Reduced(friction, 2, cells, None) for _ in range(2)]
@@ -66,8 +66,8 @@ def loops(friction: float = 0.3) -> None:
         for tension in way([0.5, 12.0], 1.0):
             one[1].pull(tension)
         right.plot(pushes, [1e3 * one[1].pull(12.0, f)[1] for f in pushes], style, color=color)
-    label(left, "tension at the drive [N]", "bend of the finger [rad]")
-    label(right, "force on the tip, across the straight finger [N]", "place of the tip along it [mm]")
+    StyledAxes(left).label("tension at the drive [N]", "bend of the finger [rad]")
+    StyledAxes(right).label("force on the tip, across the straight finger [N]", "place of the tip along it [mm]")
     left.legend(loc="lower right", frameon=False)
     save(figure, "drives_loops")
 
@@ -76,8 +76,8 @@ def winches() -> None:
     """The shipped example of two winches."""
     motion = cg.simulate(cg.load("configs/simulate/winch_loop.yaml"))
     figure = new_figure(10.0, 4.2)
-    plot_tension_loop(motion, ax=quiet(figure.add_subplot(1, 2, 1)))
-    plot_tensions_along(motion, ax=quiet(figure.add_subplot(1, 2, 2)))
+    plot_tension_loop(motion, ax=figure.add_subplot(1, 2, 1))
+    plot_tensions_along(motion, ax=figure.add_subplot(1, 2, 2))
     save(figure, "drives_winches")
     print(f"two winches: {motion.statistics['method']}, {motion.statistics['substeps']} sub-steps; {motion.warnings}")
 

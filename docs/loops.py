@@ -10,7 +10,7 @@ import numpy as np
 
 import continuum_grasp as cg
 from continuum_grasp.closed_loop import ControlRun, run_closed_loop
-from continuum_grasp.plotting import new_figure, quiet
+from continuum_grasp.plotting import new_figure
 from continuum_grasp.plotting.control import plot_control_path, plot_inputs
 from continuum_grasp.results import save_picture
 
@@ -55,8 +55,8 @@ def main() -> None:
     if set(DRAWN) <= set(runs):
         figure = new_figure(12.0, 8.4)
         for k, name in enumerate(DRAWN):
-            plot_control_path(runs[name], ax=quiet(figure.add_subplot(2, len(DRAWN), k + 1)))
-            plot_inputs(runs[name], ax=quiet(figure.add_subplot(2, len(DRAWN), len(DRAWN) + k + 1)))
+            plot_control_path(runs[name], ax=figure.add_subplot(2, len(DRAWN), k + 1))
+            plot_inputs(runs[name], ax=figure.add_subplot(2, len(DRAWN), len(DRAWN) + k + 1))
         save_picture(figure, Path("docs/pictures/mpc_loops.png"))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import optimize, special
 
 import continuum_grasp as cg
-from continuum_grasp.plotting import Color, label, new_figure, quiet
+from continuum_grasp.plotting import Color, StyledAxes, new_figure
 from continuum_grasp.results import save_picture
 from continuum_grasp.rod import solve_elastica
 
@@ -51,7 +51,7 @@ def draw_curvature() -> None:
     exact = solve_elastica(pushed("arc", 2, 2.0))
     s = np.linspace(0.0, 1.0, 401)
     figure = new_figure(6.4, 5.0)
-    above, below = (quiet(ax) for ax in figure.subplots(2, 1, sharex=True, height_ratios=(3, 2)))
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     above.plot(s, exact.curvature(s), color=Color.INK, linewidth=3.0, alpha=0.35, label="exact rod")
     for family in ("arc", "matched_clothoid"):
         found = cg.equilibrium(pushed(family, 2, 2.0))
@@ -65,8 +65,8 @@ def draw_curvature() -> None:
         away = np.linalg.norm(found.backbone(len(s)) - exact.position(s), axis=1)
         below.semilogy(s[1:], away[1:], color=color)
         print(f"curvature: 2 {name}, tip {away[-1]:.2g} L off")
-    label(above, "", "curvature [1/L]")
-    label(below, "position along the rod [L]", "distance from\nthe exact shape [L]")
+    StyledAxes(above).label("", "curvature [1/L]")
+    StyledAxes(below).label("position along the rod [L]", "distance from\nthe exact shape [L]")
     below.set_ylim(1e-6, 1e-1)
     above.legend(frameon=False, fontsize=9)
     save_picture(figure, PICTURES / "theory_curvature.png", dpi=DPI)
@@ -90,13 +90,13 @@ def draw_digits() -> None:
         "Stumpff functions": (np.abs(ours / truth - 1.0), Color.BLUE),
     }
     figure = new_figure(6.4, 3.4)
-    ax = quiet(figure.add_subplot())
+    ax = figure.add_subplot()
     for name, (error, color) in errors.items():
         # below the last bit there is nothing to see
         ax.loglog(angles, np.maximum(error, 5e-17), ".", color=color, markersize=4, label=name)
         print(f"digits: {name}, worst {error.max():.2g}, {error[0]:.2g} at 1e-4 rad")
     ax.set_ylim(2e-17, 1e4)
-    label(ax, "bending angle [rad]", "relative error [1]")
+    StyledAxes(ax).label("bending angle [rad]", "relative error [1]")
     ax.legend(frameon=False, fontsize=9)
     save_picture(figure, PICTURES / "theory_digits.png", dpi=DPI)
 
@@ -111,7 +111,7 @@ def buckled(slope: float) -> tuple[float, float]:
 def draw_buckling() -> None:
     """Tip of the column over the load, exact and of two models."""
     figure = new_figure(6.4, 3.6)
-    ax = quiet(figure.add_subplot())
+    ax = figure.add_subplot()
     exact = np.array([(EULER, 0.0), *(buckled(slope) for slope in np.linspace(0.02, 2.2, 80))])
     ax.plot(exact[:, 0] / EULER, exact[:, 1], color=Color.INK, linewidth=3.0, alpha=0.35, label="exact rod")
     for family in ("arc", "matched_clothoid"):
@@ -126,7 +126,7 @@ def draw_buckling() -> None:
         aside = [abs(cg.equilibrium(pressed(family, 2, load * EULER)).tip[0]) for load in loads]
         ax.plot([0.9, critical, *loads], [0.0, 0.0, *aside], color=color, label=f"2 {name}")
         print(f"buckling: 2 {name}, critical load {100 * (critical - 1):+.3f} %")
-    label(ax, "load [Euler's load]", "tip aside [L]")
+    StyledAxes(ax).label("load [Euler's load]", "tip aside [L]")
     ax.set_xlim(0.9, 1.6)
     ax.legend(frameon=False, fontsize=9, loc="lower right")
     save_picture(figure, PICTURES / "theory_buckling.png", dpi=DPI)
@@ -138,7 +138,7 @@ def draw_convergence() -> None:
     tip = solve_elastica(pushed("arc", 2, 2.0)).tip
     counts = np.array([1, 2, 3, 4, 6, 8, 12, 16])
     figure = new_figure(8.4, 3.8)
-    left, right = (quiet(ax) for ax in figure.subplots(1, 2))
+    left, right = figure.subplots(1, 2)
     for family, (name, color) in FAMILIES.items():
         frequencies, tips = [], []
         for count in counts.tolist():
@@ -153,8 +153,8 @@ def draw_convergence() -> None:
             ax.loglog(counts, start / counts**order, color=Color.GRAY, linewidth=0.8, linestyle="--", zorder=1)
         ax.set_xticks(counts, [f"{count}" for count in counts])
         ax.minorticks_off()
-    label(left, "elements", "error of the first frequency [1]")
-    label(right, "elements", "error of the tip [L]")
+    StyledAxes(left).label("elements", "error of the first frequency [1]")
+    StyledAxes(right).label("elements", "error of the tip [L]")
     left.legend(frameon=False, fontsize=9)
     save_picture(figure, PICTURES / "theory_convergence.png", dpi=DPI)
 

@@ -42,6 +42,11 @@ class SplitLabel(NamedTuple):
     name: str
     unit: str
 
+    @property
+    def words(self) -> str:
+        """The name as it is written in a legend, without underscores."""
+        return self.name.replace("_", " ")
+
 
 def split_unit(label: str) -> SplitLabel:
     """Name and unit of a label, ``"name [unit]"``."""

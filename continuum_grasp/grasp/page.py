@@ -97,9 +97,9 @@ def _picture(result: GraspResult, drawn: Axes) -> str:
 
 
 def _figure(name: str, drawn: Axes, described: str, caption: str) -> str:
-    from continuum_grasp.plotting import inline_svg
+    from continuum_grasp.plotting import StyledAxes
 
-    drawing = inline_svg(drawn, name, described)
+    drawing = StyledAxes(drawn).svg(name, described)
     return f'<figure class="{name}">\n{drawing}\n<figcaption>{escaped(caption)}</figcaption>\n</figure>'
 
 

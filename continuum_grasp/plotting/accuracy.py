@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.plotting.drawing.axes import label, new_figure, quiet
 from continuum_grasp.plotting.drawing.style import Color
+from continuum_grasp.plotting.drawing.styled_axes import StyledAxes, new_figure
 from continuum_grasp.scene import FAMILIES
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def plot_accuracy(report: AccuracyReport, *, ax: Sequence[Axes] | None = None) -
     columns, rows, fronts = report.choices.columns, report.choices.rows, report.fronts
     if ax is None:
         count = max(len(fronts), 1)
-        ax = [quiet(panel) for panel in new_figure(4.6 * count, 4.2).subplots(1, count, squeeze=False)[0]]
+        ax = list(new_figure(4.6 * count, 4.2).subplots(1, count, squeeze=False)[0])
     for axes, ((cost, error), front) in zip(ax, fronts.items(), strict=False):
         i, j = columns.index(cost), columns.index(error)
         axes.plot(
@@ -63,7 +63,7 @@ def plot_accuracy(report: AccuracyReport, *, ax: Sequence[Axes] | None = None) -
         axes.xaxis.set_minor_formatter(NullFormatter())
         if cost == "real-time factor":  # greater is better: turned, so that the best is at the lower left as elsewhere
             axes.invert_xaxis()
-        label(axes, _WORDS[cost], _WORDS[error])
+        StyledAxes(axes).label(_WORDS[cost], _WORDS[error])
     ax[0].legend(frameon=False, fontsize=8, title="number of elements beside", title_fontsize=8)
     return list(ax)
 

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import amount_text, split_unit
-from continuum_grasp.plotting.drawing import axes, bodies
+from continuum_grasp.plotting.drawing import bodies
 from continuum_grasp.plotting.drawing.film import Film
-from continuum_grasp.plotting.drawing.style import FORBIDDEN, Color, Z
+from continuum_grasp.plotting.drawing.style import FORBIDDEN, Color, Z, quiet
+from continuum_grasp.plotting.drawing.styled_axes import StyledAxes, bend_box, over_time
 from continuum_grasp.plotting.motion import motion_frames
 
 if TYPE_CHECKING:
@@ -31,7 +32,8 @@ def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     shapes = run.backbone(np.unique(np.linspace(0, len(tip) - 1, _SHAPES).astype(int)), points=60)
     outlines = bodies.outlines_at(run, [0, -1])
     points = [shapes, tip, *([] if wanted is None else [wanted]), *bodies.zone_points(run.scene), *chain(*outlines)]
-    ax = axes.plane_axes(ax, axes.bend_box(points, 0.07 * run.length), colorbar=False)
+    styled = StyledAxes.plane(ax, bend_box(points, 0.07 * run.length), colorbar=False)
+    ax = styled.ax
     bodies.draw_surroundings(ax, run, shapes[0], outlines)
     for shape in shapes:
         ax.plot(*shape.T, color=Color.GRAY, linewidth=0.8, alpha=0.7, zorder=1)
@@ -43,7 +45,7 @@ def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
         ends = wanted[np.unique([0, *jumps, *(jumps + 1), len(wanted) - 1])]
         ax.plot(*ends.T, "o", color=Color.ORANGE, markersize=4, label="setpoint", zorder=5)
     ax.plot(*tip.T, color=Color.BLUE, linewidth=1.6, label="tip", zorder=4)
-    axes.head(ax, run.name)
+    styled.head(run.name)
     return ax
 
 
@@ -58,12 +60,12 @@ def _parted(wanted: NDArray[Any], jumps: NDArray[np.intp]) -> NDArray[Any]:
     return np.insert(wanted, jumps + 1, np.nan, axis=0)
 
 
-@axes.over_time()
+@over_time()
 def plot_inputs(ax: Axes, run: Any) -> str:
     """Draw the commands over time, with their limits."""
     linear = getattr(run, "linear_inputs", False)
-    for column, name, color in zip(np.asarray(run.u).T, run.u_names, axes.colors(len(run.u_names)), strict=True):
-        look: dict[str, Any] = {"color": color, "linewidth": 1.4, "label": axes.words(name)}
+    for column, name, color in zip(np.asarray(run.u).T, run.u_names, Color.distinct(len(run.u_names)), strict=True):
+        look: dict[str, Any] = {"color": color, "linewidth": 1.4, "label": split_unit(name).words}
         if linear:
             ax.plot(run.t, column, **look)
         else:
@@ -73,7 +75,7 @@ def plot_inputs(ax: Axes, run: Any) -> str:
     return f"input [{split_unit(run.u_names[0]).unit}]"
 
 
-@axes.over_time()
+@over_time()
 def plot_tracking(ax: Axes, run: ControlRun) -> str:
     """Draw tracked quantities and setpoints over time; of several units, the first on the left, the second on the
     right.
@@ -82,22 +84,22 @@ def plot_tracking(ax: Axes, run: ControlRun) -> str:
     units = list(dict.fromkeys(group.unit for group in groups))[:2]
     columns = [(k, group.unit) for group in groups for k in group.columns if group.unit in units]
     right = ax.twinx() if len(units) > 1 else ax
-    for (k, unit), color in zip(columns, axes.colors(len(columns)), strict=True):
+    for (k, unit), color in zip(columns, Color.distinct(len(columns)), strict=True):
         axis = ax if unit == units[0] else right
         axis.plot(run.t, run.r[:, k], color=color, linewidth=1.0, linestyle="--")
-        axis.plot(run.t, run.tracked[:, k], color=color, linewidth=1.4, label=axes.words(run.r_names[k]))
+        axis.plot(run.t, run.tracked[:, k], color=color, linewidth=1.4, label=split_unit(run.r_names[k]).words)
         if axis is not ax:  # the legend is of the left axes
-            ax.plot([], [], color=color, linewidth=1.4, label=axes.words(run.r_names[k]))
+            ax.plot([], [], color=color, linewidth=1.4, label=split_unit(run.r_names[k]).words)
     ax.plot([], [], color=Color.GRAY, linewidth=1.0, linestyle="--", label="setpoint")
     if right is not ax:
-        axes.quiet(right).grid(False)
+        quiet(right).grid(False)
         right.spines["right"].set(visible=True, color=Color.GRAY)
         right.margins(x=0.0)
-        right.set_ylabel(f"tracked [{axes.shown_unit(units[1], right.yaxis)}]", color=Color.INK)
+        right.set_ylabel(StyledAxes(right).shown_label(f"tracked [{units[1]}]", "y"), color=Color.INK)
     return f"tracked [{units[0]}]"
 
 
-@axes.over_time()
+@over_time()
 def plot_tracking_error(ax: Axes, run: ControlRun) -> str:
     """Draw the distance of the tip from its setpoint over time, or else the greatest error of the first tracked
     quantity.
@@ -114,12 +116,14 @@ def plot_tracking_error(ax: Axes, run: ControlRun) -> str:
     return f"error of the {name.replace('_', ' ')} [{unit}]"
 
 
-@axes.over_time(columns=2)
+@over_time(columns=2)
 def plot_bounds(ax: Axes, run: ControlRun) -> str:
     """Draw how far each bound is away over time, in percent of what the legend says; above zero it is exceeded."""
     shares = [100.0 * bound.excess / bound.scale for bound in run.bounds]
-    names = [f"{axes.words(bound.name)} (100 %: {amount_text(bound.scale, bound.unit, '.4g')})" for bound in run.bounds]
-    axes.curves(ax, run.t, shares, names)
+    names = [
+        f"{split_unit(bound.name).words} (100 %: {amount_text(bound.scale, bound.unit, '.4g')})" for bound in run.bounds
+    ]
+    StyledAxes(ax).curves(run.t, shares, names)
     top = max(2.0, 1.1 * max(float(np.max(share)) for share in shares))
     bottom = min(-30.0, ax.get_ylim()[0])
     ax.axhspan(0.0, top, color=FORBIDDEN["facecolor"], alpha=0.75, zorder=Z.ZONE)
@@ -127,28 +131,29 @@ def plot_bounds(ax: Axes, run: ControlRun) -> str:
     return "beyond the limit, which is 0 [%]"
 
 
-@axes.over_time(columns=2)
+@over_time(columns=2)
 def plot_disturbances(ax: Axes, run: ControlRun) -> str:
     """Draw the estimated disturbances of the first one's unit, with two standard deviations either way."""
     names = run.disturbance_names
     unit = split_unit(names[0]).unit if names else ""
     chosen = [k for k, name in enumerate(names) if split_unit(name).unit == unit]
-    for k, color in zip(chosen, axes.colors(len(chosen)), strict=True):
+    for k, color in zip(chosen, Color.distinct(len(chosen)), strict=True):
         value, spread = run.disturbance[:, k], 2.0 * run.disturbance_std[:, k]
         ax.fill_between(run.t[:-1], value - spread, value + spread, color=color, alpha=0.15, linewidth=0.0)
-        ax.plot(run.t[:-1], value, color=color, linewidth=1.4, label=axes.words(names[k]))
+        ax.plot(run.t[:-1], value, color=color, linewidth=1.4, label=split_unit(names[k]).words)
     return f"estimated disturbance [{unit}]"
 
 
 def plot_controller_times(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     """Draw a histogram of the time that each phase of the controller took."""
-    ax = axes.new_axes(ax)
+    styled = StyledAxes.on(ax)
+    ax = styled.ax
     times = 1e6 * np.asarray(run.phase_times)
     positive = times[times > 0.0]
     if positive.size:
         # times are skewed, a long tail of preemptions: bins of equal ratios
         edges = np.geomspace(positive.min() / 1.05, positive.max() * 1.05, 60).tolist()
-        for column, name, color in zip(times.T, run.phase_names, axes.colors(len(run.phase_names)), strict=True):
+        for column, name, color in zip(times.T, run.phase_names, Color.distinct(len(run.phase_names)), strict=True):
             ax.hist(column, bins=edges, histtype="stepfilled", color=color, alpha=0.35)
             median, most = (
                 f"{time:.3g}" if time < 1e3 else f"{time:,.0f}" for time in np.quantile(column, (0.5, 0.99))
@@ -156,8 +161,8 @@ def plot_controller_times(run: ControlRun, *, ax: Axes | None = None) -> Axes:
             text = f"{name}: median {median}, 99 % {most}"
             ax.hist(column, bins=edges, histtype="step", color=color, linewidth=1.3, label=text)
         ax.set_xscale("log")
-    axes.label(ax, r"time of a step [$\mathrm{\mu}$s]", "steps [1]")
-    axes.head(ax, run.name, columns=2)
+    styled.label(r"time of a step [$\mathrm{\mu}$s]", "steps [1]")
+    styled.head(run.name, columns=2)
     return ax
 
 

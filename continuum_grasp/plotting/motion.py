@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import InputError, split_unit
-from continuum_grasp.plotting.drawing import axes, bodies
+from continuum_grasp.plotting.drawing import bodies
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.forces import Force, ForceArrows, explain
 from continuum_grasp.plotting.drawing.style import Color, Z
+from continuum_grasp.plotting.drawing.styled_axes import Box, StyledAxes, bend_box, new_figure, over_time, symbol
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -59,9 +60,10 @@ def draw_snapshots(
     forces = _forces_at(motion, indices)[-1]
     points = [shapes, *_thickness(scene.finger, shapes), *bodies.zone_points(scene), *chain(*outlines), *seen]
     arrows = ForceArrows(forces, motion.length)
-    ax = axes.plane_axes(ax, _box(points, arrows))
+    styled = StyledAxes.plane(ax, _box(points, arrows))
+    ax = styled.ax
     bodies.draw_surroundings(ax, motion, shapes[0], outlines)
-    lines = axes.draw_timed(ax, shapes, t[indices], t)
+    lines = styled.draw_timed(shapes, t[indices], t)
     bodies.draw_earlier(ax, shapes[:-1], lines.to_rgba(t[indices[:-1]]), scene.finger)
     if outlines or bodies.shows_thickness(scene.finger):
         bodies.draw_thickness(ax, shapes[-1], scene.finger)
@@ -157,9 +159,9 @@ def _forces_at(motion: Moved, indices: NDArray[Any]) -> list[list[Force]]:
     return [[force for force in forces if np.hypot(*force[1]) > least] for forces in every]
 
 
-def _box(points: Sequence[NDArray[Any]], arrows: ForceArrows) -> axes.Box:
+def _box(points: Sequence[NDArray[Any]], arrows: ForceArrows) -> Box:
     """Limits that hold all points and arrows."""
-    return axes.bend_box([*points, *arrows.ends], 0.09 * arrows.length)
+    return bend_box([*points, *arrows.ends], 0.09 * arrows.length)
 
 
 def plot_shape(equilibrium: Equilibrium, *, ax: Axes | None = None) -> Axes:
@@ -168,7 +170,8 @@ def plot_shape(equilibrium: Equilibrium, *, ax: Axes | None = None) -> Axes:
     shape, masses = np.asarray(equilibrium.backbone(bodies.backbone_points(finger))), bodies.masses_of(finger)
     outlines = _thickness(finger, shape[None])
     arrows = ForceArrows(forces, finger.rod.length)
-    ax = axes.plane_axes(ax, _box([shape, *outlines], arrows), colorbar=False)
+    styled = StyledAxes.plane(ax, _box([shape, *outlines], arrows), colorbar=False)
+    ax = styled.ax
     if outlines:
         bodies.draw_thickness(ax, shape, finger)
     ax.plot(*shape.T, color=Color.BLUE, linewidth=2.6, solid_capstyle="round", zorder=Z.SHAPE)
@@ -185,25 +188,26 @@ def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
     t, tip = np.asarray(trajectory.t), np.asarray(trajectory.tip)
     span = np.nanmax(tip, axis=0) - np.nanmin(tip, axis=0)
     size = max(float(span.max()), 0.02 * trajectory.length)  # a tip that rests shows where it rests
-    ax = axes.plane_axes(ax, axes.bend_box([tip], 0.06 * size))
-    axes.draw_timed(ax, np.stack([tip[:-1], tip[1:]], axis=1), (t[:-1] + t[1:]) / 2, t, 1.6)
+    styled = StyledAxes.plane(ax, bend_box([tip], 0.06 * size))
+    ax = styled.ax
+    styled.draw_timed(np.stack([tip[:-1], tip[1:]], axis=1), (t[:-1] + t[1:]) / 2, t, 1.6)
     ax.plot(*tip[0], "o", color="white", markeredgecolor=Color.INK, markersize=6, label="start", zorder=4)
     ax.plot(*tip[-1], "s", color=Color.INK, markersize=5, label="end", zorder=4)
-    axes.head(ax, trajectory.name)
+    styled.head(trajectory.name)
     return ax
 
 
-@axes.over_time(columns=8)
+@over_time(columns=8)
 def plot_coordinates(ax: Axes, trajectory: Moved) -> str:
     """Draw every bending coordinate over time, in order."""
     names = [split_unit(name) for name in trajectory.x_names[: trajectory.n]]
-    symbols, units = [axes.symbol(name) for name, _ in names], ", ".join(dict.fromkeys(unit for _, unit in names))
+    symbols, units = [symbol(name) for name, _ in names], ", ".join(dict.fromkeys(unit for _, unit in names))
     alone = len(names) == 1  # which the axis names; the others have a legend
-    axes.curves(ax, trajectory.t, np.asarray(trajectory.x)[:, : trajectory.n].T, [None] if alone else symbols)
+    StyledAxes(ax).curves(trajectory.t, np.asarray(trajectory.x)[:, : trajectory.n].T, [None] if alone else symbols)
     return f"{_QUANTITY.get(units, 'bending coordinate')}{f' {symbols[0]}' if alone else ''} [{units}]"
 
 
-@axes.over_time()
+@over_time()
 def plot_energy(ax: Axes, trajectory: Trajectory) -> str:
     """Draw kinetic, potential and total energy over time."""
     kinetic, potential = np.asarray(trajectory.kinetic), np.asarray(trajectory.potential)
@@ -213,13 +217,15 @@ def plot_energy(ax: Axes, trajectory: Trajectory) -> str:
     return "energy [J]"
 
 
-@axes.over_time()
+@over_time()
 def plot_contact_forces(ax: Axes, trajectory: Moved) -> str:
     """Draw the normal force of every contact that ever touches over time, and dashed the size of its friction force."""
     contacts: Any = trajectory.contacts
     touching = np.flatnonzero(np.any(contacts.normal_force > 0.0, axis=0))
-    axes.curves(ax, trajectory.t, contacts.normal_force[:, touching].T, [contacts.names[k] for k in touching])
-    axes.curves(ax, trajectory.t, contacts.shear[:, touching].T, [None] * len(touching), linewidth=1.0, linestyle="--")
+    StyledAxes(ax).curves(trajectory.t, contacts.normal_force[:, touching].T, [contacts.names[k] for k in touching])
+    StyledAxes(ax).curves(
+        trajectory.t, contacts.shear[:, touching].T, [None] * len(touching), linewidth=1.0, linestyle="--"
+    )
     return "normal force, dashed: friction [N]"
 
 
@@ -246,10 +252,10 @@ def plot_modes(
     rest = np.asarray(modes.backbone)
     length = float(np.hypot(*np.diff(rest, axis=0).T).sum())
     swing = amplitude * length * np.asarray(modes.shapes)[:wanted]
-    box = axes.bend_box([rest, rest + swing, rest - swing], 0.07 * length, slimmest=0.4)
+    box = bend_box([rest, rest + swing, rest - swing], 0.07 * length, slimmest=0.4)
     drawn = _new_axes(wanted, box, modes.stable) if panels is None else panels[:wanted]
     for k, panel in enumerate(drawn):
-        axes.plane_axes(panel, box)
+        StyledAxes.plane(panel, box)
         plus, minus = rest + swing[k], rest - swing[k]
         panel.plot(*rest.T, color=Color.GRAY, linewidth=1.4, linestyle="--", zorder=2)
         panel.plot(*plus.T, color=Color.BLUE, linewidth=2.0, zorder=3)
@@ -262,7 +268,7 @@ def plot_modes(
     return drawn
 
 
-def _new_axes(count: int, box: axes.Box, stable: bool) -> list[Axes]:
+def _new_axes(count: int, box: Box, stable: bool) -> list[Axes]:
     """Axes for so many modes, in a figure that fits the box they share."""
     wide = (box[1] - box[0]) / (box[3] - box[2])
     if wide > 1.5 and count <= 3:  # a lying finger: one below the other
@@ -274,18 +280,18 @@ def _new_axes(count: int, box: axes.Box, stable: bool) -> list[Axes]:
     rows = -(-count // columns)
     # at most 9.6 inch for all columns together, which a page in landscape holds
     each = max(2.6, min(5.2 if columns == 1 else 9.6 / columns, 3.8 * wide))
-    figure = axes.new_figure(columns * (each + 0.7), rows * (each / wide + 0.85))
+    figure = new_figure(columns * (each + 0.7), rows * (each / wide + 0.85))
     if not stable:
         figure.suptitle("the equilibrium is unstable", color=Color.ORANGE, fontsize=10)
-    return [axes.quiet(figure.add_subplot(rows, columns, k + 1)) for k in range(count)]
+    return [figure.add_subplot(rows, columns, k + 1) for k in range(count)]
 
 
-@axes.over_time()
+@over_time()
 def plot_tensions(ax: Axes, trajectory: Trajectory) -> str:
     """Draw the tension of every tendon at its drive over time."""
     along: Any = trajectory.tensions_along
     tensions = [tension[:, 0] for _, tension in along]
-    axes.curves(ax, trajectory.t, tensions, [f"tendon {k + 1}" for k in range(len(tensions))])
+    StyledAxes(ax).curves(trajectory.t, tensions, [f"tendon {k + 1}" for k in range(len(tensions))])
     return "tension at the drive [N]"
 
 
@@ -294,27 +300,28 @@ def plot_tensions_along(trajectory: Trajectory, *, ax: Axes | None = None) -> Ax
     along: Any = trajectory.tensions_along
     t = np.asarray(trajectory.t)
     chosen = np.unique(np.linspace(0, len(t) - 1, _INSTANTS).round().astype(int))
-    ax = axes.new_axes(ax)
+    styled = StyledAxes.on(ax)
+    ax = styled.ax
     lines = [np.column_stack([at, tensions[k]]) for at, tensions in along for k in chosen]
-    drawn = axes.draw_timed(ax, lines, np.tile(t[chosen], len(along)), t, 1.6)
+    drawn = styled.draw_timed(lines, np.tile(t[chosen], len(along)), t, 1.6)
     drawn.set_linestyle([_STYLES[k % len(_STYLES)] for k in range(len(along)) for _ in chosen])
     greatest = max(float(tensions[chosen].max()) for _, tensions in along)
     for k in range(len(along)):
         ax.plot([], [], color=Color.INK, linestyle=_STYLES[k % len(_STYLES)], label=f"tendon {k + 1}")
     ax.set_xlim(0.0, trajectory.length)
     ax.set_ylim(0.0, 1.05 * greatest or 1.0)
-    unit = axes.length_unit(np.ptp(ax.get_xlim()), ax.xaxis)
-    axes.label(ax, f"position along the finger [{unit}]", axes.shown_label("tension [N]", ax.yaxis))
-    axes.head(ax, trajectory.name)
+    styled.label(styled.shown_label("position along the finger [m]", "x"), styled.shown_label("tension [N]", "y"))
+    styled.head(trajectory.name)
     return ax
 
 
 def plot_tension_loop(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
     """Draw the angle of the tip over the tension at the drive, per tendon: friction opens loops."""
     along: Any = trajectory.tensions_along
-    ax = axes.new_axes(ax)
-    for k, ((_, tensions), color) in enumerate(zip(along, axes.colors(len(along)), strict=True)):
+    styled = StyledAxes.on(ax)
+    ax = styled.ax
+    for k, ((_, tensions), color) in enumerate(zip(along, Color.distinct(len(along)), strict=True)):
         ax.plot(tensions[:, 0], trajectory.tip_angle, color=color, linewidth=1.5, label=f"tendon {k + 1}")
-    axes.label(ax, axes.shown_label("tension at the drive [N]", ax.xaxis), "angle of the tip [rad]")
-    axes.head(ax, trajectory.name)
+    styled.label(styled.shown_label("tension at the drive [N]", "x"), "angle of the tip [rad]")
+    styled.head(trajectory.name)
     return ax

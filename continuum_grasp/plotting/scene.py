@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from continuum_grasp.base import Array, check_arguments, clipped
-from continuum_grasp.plotting.drawing import axes, bodies
+from continuum_grasp.plotting.drawing import bodies
 from continuum_grasp.plotting.drawing.forces import draw_arrow
-from continuum_grasp.plotting.drawing.style import Color, Z
+from continuum_grasp.plotting.drawing.style import Color, Z, plain
+from continuum_grasp.plotting.drawing.styled_axes import StyledAxes, wrapped
 from continuum_grasp.plotting.grasp.labels import Label, place_labels
 from continuum_grasp.plotting.grasp.view import FINGERS, turned
 from continuum_grasp.plotting.scene_view import SceneView
@@ -53,7 +54,8 @@ def plot_scene(scene: Value, *, ax: Axes | None = None) -> Axes:
     'gear held against the palm'
     """
     view = SceneView(scene)
-    ax = axes.plane_axes(ax, view.box, colorbar=False)
+    styled = StyledAxes.plane(ax, view.box, colorbar=False)
+    ax = styled.ax
     _head(ax, view)
     bodies.draw_zones(ax, bodies.zones_of(scene))
     areas = bodies.draw_supports(ax, view.supports)
@@ -74,11 +76,9 @@ def _head(ax: Axes, view: SceneView) -> None:
     size = float(np.hypot(*in_plane))
     # 0.75: ticks and labels beside the axes [inch]
     wide = ax.figure.bbox.width / ax.figure.dpi - 0.75
-    lines = axes.plain(getattr(view.scene, "name", None) or "scene"), "fingers unloaded, nothing is solved yet"
+    lines = plain(getattr(view.scene, "name", None) or "scene"), "fingers unloaded, nothing is solved yet"
     # 24: height of the row with gravity [points]
-    ax.set_title(
-        "\n".join(axes.wrapped(text, wide) for text in lines), fontsize=10, color=Color.INK, loc="left", pad=24.0
-    )
+    ax.set_title("\n".join(wrapped(text, wide) for text in lines), fontsize=10, color=Color.INK, loc="left", pad=24.0)
     # points to the right of, and above, the upper left corner of the axes
     corner: Any = ax.transAxes
     points: Any = Affine2D().scale(1.0 / 72.0) + ax.figure.dpi_scale_trans + ScaledTranslation(0.0, 1.0, corner)
@@ -184,4 +184,4 @@ def _loads(ax: Axes, view: SceneView) -> list[Label]:
 
 
 def _label(text: str, color: str, at: Array, *, on_body: bool = False) -> Label:
-    return Label(axes.plain(clipped(text, _LETTERS)), color, at, _NOWHERE, on_body)
+    return Label(plain(clipped(text, _LETTERS)), color, at, _NOWHERE, on_body)

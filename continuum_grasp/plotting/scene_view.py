@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from continuum_grasp.base import Array, amount_text
-from continuum_grasp.plotting.drawing import axes, bodies
+from continuum_grasp.plotting.drawing import bodies
+from continuum_grasp.plotting.drawing.styled_axes import Box, bend_box
 from continuum_grasp.plotting.grasp.view import turned, unloaded
 from continuum_grasp.scene import CircleReference, Finger, FingerSetup, GraspScene, RowSamples
 
@@ -174,7 +175,7 @@ class SceneView:
         return ranges
 
     @cached_property
-    def box(self) -> axes.Box:
+    def box(self) -> Box:
         """Limits of the picture: all that is somewhere, and of endless walls and zones the point nearest to it."""
         points = [*self.outlines, *self.before, *self.thickness.values(), *self.targets.values()]
         points += [np.array(ends) for ends in self.ranges.values()]
@@ -186,7 +187,7 @@ class SceneView:
             points.append(np.array(wall.ends if np.isfinite(wall.half_length) else [foot]))
         side = float(np.ptp(np.concatenate(points), axis=0).max())
         # 0.16: labels stand around everything, up to two lines of 8 points in a drawing of 5 inches
-        return axes.bend_box(points, 0.16 * side)
+        return bend_box(points, 0.16 * side)
 
 
 def _spots(setup: FingerSetup) -> list[float]:

@@ -19,9 +19,8 @@ from PIL import Image
 
 import continuum_grasp as cg
 from continuum_grasp.base import InputError, SolverError
-from continuum_grasp.plotting import Z, head
+from continuum_grasp.plotting import StyledAxes, Z
 from continuum_grasp.plotting import motion as plotting
-from continuum_grasp.plotting.drawing.axes import draw_timed, plane_axes
 from continuum_grasp.plotting.drawing.forces import draw_arrow
 from continuum_grasp.results import MotionResult, save_picture
 from continuum_grasp.scene import Finger, Rod
@@ -448,9 +447,10 @@ def test_a_finger_wider_than_a_line_is_drawn_as_thick_as_it_is() -> None:
 
 @pytest.mark.parametrize("box", [(-0.13, 0.13, 0.0, 0.21), (-0.15, 0.15, 0.0, 0.1), (-0.05, 0.05, 0.0, 0.3)])
 def test_a_saved_picture_of_equal_scales_shows_its_title_whole(box: tuple[float, ...], tmp_path: Path) -> None:
-    ax = plane_axes(None, box)
-    draw_timed(ax, [np.array([box[::2], box[1::2]])], np.zeros(1), np.array([0.0, 1.0]))
-    head(ax, "Three tendons")
+    styled = StyledAxes.plane(None, box)
+    ax = styled.ax
+    styled.draw_timed([np.array([box[::2], box[1::2]])], np.zeros(1), np.array([0.0, 1.0]))
+    styled.head("Three tendons")
     save_picture(ax, tmp_path / "title.png")
     title = next(text for text in ax.findobj(Text) if text.get_text() == "Three tendons").get_window_extent()
     assert title.y1 < ax.figure.bbox.y1
@@ -462,7 +462,7 @@ def test_dollar_signs_of_a_name_are_drawn_as_they_are(name: str, tmp_path: Path)
     pictures = []
     for words in (name, "another"):
         ax = new_axes()[0]
-        head(ax, words)
+        StyledAxes(ax).head(words)
         if words != name:
             title = next(text for text in ax.findobj(Text) if text.get_text() == words)
             title.set(text=name, parse_math=False)
@@ -474,9 +474,10 @@ def test_a_long_name_leaves_the_drawing_its_place(tmp_path: Path) -> None:
     """Axes are as large as under a short name but for its lines, and nothing of it is cut off."""
     shapes = []
     for name in ("short", "a name that is a sentence of its own, longer than the picture is wide, and then some"):
-        ax = plane_axes(None, (-0.1, 0.2, -0.6, 0.0))
-        draw_timed(ax, [np.array([[0.0, 0.0], [0.1, -0.6]])], np.zeros(1), np.array([0.0, 1.0]))
-        head(ax, name)
+        styled = StyledAxes.plane(None, (-0.1, 0.2, -0.6, 0.0))
+        ax = styled.ax
+        styled.draw_timed([np.array([[0.0, 0.0], [0.1, -0.6]])], np.zeros(1), np.array([0.0, 1.0]))
+        styled.head(name)
         save_picture(ax, tmp_path / "name.png")
         title = next(text for text in ax.findobj(Text) if text.get_text().startswith(name[:5]))
         assert title.get_window_extent().x1 < ax.figure.bbox.x1

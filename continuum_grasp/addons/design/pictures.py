@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.plotting import Color, Z, head, label, new_figure, plot_grasp, quiet, whole_numbers
+from continuum_grasp.plotting import Color, StyledAxes, Z, new_figure, plot_grasp
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +22,7 @@ def plot_design(result: DesignResult) -> list[Axes]:
     """
     figure = new_figure(11.0, 5.4)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.0))
-    grasp, costs, bars = (quiet(figure.add_subplot(place)) for place in (grid[:, 0], grid[0, 1], grid[1, 1]))
+    grasp, costs, bars = (figure.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1]))
     _draw_grasp(grasp, result)
     _draw_costs(costs, result)
     _draw_influences(bars, result)
@@ -50,7 +50,7 @@ def _draw_grasp(ax: Axes, result: DesignResult) -> None:
             ax.set_ylim(min(bottom, low[1]), max(top, high[1]))
     ax.set_title("", loc="left")
     several = f", {name}" if len(result.grasps) > 1 else ""
-    head(ax, f"{result.name or 'design'}{several}")
+    StyledAxes(ax).head(f"{result.name or 'design'}{several}")
 
 
 def _draw_costs(ax: Axes, result: DesignResult) -> None:
@@ -77,9 +77,9 @@ def _draw_costs(ax: Axes, result: DesignResult) -> None:
             clip_on=False,
         )
         ax.set_ylim(bottom=low)
-    whole_numbers(ax)
-    label(ax, "design", "cost")
-    head(ax, f"Cost: {result.scene.minimize}")
+    StyledAxes(ax).whole_numbers()
+    StyledAxes(ax).label("design", "cost")
+    StyledAxes(ax).head(f"Cost: {result.scene.minimize}")
 
 
 def _draw_influences(ax: Axes, result: DesignResult) -> None:
@@ -112,5 +112,5 @@ def _draw_influences(ax: Axes, result: DesignResult) -> None:
         )
     ax.set_yticks([])
     ax.set_ylim(len(influences) - 0.45, -0.45)
-    label(ax, "change of the cost per +1 % of the range", "")
-    head(ax, "Sensitivities")
+    StyledAxes(ax).label("change of the cost per +1 % of the range", "")
+    StyledAxes(ax).head("Sensitivities")

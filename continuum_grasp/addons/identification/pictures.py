@@ -10,19 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.addons.identification.numbers import SHOWN_IN
 from continuum_grasp.base import prefixed, split_unit
-from continuum_grasp.plotting import (
-    Color,
-    bend_box,
-    curves,
-    head,
-    label,
-    length_unit,
-    new_axes,
-    new_figure,
-    quiet,
-    show_box,
-    whole_numbers,
-)
+from continuum_grasp.plotting import Color, StyledAxes, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,7 +29,8 @@ _DENSE = 200
 
 def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
     """Draw residuals in standard deviations, set by set; those that were not fitted as open rings."""
-    ax = new_axes(ax, 7.2, 4.0)
+    styled = StyledAxes.on(ax, 7.2, 4.0)
+    ax = styled.ax
     scaled = fit.residuals / fit.sigma
     # 95 % of normal residuals are within two deviations
     ax.axhspan(-2.0, 2.0, color=Color.BLUE, alpha=0.08, linewidth=0)
@@ -56,9 +45,9 @@ def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
         ax.axvline(end + 0.5, color=Color.GRAY, linewidth=0.6, linestyle=":")
     reach = 1.15 * max(3.0, float(np.abs(scaled).max(initial=0.0)))
     ax.set_ylim(-reach, reach)
-    whole_numbers(ax)
-    label(ax, "number of the measurement (dotted: next set)", "residual [standard deviations]")
-    head(ax, "Residuals: predicted less measured")
+    styled.whole_numbers()
+    styled.label("number of the measurement (dotted: next set)", "residual [standard deviations]")
+    styled.head("Residuals: predicted less measured")
     return ax
 
 
@@ -77,22 +66,20 @@ def plot_shapes(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
     drawn = {of.name: (lines, of.moves) for of, lines in zip(result.sets, result.drawn, strict=True)}
     names = [name for name in sets if len(drawn[name][0].at)][:_PANELS]
     panels = _panels(len(names), ax, 5.6, 4.4)
-    for panel, name in zip(panels, names, strict=False):
+    for axes, name in zip(panels, names, strict=False):
         rows, (lines, over_time) = np.array(sets[name]), drawn[name]
         index = rows[:, 2:].astype(int)
         measured, predicted = result.measured[index], result.predictions[index]
         shown = np.isin(rows[:, 0], lines.at)
-        box = bend_box([lines.backbones, measured, predicted], 0.06 * finger.rod.length)
-        unit = show_box(panel, box)
-        label(panel, f"x [{unit}]", f"y [{unit}]")
+        StyledAxes(axes).show_around([lines.backbones, measured, predicted], 0.06 * finger.rod.length)
         for backbone in lines.backbones:
-            panel.plot(*backbone.T, color=Color.BLUE, alpha=0.35 if over_time else 0.7, linewidth=1.6, zorder=2)
-        draw_clamp(panel, lines.backbones[0], finger)
+            axes.plot(*backbone.T, color=Color.BLUE, alpha=0.35 if over_time else 0.7, linewidth=1.6, zorder=2)
+        draw_clamp(axes, lines.backbones[0], finger)
         for place in np.unique(rows[:, 1]) if over_time else ():
             here = rows[:, 1] == place
-            panel.plot(*predicted[here].T, color=Color.INK, linewidth=0.9, zorder=3)
-            panel.scatter(measured[here, 0], measured[here, 1], s=3, color=Color.GRAY, linewidth=0, zorder=3)
-        panel.add_collection(_links(measured[shown], predicted[shown]))
+            axes.plot(*predicted[here].T, color=Color.INK, linewidth=0.9, zorder=3)
+            axes.scatter(measured[here, 0], measured[here, 1], s=3, color=Color.GRAY, linewidth=0, zorder=3)
+        axes.add_collection(_links(measured[shown], predicted[shown]))
         inside = result.fitted[index[:, 0]]
         for chosen, color, what in (
             (shown & inside, Color.INK, "measured"),
@@ -100,11 +87,11 @@ def plot_shapes(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
         ):
             if chosen.any():
                 x, y = measured[chosen].T
-                panel.scatter(x, y, s=20, color=color, linewidth=0, zorder=5, label=what)
+                axes.scatter(x, y, s=20, color=color, linewidth=0, zorder=5, label=what)
         count, every = len(lines.at), len(np.unique(rows[:, 0]))
         some = f" ({count} of {every})" if count < every else ""
-        panel.plot([], [], color=Color.BLUE, linewidth=1.6, label=f"simulated{some}")
-        head(panel, f"{name}{_off(result, name)}", 3)
+        axes.plot([], [], color=Color.BLUE, linewidth=1.6, label=f"simulated{some}")
+        StyledAxes(axes).head(f"{name}{_off(result, name)}", 3)
     return panels
 
 
@@ -153,10 +140,11 @@ def plot_series(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
         if not moves:
             below.set_xlim(at.min() - 0.5, at.max() + 0.5)
             above.set_xlim(below.get_xlim())
-            whole_numbers(above, below)
-        label(above, "", f"{what} [{unit}]")
-        label(below, "time [s]" if moves else "row", f"error [{unit}]")
-        head(above, name, 3)
+            StyledAxes(above).whole_numbers()
+            StyledAxes(below).whole_numbers()
+        StyledAxes(above).label("", f"{what} [{unit}]")
+        StyledAxes(below).label("time [s]" if moves else "row", f"error [{unit}]")
+        StyledAxes(above).head(name, 3)
     return panels
 
 
@@ -186,11 +174,11 @@ def plot_ring_downs(result: Predicted, *, ax: Sequence[Axes] | None = None) -> l
     """
     records = result.ring_downs
     panels = _panels(min(len(records), _PANELS), ax, 4.6, 3.0)
-    for (name, signal, frequency, decay_rate, nearest), panel in zip(records, panels, strict=False):
-        panel.scatter(signal.t, signal.values, s=4, color=Color.INK, linewidth=0, label="measured", zorder=3)
-        panel.plot(signal.t, nearest, color=Color.BLUE, linewidth=1.2, label=result.predicted, zorder=2)
-        label(panel, "time [s]", signal.name)
-        head(panel, f"{name}: {frequency:.4g} Hz, {decay_rate:.3g} 1/s", 2)
+    for (name, signal, frequency, decay_rate, nearest), axes in zip(records, panels, strict=False):
+        axes.scatter(signal.t, signal.values, s=4, color=Color.INK, linewidth=0, label="measured", zorder=3)
+        axes.plot(signal.t, nearest, color=Color.BLUE, linewidth=1.2, label=result.predicted, zorder=2)
+        StyledAxes(axes).label("time [s]", signal.name)
+        StyledAxes(axes).head(f"{name}: {frequency:.4g} Hz, {decay_rate:.3g} 1/s", 2)
     return panels
 
 
@@ -198,30 +186,28 @@ def plot_innovations(replay: Replay, *, ax: Sequence[Axes] | None = None) -> lis
     """Draw what was measured less what was expected, with three standard deviations, and commands of log and replay."""
     names = [*replay.compared_names, *replay.u_names]
     panels = _panels(len(names), ax, 4.6, 3.0)
-    for k, (panel, name) in enumerate(zip(panels, names, strict=False)):
+    for k, (axes, name) in enumerate(zip(panels, names, strict=False)):
         j = k - len(replay.compared_names)
         factor, unit = _shown_in(split_unit(name).unit, replay.innovation[:, k] if j < 0 else replay.logged[:, j])
         if k < len(replay.compared_names):
             band = 3.0 * factor * replay.innovation_std[:, k]
-            panel.fill_between(
+            axes.fill_between(
                 replay.t, -band, band, color=Color.BLUE, alpha=0.2, linewidth=0, label="3 standard deviations"
             )
             innovation = factor * replay.innovation[:, k]
-            panel.scatter(replay.t, innovation, s=4, color=Color.INK, linewidth=0, label="innovation")
+            axes.scatter(replay.t, innovation, s=4, color=Color.INK, linewidth=0, label="innovation")
             # 0.9: share of the instants whose band is shown whole: the first ones, before the estimator settles, have
             # one of many times its width
             reach = 1.1 * max(float(np.nanquantile(band, 0.9)), float(np.nanmax(np.abs(innovation), initial=0.0)))
             if reach > 0.0:
-                panel.set_ylim(-reach, reach)
+                axes.set_ylim(-reach, reach)
         else:
-            panel.step(
-                replay.t, factor * replay.logged[:, j], where="post", color=Color.INK, linewidth=1.6, label="log"
-            )
-            panel.step(
+            axes.step(replay.t, factor * replay.logged[:, j], where="post", color=Color.INK, linewidth=1.6, label="log")
+            axes.step(
                 replay.t, factor * replay.u[:, j], where="post", color=Color.ORANGE, linewidth=1.0, label="replay"
             )
-        label(panel, "time [s]", f"{split_unit(name).name} [{unit}]")
-        head(panel, "", 2)
+        StyledAxes(axes).label("time [s]", f"{split_unit(name).name} [{unit}]")
+        StyledAxes(axes).head("", 2)
     return panels
 
 
@@ -245,14 +231,15 @@ def _panels(
     panels = []
     for k in range(count):
         inner = grid[k // columns, k % columns].subgridspec(len(ratios), 1, height_ratios=ratios)
-        panels += [quiet(figure.add_subplot(inner[i])) for i in range(len(ratios))]
+        panels += [figure.add_subplot(inner[i]) for i in range(len(ratios))]
     return panels
 
 
 def plot_excitation(plan: ExperimentPlan, *, ax: Axes | None = None) -> Axes:
     """Draw the commands over time, with the segments."""
-    ax = new_axes(ax, 9.0, 3.8)
-    curves(ax, plan.t, plan.commands.T, [split_unit(name).name for name in plan.command_names], linewidth=1.2)
+    styled = StyledAxes.on(ax, 9.0, 3.8)
+    ax = styled.ax
+    styled.curves(plan.t, plan.commands.T, [split_unit(name).name for name in plan.command_names], linewidth=1.2)
     for k, segment in enumerate(plan.segments):
         if k % 2:
             ax.axvspan(segment.start, segment.end, color=Color.GRAY, alpha=0.12, linewidth=0)
@@ -264,6 +251,6 @@ def plot_excitation(plan: ExperimentPlan, *, ax: Axes | None = None) -> Axes:
     ax.set_ylim(low - 0.08 * span, high + 0.75 * span)
     ax.set_xlim(float(plan.t[0]), float(plan.t[-1]))
     unit = split_unit(plan.command_names[0]).unit
-    label(ax, "time [s]", f"command [{length_unit(span, ax.yaxis) if unit == 'm' else unit}]")
-    head(ax, "Commands that show the unknowns")
+    styled.label("time [s]", styled.shown_label(f"command [{unit}]", "y"))
+    styled.head("Commands that show the unknowns")
     return ax

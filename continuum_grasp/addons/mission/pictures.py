@@ -9,23 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.base import Array, amount_text
+from continuum_grasp.base import Array, amount_text, split_unit
 from continuum_grasp.plotting import (
     Color,
     Film,
     Force,
     ForceArrows,
     HeldObject,
+    StyledAxes,
     Z,
-    colors,
-    draw_moment,
-    head,
     new_figure,
-    plain,
-    quiet,
-    show_box,
-    shown_label,
-    words,
 )
 
 if TYPE_CHECKING:
@@ -78,17 +71,16 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
         ax.set_axis_off()
     axes = list(grid.ravel()[: len(at)])
     for j, (ax, k, shape, pose) in enumerate(zip(axes, at, shapes, poses, strict=True)):
-        unit = show_box(quiet(ax), box)
+        unit = StyledAxes(ax).show_box(box)
         ax.grid(False)
         ax.tick_params(labelleft=j % columns == 0, labelbottom=j + columns >= len(at), labelsize=8)
         held.draw_fixed(ax, shape)
-        held.draw(ax, shape, pose)
+        held.draw(ax, shape, pose, _pull_at(mission, float(mission.t[k]))[2])
         arrows.draw(ax, forces[j])
-        draw_moment(ax, pose[:2], _pull_at(mission, float(mission.t[k]))[2])
         ax.set_title(f"{chosen[int(k)]}\n{mission.t[k]:.2f} s", fontsize=8.5, color=Color.INK, loc="left")
     figure.supxlabel(f"x [{unit}]", fontsize=9, color=Color.INK)
     figure.supylabel(f"y [{unit}]", fontsize=9, color=Color.INK)
-    figure.suptitle(plain(mission.name or " "), fontsize=10, color=Color.INK, x=0.01, ha="left")
+    figure.head(mission.name or " ")
     handles = [Line2D([], [], **key) for key in arrows.keys(_WORDS)]
     figure.legend(handles=handles, loc="outside upper right", ncols=_ONE_ROW, frameon=False, fontsize=9)
     return axes
@@ -106,7 +98,7 @@ def mission_frames(mission: MissionRun, indices: NDArray[Any], width: int) -> It
     ahead = [film.line(color=Color.GREEN, linewidth=1.6, zorder=Z.MASS) for _ in mission.runs]
     ax.plot([], [], color=Color.GREEN, linewidth=1.6, label="predicted tip")
     clock = film.clock()
-    head(ax, mission.name)
+    StyledAxes(ax).head(mission.name)
 
     def moving(k: int) -> tuple[list[Any], list[Any]]:
         at = int(unique[k])
@@ -116,8 +108,7 @@ def mission_frames(mission: MissionRun, indices: NDArray[Any], width: int) -> It
         span = next((span for span in mission.spans if span.start <= t < span.end), mission.spans[-1])
         phase = _pull_words(mission.pulls[span.name]) if span.name in mission.pulls else str(span.name)
         clock.set_text(f"{phase}\n{t:.2f} s")
-        passing = held.draw(ax, shapes[k], poses[k], animated=True)
-        passing += draw_moment(ax, poses[k][:2], _pull_at(mission, t)[2], animated=True)
+        passing = held.draw(ax, shapes[k], poses[k], _pull_at(mission, t)[2], animated=True)
         return [*ahead, clock], passing + arrows.draw(ax, forces[k])
 
     return film.frames(back, moving)
@@ -186,14 +177,13 @@ def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = No
     first = mission.assignments[0].control.finger.inputs[0]
     taken = f"{first.word} [{first.unit}]"
     end = max(float(mission.t[-1]), 1e-3)
-    for panel, (draw, text) in zip(rest, curves, strict=True):
-        quiet(panel)
+    for axes, (draw, text) in zip(rest, curves, strict=True):
         for span in mission.spans:
-            panel.axvspan(span.start, span.end, color=_band(span.name), linewidth=0.0, zorder=0)
-        draw(panel, mission)
-        panel.set_ylabel(shown_label(text.format(input=taken), panel.yaxis), color=Color.INK)
+            axes.axvspan(span.start, span.end, color=_band(span.name), linewidth=0.0, zorder=0)
+        draw(axes, mission)
+        axes.set_ylabel(StyledAxes(axes).shown_label(text.format(input=taken), "y"), color=Color.INK)
         # Of three fingers the tensions, their setpoints and limits take two rows.
-        head(panel, None, _ONE_ROW if len(panel.get_legend_handles_labels()[1]) < 8 else 4)
+        StyledAxes(axes).head(None, _ONE_ROW if len(axes.get_legend_handles_labels()[1]) < 8 else 4)
     rest[-1].set_xlabel("time [s]", color=Color.INK)
     rest[-1].set_xlim(0.0, end)
     _draw_phases(strip, mission, end)
@@ -222,14 +212,15 @@ def _draw_phases(ax: Axes, mission: MissionRun, end: float) -> None:
         rotation = 0.0 if wide > 0.07 * len(text) else 90.0  # 0.07 inch per letter of 7.5 points
         middle = 0.5 * (span.start + stop)
         ax.text(middle, 0.5, text, rotation=rotation, ha="center", va="center", fontsize=7.5, color=Color.INK)
-    ax.set_title(plain(mission.name or " "), fontsize=10, color=Color.INK, loc="left")
+    StyledAxes(ax).head(mission.name)
 
 
 def _draw_inputs(ax: Axes, mission: MissionRun) -> None:
     curves = [(finger, run, k) for finger, run in mission.fingers.items() for k in range(len(run.u_names))]
-    for (finger, run, k), color in zip(curves, colors(len(curves)), strict=True):
+    for (finger, run, k), color in zip(curves, Color.distinct(len(curves)), strict=True):
         name = run.u_names[k]
-        whose = words(name) if mission.run is not None else f"{finger}: {words(name)}"
+        what = split_unit(name).words
+        whose = what if mission.run is not None else f"{finger}: {what}"
         ax.stairs(run.u[:, k], run.t, color=color, linewidth=1.3, baseline=None, label=whose)
         if name in run.r_names:
             ax.plot(run.t, run.r[:, run.r_names.index(name)], color=color, linewidth=0.9, linestyle="--")
@@ -242,7 +233,7 @@ def _draw_inputs(ax: Axes, mission: MissionRun) -> None:
 def _touching(mission: MissionRun) -> dict[int, Any]:
     """Colors of the contacts that touch at any time, by their column."""
     touching = np.flatnonzero(np.any(mission.contacts.normal_force > 0.0, axis=0))
-    return dict(zip(touching.tolist(), colors(len(touching)), strict=True))
+    return dict(zip(touching.tolist(), Color.distinct(len(touching)), strict=True))
 
 
 def _draw_normal_forces(ax: Axes, mission: MissionRun) -> None:
@@ -279,7 +270,7 @@ def _draw_moved(ax: Axes, mission: MissionRun) -> None:
     begin = min(int(np.searchsorted(t, start - 1e-9)), len(t) - 1)
     moved = 1e3 * (mission.object_pose - mission.object_pose[begin])
     rows = ((0, "x since the lift"), (1, "y"), (3, "height"))[: moved.shape[1] - 1]  # in the plane there is none
-    for (k, name), color in zip(rows, colors(len(rows)), strict=True):
+    for (k, name), color in zip(rows, Color.distinct(len(rows)), strict=True):
         ax.plot(t, moved[:, k], color=color, linewidth=1.3, label=name)
 
 
@@ -329,12 +320,11 @@ def plot_trials(outcomes: Sequence[Outcome]) -> list[Axes]:
     for row, (what, values) in zip(grid, ordinates.items(), strict=True):
         for ax, against in zip(row, abscissas.values(), strict=True):
             x = np.array(against, dtype=float)
-            quiet(ax)
             ax.plot(x[good], values[good], "o", color=Color.BLUE, markersize=3.5, alpha=0.8, markeredgewidth=0.0)
             ax.plot(x[~good], values[~good], "x", color=Color.ORANGE, markersize=6, markeredgewidth=1.6)
         row[0].set_ylabel(what, color=Color.INK, fontsize=9)
         low, high = 1.1 * float(np.nanmin(values, initial=0.0)), float(np.nanmax(values, initial=0.0))
         row[0].set_ylim(low, high + 0.06 * (high - low) or 1.0)  # 0.06: a margin in which dots are whole
     held = f"{int(good.sum())} of {len(outcomes)} plants held and released"
-    figure.suptitle(held + ("" if good.all() else "; crosses: not"), fontsize=10, color=Color.INK, x=0.01, ha="left")
+    figure.head(held + ("" if good.all() else "; crosses: not"))
     return list(grid.ravel())

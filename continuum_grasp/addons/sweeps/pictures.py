@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import Array
-from continuum_grasp.plotting import Color, color_bar, head, label, new_axes, plain, shown_label, time_map
+from continuum_grasp.plotting import Color, StyledAxes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,15 +26,16 @@ _SHADES = ("#BFBFBF", "#D9D9D9", "#CFC4B8", "#C3CBD3", "#D8C8D0", "#C9D3C3", "#E
 def plot_map(table: SweepTable, *, x: str, y: str, color: str, reduce: str = "median", ax: Axes | None = None) -> Axes:
     """Draw a quantity over two columns in color; places without a grasp are hatched, or crossed, by reason."""
     across, upwards, colors, reasons = table.map(x, y, color, reduce)  # type: ignore[arg-type]
-    ax = new_axes(ax, 6.6, 4.9)
+    styled = StyledAxes.on(ax, 6.6, 4.9)
+    ax = styled.ax
     ax.grid(False)
     kinds = [str(kind) for kind in dict.fromkeys(reasons[reasons != ""].tolist())]
     draw = _draw_grid if colors.ndim == 2 else _draw_points
     shown = draw(ax, across, upwards, colors, {kind: reasons == kind for kind in kinds})
     if np.isfinite(colors).any():
-        color_bar(ax, shown, table.label(color))
-    label(ax, shown_label(table.label(x), ax.xaxis), shown_label(table.label(y), ax.yaxis))
-    head(ax, None if kinds else table.label(color), columns=2)
+        styled.color_bar(shown, table.label(color))
+    styled.label(styled.shown_label(table.label(x), "x"), styled.shown_label(table.label(y), "y"))
+    styled.head(None if kinds else table.label(color), columns=2)
     return ax
 
 
@@ -52,13 +53,15 @@ def plot_front(
     best = table.front(x, y, x_best, y_best)  # type: ignore[arg-type]
     across, upwards = table.of_grasps(x), table.of_grasps(y)
     good = np.isfinite(across) & np.isfinite(upwards)
-    ax = new_axes(ax, 6.6, 4.9)
+    styled = StyledAxes.on(ax, 6.6, 4.9)
+    ax = styled.ax
     look: dict[str, Any] = {"s": _size(across[good], 18.0, 5.0), "linewidths": 0.0, "label": "grasps"}
     if color is None:
         ax.scatter(across[good], upwards[good], color=Color.BLUE, alpha=0.45, **look)
     else:
-        shown = ax.scatter(across[good], upwards[good], c=table.of_grasps(color)[good], cmap=time_map(), **look)
-        color_bar(ax, shown, table.label(color))
+        look |= {"c": table.of_grasps(color)[good], "cmap": Color.early_to_late()}
+        shown = ax.scatter(across[good], upwards[good], **look)
+        styled.color_bar(shown, table.label(color))
     front = across[best], upwards[best]
     ax.plot(*front, color=Color.ORANGE, linewidth=1.2, alpha=0.8, zorder=3)
     text = f"front: {len(best)} of {good.sum()}; {x_best} x and {y_best} y are best"
@@ -69,8 +72,8 @@ def plot_front(
         "markeredgewidth": 1.6,
     }
     ax.plot(*front, "o", zorder=4, label=text, **ring)
-    label(ax, shown_label(table.label(x), ax.xaxis), shown_label(table.label(y), ax.yaxis))
-    head(ax, None, columns=2)
+    styled.label(styled.shown_label(table.label(x), "x"), styled.shown_label(table.label(y), "y"))
+    styled.head(None, columns=2)
     return ax
 
 
@@ -85,16 +88,17 @@ def _draw_grid(
     from matplotlib.colors import ListedColormap
 
     x, y = _edges(across), _edges(upwards)
-    shown = ax.pcolormesh(x, y, np.ma.masked_invalid(colors), cmap=time_map())
+    shown = ax.pcolormesh(x, y, np.ma.masked_invalid(colors), cmap=Color.early_to_late())
     for k, (kind, here) in enumerate(kinds.items()):
         shade = _SHADES[k % len(_SHADES)]
         look: dict[str, Any] = {"hatch": _HATCHES[k % len(_HATCHES)], "edgecolor": Color.GRAY, "linewidth": 0.0}
         # pcolormesh cannot hatch
         ax.pcolor(x, y, np.ma.masked_where(~here, np.ones(here.shape)), cmap=ListedColormap([shade]), **look)
         ax.fill([], [], facecolor=shade, label=f"no grasp, {kind}: {int(here.sum())}", **look)
-    for name, values in (("x", across), ("y", upwards)):
+    axes: tuple[tuple[Literal["x", "y"], NDArray[Any]], ...] = (("x", across), ("y", upwards))
+    for name, values in axes:
         if values.dtype.kind not in "iuf":
-            ax.set(**{f"{name}ticks": range(len(values)), f"{name}ticklabels": [plain(str(value)) for value in values]})
+            StyledAxes(ax).name_ticks(name, map(str, values))
         elif _is_log(values):
             ax.set(**{f"{name}scale": "log"})
     return shown
@@ -108,7 +112,8 @@ def _draw_points(
         look: dict[str, Any] = {"marker": _MARKERS[k % len(_MARKERS)], "label": f"no grasp, {kind}: {int(here.sum())}"}
         ax.scatter(across[here], upwards[here], s=0.7 * size, color=Color.GRAY, linewidths=1.0, **look)
     there = np.isfinite(colors)
-    return ax.scatter(across[there], upwards[there], s=size, c=colors[there], cmap=time_map(), linewidths=0.0)
+    look = {"c": colors[there], "cmap": Color.early_to_late(), "linewidths": 0.0}
+    return ax.scatter(across[there], upwards[there], s=size, **look)
 
 
 def _edges(values: NDArray[Any]) -> NDArray[Any]:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.drawing.axes import Box, new_figure, plane_axes, quiet
 from continuum_grasp.plotting.drawing.bodies import mass_positions, masses_of
 from continuum_grasp.plotting.drawing.style import SCREEN, Color, Z
+from continuum_grasp.plotting.drawing.styled_axes import Box, StyledAxes, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -29,7 +29,7 @@ class Film:
         high = 2 * round(((across - _BESIDE) * (box[3] - box[2]) / (box[1] - box[0]) + _BELOW) / 2)
         self._figure = new_figure(across / SCREEN, high / SCREEN)
         self._figure.set_dpi(SCREEN)
-        self.ax = plane_axes(quiet(self._figure.add_subplot()), box)
+        self.ax = StyledAxes.plane(self._figure.add_subplot(), box).ax
 
     def line(self, *marker: str, **style: Any) -> Line2D:
         """A line that moves, empty at first."""

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from continuum_grasp.base import Array, amount_text
-from continuum_grasp.plotting.drawing.axes import head
 from continuum_grasp.plotting.drawing.style import Color, Z
+from continuum_grasp.plotting.drawing.styled_axes import StyledAxes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -116,7 +116,7 @@ def explain(
     texts = ax.get_legend_handles_labels()[1]
     # 6, 40: letters that an entry's sign and its distance take, and that fit over a picture that is taller than wide
     fits = sum(6 + len(text.replace(r"$\leq$", "<")) for text in texts) <= 40
-    head(ax, name, columns=4 if fits or np.ptp(ax.get_xlim()) > 1.3 * np.ptp(ax.get_ylim()) else 2)
+    StyledAxes(ax).head(name, columns=4 if fits or np.ptp(ax.get_xlim()) > 1.3 * np.ptp(ax.get_ylim()) else 2)
 
 
 def _kinds(forces: Sequence[Force]) -> list[str]:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.plotting.drawing.axes import Box, bend_box
 from continuum_grasp.plotting.drawing.bodies import (
     draw_body,
     draw_clamp,
@@ -19,7 +18,9 @@ from continuum_grasp.plotting.drawing.bodies import (
     finger_outline,
     object_outlines,
 )
+from continuum_grasp.plotting.drawing.forces import draw_moment
 from continuum_grasp.plotting.drawing.style import Color, Z
+from continuum_grasp.plotting.drawing.styled_axes import Box, bend_box
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,8 +46,8 @@ class HeldObject:
         for backbone, finger in zip(backbones, self.fingers, strict=True):
             draw_clamp(ax, backbone, finger)
 
-    def draw(self, ax: Axes, backbones: Array, pose: Array, **style: Any) -> list[Any]:
-        """Draw object and fingers, with backbones (fingers, points, 2).
+    def draw(self, ax: Axes, backbones: Array, pose: Array, moment: float, **style: Any) -> list[Any]:
+        """Draw object and fingers, with backbones (fingers, points, 2), and a moment that pulls at the object [N m].
 
         A mark on the object, from its center along its x axis, shows how it turns.
         """
@@ -59,4 +60,5 @@ class HeldObject:
             drawn += ax.plot(
                 *backbone.T, color=Color.BLUE, linewidth=1.8, solid_capstyle="round", zorder=Z.SHAPE, **style
             )
-        return [*drawn, *ax.plot(*mark.T, color=Color.EDGE, linewidth=1.2, zorder=Z.MARK, **style)]
+        drawn += ax.plot(*mark.T, color=Color.EDGE, linewidth=1.2, zorder=Z.MARK, **style)
+        return [*drawn, *draw_moment(ax, pose[:2], moment, **style)]

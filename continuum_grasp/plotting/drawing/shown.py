@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from continuum_grasp.plotting.drawing.style import SCREEN
+from continuum_grasp.plotting.drawing.style import SCREEN, Color, plain, quiet
 
 
 class ShownFigure(Figure):
@@ -21,6 +21,10 @@ class ShownFigure(Figure):
     def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
         FigureCanvasAgg(self)
+
+    def head(self, text: str) -> None:
+        """Write what all axes show above them."""
+        self.suptitle(plain(text), fontsize=10, color=Color.INK, x=0.01, ha="left")
 
     def add_subplot(self, *arguments: Any, **named: Any) -> Any:
         """Axes that are shown, too."""
@@ -56,7 +60,11 @@ class ShownFigure(Figure):
 
 
 class ShownAxes(Axes):
-    """Axes that show their figure."""
+    """Quiet axes that show their figure."""
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        quiet(self)
 
     def _repr_png_(self) -> Any:
         shown = getattr(self.get_figure(root=True), "_repr_png_", None)

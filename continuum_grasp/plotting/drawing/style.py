@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap
 
 
 class Color(StrEnum):
@@ -25,6 +29,40 @@ class Color(StrEnum):
     """Filling of the object: pale, since forces and fingers are drawn on it, and none of the curves' colors."""
     EDGE = "#A58A55"
     """Edge of the object."""
+
+    @classmethod
+    def distinct(cls, count: int) -> list[Any]:
+        """Colors for so many curves: distinct ones for a few, an ordered scale for many."""
+        few = [cls.BLUE, cls.ORANGE, cls.GREEN, cls.PURPLE, cls.YELLOW, cls.SKY]
+        if count <= len(few):
+            return few[:count]
+        shades = cls.early_to_late()
+        return [shades(k / (count - 1)) for k in range(count)]
+
+    @classmethod
+    def early_to_late(cls) -> Colormap:
+        """Dark to light, without the palest end, which is lost on white."""
+        from matplotlib import colormaps
+        from matplotlib.colors import ListedColormap
+
+        scale = colormaps["viridis"]
+        # 0.93: end of the scale, 256: its steps
+        return ListedColormap([scale(0.93 * k / 255) for k in range(256)], name="time")
+
+
+def plain(text: str) -> str:
+    """A text of users as matplotlib shows it letter by letter: between two dollar signs it would read a formula."""
+    return text.replace("$", r"\$")
+
+
+def quiet(ax: Axes) -> Axes:
+    """Leave out the frame's top and right side, and draw a light grid behind everything."""
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.spines[["left", "bottom"]].set_color(Color.GRAY)
+    ax.tick_params(colors=Color.INK, labelsize=9)
+    ax.grid(True, color="#E4E4E4", linewidth=0.6)
+    ax.set_axisbelow(True)
+    return ax
 
 
 FAINT: dict[str, Any] = {"fill": False, "edgecolor": Color.GRAY, "linewidth": 0.7}

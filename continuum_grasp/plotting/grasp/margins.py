@@ -12,19 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, InputError, amount_text, prefixed
-from continuum_grasp.plotting.drawing.axes import (
-    bend_box,
-    head,
-    label,
-    new_axes,
-    new_figure,
-    quiet,
-    show_box,
-    shown_unit,
-)
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_object, draw_supports, finger_outline
 from continuum_grasp.plotting.drawing.bodies import object_outlines as outlines_of
 from continuum_grasp.plotting.drawing.style import Color
+from continuum_grasp.plotting.drawing.styled_axes import StyledAxes, bend_box, new_figure
 from continuum_grasp.plotting.grasp.view import GraspView
 
 if TYPE_CHECKING:
@@ -42,7 +33,8 @@ def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:
     """
     from matplotlib.patches import Circle, Polygon
 
-    ax = new_axes(ax, 3.2, 3.2)
+    styled = StyledAxes.on(ax, 3.2, 3.2)
+    ax = styled.ax
     forces = _finite(resisted)
     least, greatest = resistance_extremes(forces)
     if len(forces) > 2:
@@ -58,8 +50,7 @@ def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:
     reach = 0.56 * float(np.ptp(corners, axis=0).max()) or 1.0  # half, and a margin of 6 %
     ax.set(aspect="equal", xlim=center[0] + np.array([-reach, reach]), ylim=center[1] + np.array([-reach, reach]))
     ax.locator_params(nbins=5)
-    units = (shown_unit("N", axis) for axis in (ax.xaxis, ax.yaxis))
-    label(ax, *(f"force {name} [{unit}]" for name, unit in zip("xy", units, strict=True)), fontsize=8)
+    styled.label(styled.shown_label("force x [N]", "x"), styled.shown_label("force y [N]", "y"), fontsize=8)
     ax.tick_params(labelsize=8)
     return ax
 
@@ -101,7 +92,7 @@ def plot_friction(result: GraspResult, *, ax: Axes | None = None) -> Axes:
 
     view = GraspView(result)
     rows = friction_rows(view)
-    ax = new_axes(ax, 2.9, 0.9 * max(rows, 1) + 0.2)
+    ax = StyledAxes.on(ax, 2.9, 0.9 * max(rows, 1) + 0.2).ax
     ax.set_axis_off()
     ax.set_aspect("equal", adjustable="box", anchor="NW")
     ax.set_xlim(0.0, DISCS * _PITCH)
@@ -151,7 +142,7 @@ def plot_robustness(result: GraspResult) -> list[Axes]:
             key="robust",
         )
     left, right = new_figure(9.0, 4.2).subplots(1, 2)
-    return [_shapes(quiet(left), result, result.robustness), _margins(quiet(right), result.robustness)]
+    return [_shapes(left, result, result.robustness), _margins(right, result.robustness)]
 
 
 def _shapes(ax: Axes, result: GraspResult, robustness: Robustness) -> Axes:
@@ -174,10 +165,10 @@ def _shapes(ax: Axes, result: GraspResult, robustness: Robustness) -> Axes:
     outlines = outlines_of(scene.object, pose)
     draw_object(ax, outlines)
     points = np.concatenate([*drawn, *outlines])
-    unit = show_box(ax, bend_box([points], 0.06 * float(np.ptp(points, axis=0).max()), slimmest=0.0))
+    unit = StyledAxes(ax).show_box(bend_box([points], 0.06 * float(np.ptp(points, axis=0).max()), slimmest=0.0))
     draw_supports(ax, scene.supports)
-    label(ax, f"x [{unit}]", f"y [{unit}]")
-    head(ax, scene.name)
+    StyledAxes(ax).label(f"x [{unit}]", f"y [{unit}]")
+    StyledAxes(ax).head(scene.name)
     return ax
 
 
@@ -192,6 +183,6 @@ def _margins(ax: Axes, robustness: Robustness) -> Axes:
         text = f"{name}: {trial.held} of {margins.size} draws hold, {amount_text(trial.tension, 'N', '.4g')}"
         ax.hist(margins, edges.tolist(), weights=share, color=color, alpha=0.55, label=text)
     ax.axvline(0.0, color=Color.INK, linewidth=1.0, linestyle=(0, (4, 2)))
-    label(ax, "least friction margin of a draw [1]", "draws [%]")
-    head(ax, None, columns=1)
+    StyledAxes(ax).label("least friction margin of a draw [1]", "draws [%]")
+    StyledAxes(ax).head(None, columns=1)
     return ax

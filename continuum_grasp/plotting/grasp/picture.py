@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, amount_text, prefixes
-from continuum_grasp.plotting.drawing.axes import label, new_figure, plain, quiet, show_box, wrapped
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_object, draw_supports, side_path
 from continuum_grasp.plotting.drawing.forces import draw_arrow
-from continuum_grasp.plotting.drawing.style import Color, Z
+from continuum_grasp.plotting.drawing.style import Color, Z, plain
+from continuum_grasp.plotting.drawing.styled_axes import StyledAxes, new_figure, wrapped
 from continuum_grasp.plotting.grasp.labels import Label, place_labels
 from continuum_grasp.plotting.grasp.margins import (
     friction_rows,
@@ -77,8 +77,8 @@ def plot_grasp(
         ax = _sheet(view, numbers, resisted)
     else:
         ax.set_title(_title(result, ax.get_window_extent().width / ax.figure.dpi), **_title_style(result))
-    unit = show_box(ax, view.box)
-    label(ax, f"x [{unit}]", f"y [{unit}]")
+    unit = StyledAxes(ax).show_box(view.box)
+    StyledAxes(ax).label(f"x [{unit}]", f"y [{unit}]")
     draw_object(ax, view.outlines)
     areas = [*draw_supports(ax, result.scene.supports), *_draw_fingers(ax, view)]
     cones, arrows = _draw_contacts(ax, view)
@@ -108,7 +108,7 @@ def _sheet(view: GraspView, numbers: bool, resisted: ArrayLike | bool) -> Axes:
     tall = max(size[1], text + discs + (_POLYGON + 1.0 if polygon else 0.0))
     height = float(_BELOW + tall + above)
     figure = new_figure(width, height, layout=None)
-    ax = quiet(_at(figure, _LEFT, height - above - size[1], size[0], size[1]))
+    ax = _at(figure, _LEFT, height - above - size[1], size[0], size[1])
     ax.set_anchor("NW")
     ax.set_title(title, **_title_style(view.result))
     right, top = _LEFT + size[0] + _BETWEEN, height - above
@@ -120,7 +120,7 @@ def _sheet(view: GraspView, numbers: bool, resisted: ArrayLike | bool) -> Axes:
         )
     if polygon:
         below = top - text - discs - 0.6 - _POLYGON
-        forces = quiet(_at(figure, right + 0.55, below, _POLYGON, _POLYGON))
+        forces = _at(figure, right + 0.55, below, _POLYGON, _POLYGON)
         plot_resistance(resisted, ax=forces).set_label("resisted")
         # the title begins above the labels of the y axis
         forces.set_title(resistance_words(resisted), fontsize=8, color=Color.INK, loc="left", x=-0.26)

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from continuum_grasp.base import Array, check_arguments
-from continuum_grasp.plotting.drawing import axes, bodies
+from continuum_grasp.plotting.drawing import bodies
 from continuum_grasp.plotting.drawing.style import Color
+from continuum_grasp.plotting.drawing.styled_axes import Box, StyledAxes, bend_box, wrapped
 from continuum_grasp.scene import Finger, ObjectBody
 
 if TYPE_CHECKING:
@@ -95,7 +96,7 @@ class GraspView:
         return bodies.finger_outline(self.backbones[name], self.scene.named_fingers[name])
 
     @cached_property
-    def box(self) -> axes.Box:
+    def box(self) -> Box:
         """Limits of what must be seen, with a margin for labels."""
         points = [*self.outlines, *(self.body(name) for name in self.scene.named_fingers)]
         for wall in self.scene.walls:
@@ -107,7 +108,7 @@ class GraspView:
         side = float(np.ptp(np.concatenate(points), axis=0).max())
         # for labels 14 mm around everything, but 0.13 to 0.2 of the greater side
         margin = min(max(14e-3, 0.13 * side), 0.2 * side)
-        return axes.bend_box(points, margin, slimmest=0.0)
+        return bend_box(points, margin, slimmest=0.0)
 
     @cached_property
     def weight(self) -> Array:
@@ -185,7 +186,8 @@ def plot_object(body: ObjectBody, *, ax: Axes | None = None) -> Axes:
     """
     outlines = bodies.object_outlines(body, np.zeros(3))  # type: ignore[arg-type]
     points = np.concatenate(outlines)
-    ax = axes.plane_axes(ax, axes.bend_box(outlines, 0.1 * body.size), colorbar=False)
+    styled = StyledAxes.plane(ax, bend_box(outlines, 0.1 * body.size), colorbar=False)
+    ax = styled.ax
     bodies.draw_object(ax, outlines)
     pieces = [np.array(piece.outline()) for piece in body.pieces]
     for piece in pieces:
@@ -196,5 +198,5 @@ def plot_object(body: ObjectBody, *, ax: Axes | None = None) -> Axes:
     wide, high = 1e3 * np.ptp(points, axis=0)
     count = sum(len(corner) for corner in corners)
     title = f"{count} corners, {len(pieces)} convex pieces, {wide:.4g} mm x {high:.4g} mm"
-    ax.set_title(axes.wrapped(title, ax.figure.bbox.width / ax.figure.dpi), fontsize=9)
+    ax.set_title(wrapped(title, ax.figure.bbox.width / ax.figure.dpi), fontsize=9)
     return ax
