@@ -6,12 +6,11 @@ from .addon_registry import named_value as named_value
 from .arguments import check_arguments as check_arguments
 from .arguments import choice as choice
 from .arguments import instance as instance
-from .arguments import positive as positive
+from .arguments import number as number
 from .arguments import real_array as real_array
 from .arguments import shown as shown
 from .arguments import unmasked as unmasked
 from .arguments import whole as whole
-from .arguments import within as within
 from .arrays import Array as Array
 from .arrays import Indices as Indices
 from .arrays import Numbers as Numbers

@@ -44,20 +44,15 @@ def whole(key: str, value: Any, least: int = 1, most: int = 2**31 - 1) -> int:
     return int(value)
 
 
-def positive(key: str, value: Any) -> float:
-    """A finite number above zero."""
-    number = _double(value)
-    if not 0.0 < number < math.inf:
+def number(key: str, value: Any, least: float | None = None, most: float = math.inf) -> float:
+    """A number of a range, ends included; a finite one above zero where no least one is given."""
+    real = _double(value)
+    if least is None and not 0.0 < real < math.inf:
         raise InputError(f"expected a finite number above 0, got {shown(value)}", key=key)
-    return number
-
-
-def within(key: str, value: Any, least: float, most: float) -> float:
-    """A number of a range, ends included."""
-    number = _double(value)
-    if not least <= number <= most:
-        raise InputError(f"expected a number from {least:g} to {most:g}, got {shown(value)}", key=key)
-    return number
+    low = 0.0 if least is None else least
+    if not low <= real <= most:
+        raise InputError(f"expected a number from {low:g} to {most:g}, got {shown(value)}", key=key)
+    return real
 
 
 def instance(key: str, value: Any, *kinds: type) -> Any:
@@ -82,8 +77,20 @@ def unmasked(value: ArrayLike) -> NDArray[Any]:
     return np.asarray(value)
 
 
-def real_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    """A contiguous array of doubles, NaN where masked; InputError for what is no array of real numbers."""
+def real_array(name: str, value: ArrayLike, *, finite: bool = False) -> NDArray[np.float64]:
+    """A contiguous array of doubles, NaN where masked; InputError for what is no array of real numbers.
+
+    ``finite``: for the first entry that is NaN or infinite, too.
+    """
+    array = _reals(name, value)
+    if finite and not np.isfinite(array).all():
+        at = np.argwhere(~np.isfinite(array))[0]
+        where = f"[{', '.join(map(str, at.tolist()))}]" if at.size else ""
+        raise InputError(f"{name}{where}: expected a finite number, got {array[tuple(at)]}")
+    return array
+
+
+def _reals(name: str, value: ArrayLike) -> NDArray[np.float64]:
     try:
         array = unmasked(value)
         if np.iscomplexobj(array):

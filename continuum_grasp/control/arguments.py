@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, InputError, shown, split_unit, unmasked
-from continuum_grasp.core import finite
+from continuum_grasp.base import Array, InputError, real_array, shown, split_unit, unmasked
 
 
 def named(
@@ -51,7 +50,7 @@ def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Arr
         raise InputError(f"expected {size} numbers, got {shown(value)}", key=name) from error
     if array.size != size:
         raise InputError(f"expected {size} entries, got {array.size}", key=name)
-    return finite(name, array) if check else array
+    return real_array(name, array, finite=True) if check else array
 
 
 def numbers(value: ArrayLike) -> Array:

@@ -1,7 +1,6 @@
 from .batches import Batch as Batch
 from .batches import Scan as Scan
 from .cache import Cache as Cache
-from .caller import finite as finite
 from .calls import call as call
 from .calls import straight_function as straight_function
 from .code import Backend as Backend

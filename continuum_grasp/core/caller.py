@@ -209,12 +209,3 @@ def check_moment(model: FingerModel, u: Array) -> None:
         "rates takes the moment to be constant): use family='clothoid', input_rates=True with rows of values, rates "
         "and accelerations, or tendons.time_constant"
     )
-
-
-def finite(name: str, array: Array) -> Array:
-    """The array itself; InputError names the first entry that is NaN or infinite."""
-    if array.size and not np.isfinite(array).all():
-        at = np.argwhere(~np.isfinite(array))[0]
-        where = f"[{', '.join(map(str, at.tolist()))}]" if at.size else ""
-        raise InputError(f"{name}{where}: expected a finite number, got {array[tuple(at)]}")
-    return array

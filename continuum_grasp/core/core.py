@@ -17,12 +17,12 @@ from continuum_grasp.base import (
     NumericalError,
     Summarized,
     check_arguments,
-    positive,
+    number,
     real_array,
     whole,
 )
 from continuum_grasp.core.batches import Batch
-from continuum_grasp.core.caller import Caller, check_moment, finite, section_check, shaped
+from continuum_grasp.core.caller import Caller, check_moment, section_check, shaped
 from continuum_grasp.core.code import Backend, FunctionCode
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import HalfStepSignal, Rollouts, row
@@ -251,12 +251,12 @@ class Core(Remade, Summarized):
         NumericalError
             If a state is not finite; ``result`` holds the states before it.
         """
-        model, start = self.model, real_array("x0", x0)
+        model, start = self.model, real_array("x0", x0, finite=True)
         single = start.ndim == 1
         if start.ndim not in (1, 2) or start.shape[-1] != model.nx or not len(start):
             raise InputError(f"x0: expected ({model.nx},) or (count, {model.nx}), got shape {start.shape}")
-        start = np.atleast_2d(finite("x0", start))
-        steps, substeps, step = whole("steps", steps), whole("substeps", substeps), positive("step", step)
+        start = np.atleast_2d(start)
+        steps, substeps, step = whole("steps", steps), whole("substeps", substeps), number("step", step)
         rows = 2 * steps * substeps + 1
         inputs = HalfStepSignal.of("u", u, model.nu, rows, None if single else len(start))
         self.check_moment(inputs.rows)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp import __version__
-from continuum_grasp.base import check_arguments, interruptible, positive, whole
+from continuum_grasp.base import check_arguments, interruptible, number, whole
 from continuum_grasp.control import RtiSolver
 from continuum_grasp.core import CReal
 from continuum_grasp.export.accuracy import OutputError, Report, check_errors, error_bounds
@@ -172,9 +172,9 @@ class PackageOptions:
         if self.what is not None:
             known_parts(self.what)
         if self.error is not None:
-            positive("error", self.error)
+            number("error", self.error)
         if self.step is not None:
-            positive("step", self.step)
+            number("step", self.step)
         # 200: most sections of shape and velocities, each of which is code of its own
         whole("sections", self.sections, 2, 200)
         if self.substeps is not None:

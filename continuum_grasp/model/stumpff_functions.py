@@ -12,7 +12,7 @@ import math
 
 import casadi as ca
 
-from continuum_grasp.base import check_arguments, positive, whole, within
+from continuum_grasp.base import check_arguments, number, whole
 from continuum_grasp.model.planar import Rotation, Scalar
 
 ROUNDING = 1.5e-16
@@ -69,7 +69,7 @@ def stumpff(theta: Scalar, angle_range: float, accuracy: float = ROUNDING, top: 
     >>> [float(each) for each in c[:3]]
     [1.0, 1.0, 0.5]
     """
-    positive("angle_range", angle_range), within("accuracy", accuracy, 1e-300, 1.0), whole("top", top)
+    number("angle_range", angle_range), number("accuracy", accuracy, 1e-300, 1.0), whole("top", top)
     x = theta * theta
     c: list[Scalar] = [0.0] * (top + 1)
     for k in (top, top - 1):

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, InputError, SolverError, check_arguments, choice, real_array, within
+from continuum_grasp.base import Array, InputError, SolverError, check_arguments, choice, number, real_array
 from continuum_grasp.rod.dimensionless import RodProblem, read_problem
 from continuum_grasp.rod.equations import RodEquations
 from continuum_grasp.rod.equilibrium_path import descend, follow, newton, weakest
@@ -191,7 +191,7 @@ def solve_elastica(
     >>> bool(abs(rod.tip).max() < 1e-10)
     True
     """
-    tolerance = within("tolerance", tolerance, 1e-13, 1e-2)
+    tolerance = number("tolerance", tolerance, 1e-13, 1e-2)
     choice("side", side, (1, -1))
     problem = read_problem(scene, extra_loads)
     equations = _first_equations(problem)

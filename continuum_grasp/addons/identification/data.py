@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.addons.identification.scene import OF_BENDS
-from continuum_grasp.base import Array, InputError, positive, real_array, whole
+from continuum_grasp.base import Array, InputError, number, real_array, whole
 from continuum_grasp.scene import Scene
 
 UNIT_OF = {
@@ -208,7 +208,7 @@ class TipPath:
             if self.start != "estimated" or np.shape(self.start_sigma) != (2,):
                 raise InputError("expected two numbers, for a start that is estimated", key=key)
             for deviation in self.start_sigma:
-                positive(key, deviation)
+                number(key, deviation)
 
 
 Data = Poses | TipPath
@@ -243,6 +243,6 @@ def _check_readings(name: str, readings: Sequence[Reading], count: int | None = 
         if reading.quantity == "frequency" and np.any(values <= 0.0):
             raise InputError("expected frequencies above 0 Hz", key=f"{name}.measured[{k}].values")
         if reading.sigma is not None:
-            positive(f"{name}.measured[{k}].sigma", reading.sigma)
+            number(f"{name}.measured[{k}].sigma", reading.sigma)
         if np.ndim(reading.offset):
             column(f"{name}.measured[{k}].offset", reading.offset, count)

@@ -16,7 +16,7 @@ from continuum_grasp.base import (
     Summarized,
     check_arguments,
     choice,
-    positive,
+    number,
     quoted,
     shown,
     split_unit,
@@ -140,7 +140,7 @@ class ControlProblem(Summarized):
             )
         }
         known = [name for name, integrator in INTEGRATORS.items() if integrator.differentiates]
-        method, stage = choice("method", method, known), positive("stage", stage)
+        method, stage = choice("method", method, known), number("stage", stage)
         running, terminal = cost_functions(functions["outputs"], functions["rows"], stage, nt, ns)
         p_names = _names(read.p)
         self.stages = Stages(

@@ -20,11 +20,12 @@ from continuum_grasp.base import (
     check_arguments,
     choice,
     install_line,
-    positive,
+    number,
+    real_array,
     shown,
     whole,
 )
-from continuum_grasp.core import Core, finite
+from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel, Remade, System
 from continuum_grasp.scene import INTEGRATORS
 
@@ -172,7 +173,7 @@ class Operators(Remade, Summarized, ABC):
             If a state is not finite, unless ``nonfinite`` is ``nan``.
         """
         model = self.model
-        steps, substeps, step = whole("steps", steps), whole("substeps", substeps), positive("step", step)
+        steps, substeps, step = whole("steps", steps), whole("substeps", substeps), number("step", step)
         if x0 is None:
             raise InputError("expected an array, got None", key="x0")
         sizes = {"x0": model.nx, "u": model.nu, "w": model.nw, "p": model.np}
@@ -238,7 +239,7 @@ def _check_rollout(core: Core, method: str, raises: bool, arrays: Sequence[Array
     if not raises:
         return
     for name, array in (("x0", x0), ("u", u), ("w", w), ("p", p)):
-        finite(name, array)
+        real_array(name, array, finite=True)
     good = np.array(np.isfinite(states).all(axis=2))
     rows = np.flatnonzero(~good.all(axis=1))
     if not rows.size:
