@@ -3,9 +3,5 @@ from .commands import main as main
 from .options import OF_RUNS as OF_RUNS
 from .options import option as option
 from .options import verb as verb
-from .output import FAILED as FAILED
 from .output import Output as Output
-from .output import named_path as named_path
-from .output import one_of as one_of
-from .output import out_option as out_option
 from .progress import Progress as Progress

@@ -128,7 +128,7 @@ def validate(
         list[Path],
         typer.Argument(metavar="FILE", help="YAML configurations.", show_default=False),
     ],
-    picture: Path | None = option("Draw the scene before anything is solved.", metavar="FILE", parser=named_path),
+    picture: Path | None = option("Draw the scene before anything is solved.", metavar="FILE"),
 ) -> None:
     """Check configurations. Whether a finger can be modeled so is part of it."""
     from continuum_grasp.control import Prediction

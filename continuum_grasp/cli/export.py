@@ -12,7 +12,7 @@ import typer
 
 from continuum_grasp.base import ExportTarget, InputError, addons, named_value
 from continuum_grasp.cli.options import option, resolved_scene, verb
-from continuum_grasp.cli.output import Output, one_of, out_option
+from continuum_grasp.cli.output import Output, out_option
 
 if TYPE_CHECKING:
     from continuum_grasp.export import Package
@@ -39,8 +39,7 @@ def export(
     to: str = option(
         "C package, FMUs, page for a browser, chain for MuJoCo, functions of CasADi.",
         default=...,
-        metavar="|".join(_targets()),
-        parser=one_of(*_targets()),
+        words=tuple(_targets()),
     ),
     what: str | None = option(
         "c: some of dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, contact; "
@@ -65,9 +64,7 @@ def export(
         metavar="FREQUENCY",
     ),
     finger: str | None = option("c, fmu: finger of a mission of several.", metavar="NAME"),
-    fmi: str | None = option(
-        "fmu: version of the standard (default: both).", metavar="2|3|both", parser=one_of("2", "3", "both")
-    ),
+    fmi: str | None = option("fmu: version of the standard (default: both).", words=("2", "3", "both")),
     name: str | None = option("fmu: of files and symbols (default: that of CONFIG).", metavar="NAME"),
     preview: bool | None = option("fmu: setpoints of every stage of the controller's horizon.", "--preview"),
     binary: bool | None = option("fmu: with this machine's binary (default) or without.", "--binary/--no-binary"),

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from continuum_grasp.base import SolverError
 from continuum_grasp.cli.options import OF_RUNS, option, verb
 from continuum_grasp.cli.output import Output
@@ -14,10 +12,8 @@ from continuum_grasp.cli.output import Output
 if TYPE_CHECKING:
     from continuum_grasp.grasp import Reason
 
-_PICTURES = typer.Option("--pictures/--no-pictures", help="Draw a picture and write the HTML report.")
 
-
-@verb(*OF_RUNS, pictures=_PICTURES)
+@verb(*OF_RUNS, pictures="Draw a picture and write the HTML report.")
 def grasp(
     output: Output,
     seed: int | None = option("Seed of robust grasps' draws (default: as in the configuration).", metavar="N"),

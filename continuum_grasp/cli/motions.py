@@ -8,7 +8,7 @@ from itertools import zip_longest
 
 from continuum_grasp.base import InputError
 from continuum_grasp.cli.options import OF_RUNS, option, resolved_scene, verb
-from continuum_grasp.cli.output import Output, out_option
+from continuum_grasp.cli.output import Output
 
 
 @verb(*OF_RUNS, "animation")
@@ -34,10 +34,10 @@ def simulate(output: Output) -> None:
     output.report(trajectory, files, **values)
 
 
-_OUT = out_option("Save modes and their picture in this folder; an earlier run of modes is replaced.")
+_FOLDER = "Save modes and their picture in this folder; an earlier run of modes is replaced."
 
 
-@verb("config", "out", "changes", "as_json", "quiet", out=_OUT)
+@verb("config", "out", "changes", "as_json", "quiet", out=_FOLDER)
 def modes(output: Output) -> None:
     """Natural frequencies and shapes about the equilibrium."""
     scene, note = resolved_scene(output, vibrates=True)

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from continuum_grasp.base import InputError, Interrupted
 from continuum_grasp.cli.options import OF_RUNS, option, verb
-from continuum_grasp.cli.output import FAILED, Output
+from continuum_grasp.cli.output import Output
 
 if TYPE_CHECKING:
     from continuum_grasp.addons.mission import MissionScene
@@ -65,7 +63,7 @@ def _control(scene: ControlScene, output: Output, times: bool) -> None:
     output.say(run.report())
     output.conclude(run, files, status=run.outcome, duration=run.t[-1], metrics=asdict(run.metrics()))
     if run.outcome != "finished":
-        raise typer.Exit(FAILED)
+        output.fail()
 
 
 def _with_trials(trials: str, seed: int | None, output: Output) -> Any:
@@ -107,7 +105,7 @@ def _carry_out(scene: MissionScene, output: Output, times: bool) -> None:
     of_run = counted if run.run is None else next(iter(counted.values()))
     output.conclude(run, files, **run.findings(), pulls=run.pulls, metrics=of_run)
     if not run.verdict.succeeded:
-        raise typer.Exit(FAILED)
+        output.fail()
 
 
 def _try_out(scene: MissionScene, jobs: int | None, output: Output) -> None:
@@ -135,7 +133,7 @@ def _try_out(scene: MissionScene, jobs: int | None, output: Output) -> None:
     if stopped is not None:
         raise stopped
     if not all(outcome.succeeded for outcome in outcomes):
-        raise typer.Exit(FAILED)
+        output.fail()
 
 
 def _grasp(scene: MissionScene, output: Output) -> GraspResult:

@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from copy import copy
 from functools import wraps
+from pathlib import Path
 from typing import Annotated, Any, get_args
 
 import typer
 from typer.models import OptionInfo
 
-from continuum_grasp.cli.output import Output
+from continuum_grasp.cli.output import Output, named_path, one_of
 
 
-def option(explained: str, *names: str, default: Any = None, **more: Any) -> Any:
-    """An option of one verb, of the name of its parameter where it has no other ``names``; ``more`` as of typer."""
+def option(explained: str, *names: str, default: Any = None, words: Sequence[str] = (), **more: Any) -> Any:
+    """An option of one verb, of the name of its parameter where it has no other ``names``.
+
+    Some ``words`` are all that it takes; ``more`` as of typer.
+    """
+    if words:
+        more |= {"metavar": "|".join(words), "parser": one_of(*words)}
     return typer.Option(default, *names, help=explained, **more)
 
 
@@ -28,8 +35,8 @@ _FIRST = ("config", "out", "changes", "animation")
 def verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Make a verb of a function of its `Output` and of the verb's own options.
 
-    ``names`` are the options that it shares with others, which are in the output; ``other`` has those by name that this
-    verb explains in words of its own.
+    ``names`` are the options that it shares with others, which are in the output; ``other`` has by name the words with
+    which this verb explains some of them, or whole options. Paths that are given must have a name.
     """
 
     def decorate(function: Callable[..., None]) -> Callable[..., None]:
@@ -41,13 +48,21 @@ def verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[
                 parameter.default.param_decls = parameter.default.param_decls or (
                     f"--{parameter.name.replace('_', '-')}",
                 )
+                if Path in get_args(parameter.annotation):
+                    parameter.default.parser = named_path
 
         def described(name: str) -> inspect.Parameter:
             parameter = shared[name]
             if name == "config":  # required, though an output without a configuration is possible
                 parameter = parameter.replace(default=inspect.Parameter.empty)
-            taken, *_ = get_args(parameter.annotation)
-            return parameter.replace(annotation=Annotated[taken, other[name]]) if name in other else parameter
+            if name not in other:
+                return parameter
+            taken, explained = get_args(parameter.annotation)
+            own = other[name]
+            if isinstance(own, str):
+                own = copy(explained)
+                own.help = other[name]
+            return parameter.replace(annotation=Annotated[taken, own])
 
         first = [described(name) for name in _FIRST if name in shown]
         last = [described(name) for name in shared if name in shown and name not in _FIRST]

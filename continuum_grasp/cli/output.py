@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar, cast
 
 import typer
 
@@ -139,6 +139,11 @@ class Output:
         from continuum_grasp.scene import scene_of
 
         return scene_of(self.config, kinds, self.changes or ())
+
+    @staticmethod
+    def fail() -> NoReturn:
+        """End with the exit status of what has no usable result."""
+        raise typer.Exit(FAILED)
 
     def say(self, text: str) -> None:
         """Print text for people."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from continuum_grasp.base import InputError
-from continuum_grasp.cli import FAILED, OF_RUNS, Output, option, verb
+from continuum_grasp.cli import OF_RUNS, Output, option, verb
 
 if TYPE_CHECKING:
     from continuum_grasp.addons.identification.comparison import Predicted
@@ -93,7 +93,7 @@ def identify(
             lambda report: design_experiments(scene, measured, progress=report), replace(output, verb="experiments")
         )
         if plan.status != "designed":
-            raise typer.Exit(FAILED)
+            output.fail()
         return
 
     from continuum_grasp.addons.identification.data_files import located
@@ -107,7 +107,7 @@ def identify(
     show_parameters(fit, files, output)
     if fit.reason:
         output.warn([fit.verdict])
-        raise typer.Exit(FAILED)
+        output.fail()
 
 
 def _targets(paths: Sequence[Path]) -> list[tuple[Path, FingerScene]]:
@@ -222,7 +222,7 @@ def commission(
     show_parameters(commissioning, files, output)
     output.warn(commissioning.undetermined)
     if not commissioning.usable:
-        raise typer.Exit(FAILED)
+        output.fail()
 
 
 @verb(*OF_RUNS)
@@ -245,4 +245,4 @@ def replay(
     output.say("")
     output.report(prediction, files, **prediction.details())
     if prediction.status != "consistent":
-        raise typer.Exit(FAILED)
+        output.fail()

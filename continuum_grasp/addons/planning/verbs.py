@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from continuum_grasp.base import SolverError
-from continuum_grasp.cli import OF_RUNS, Output, named_path, option, verb
+from continuum_grasp.cli import OF_RUNS, Output, option, verb
 
 
 @verb(*OF_RUNS, "animation")
 def plan(
     output: Output,
-    warm: Path | None = option("Run folder of a plan from which to begin.", metavar="DIR", parser=named_path),
-    grasp: Path | None = option("Run folder of the grasp that is to be carried out.", metavar="DIR", parser=named_path),
+    warm: Path | None = option("Run folder of a plan from which to begin.", metavar="DIR"),
+    grasp: Path | None = option("Run folder of the grasp that is to be carried out.", metavar="DIR"),
     speed: float = option("Seconds of motion per second of animation.", default=0.1, metavar="S"),
 ) -> None:
     """Plan a whole motion to a goal. Costs: time, effort, smoothness, tracking."""

@@ -4,25 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import typer
+from continuum_grasp.cli import OF_RUNS, Output, option, verb
 
-from continuum_grasp.cli import OF_RUNS, Output, one_of, option, out_option, verb
-
-_OUT = out_option("Folder of the sweep (default: runs/sweep/NAME-OF-CONFIG); one that was stopped goes on.")
-_MAPS = typer.Option("--pictures/--no-pictures", help="Draw maps and Pareto pictures.")
+_FOLDER = "Folder of the sweep (default: runs/sweep/NAME-OF-CONFIG); one that was stopped goes on."
 
 
-@verb(*OF_RUNS, out=_OUT, pictures=_MAPS)
+@verb(*OF_RUNS, out=_FOLDER, pictures="Draw maps and Pareto pictures.")
 def sweep(
     output: Output,
     workers: int | None = option("Processes on this machine (default: all cores).", metavar="N", min=1, max=4096),
     scheduler: str | None = option("Work on a Dask cluster (extra: cluster).", metavar="tcp://HOST:PORT"),
-    keep: str = option(
-        "Of which runs to keep the files.",
-        default="all",
-        metavar="all|failed|none",
-        parser=one_of("all", "failed", "none"),
-    ),
+    keep: str = option("Of which runs to keep the files.", default="all", words=("all", "failed", "none")),
     plot_only: bool = option("Compute nothing: draw what the table holds by now.", default=False),
 ) -> None:
     """Find the grasps of many scenes. Keys vary on a grid or at random; a sweep resumes after an interruption."""
