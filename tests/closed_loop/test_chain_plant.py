@@ -208,6 +208,15 @@ def test_friction_acts_towards_the_base_while_it_is_pulled_and_turns_around_from
     assert np.concatenate(found) == pytest.approx([1.0, 1.0, -1.0, 1.0, -1.0, -1.0], abs=1e-6)
 
 
+def test_a_section_turns_as_fast_as_the_hinges_before_it_together():
+    """Of ten hinges in the middle of equal parts, three are before 0.3 of the length."""
+    model = at_rest(10, 0.1, pair).model
+    x = np.linspace(-1.0, 1.0, model.nx) ** 3
+    rates = model.function("rates", rate=model.angle_rates((0.3 * LENGTH, LENGTH)))
+    found = np.array(rates(x, [2.0, 1.0], model.forces(0.0)[0])).ravel()
+    assert found == pytest.approx([x[10:13].sum(), x[10:20].sum()])
+
+
 @pytest.mark.deep
 def test_it_presses_an_object_as_a_plant_of_elements_does():
     """Without friction of tendons, under gravity in the plane; both come to rest."""

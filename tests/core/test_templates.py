@@ -22,6 +22,7 @@ WORDS = {"n": 3, "none": (), "of": SimpleNamespace(size=0.5, map={"k": 7}), "pai
         (r"<<for k, v in pairs|,\n>><<k>><<end>>", "a,\nb"),
         ("<<for row in rows>>[<<for v in row| >><<v>><<end>>]<<if row>>+<<end>><<end>>", "[1 2]+[]"),
         ("<<for n in none>><<n>><<end>><<n>>", "3"),
+        ("<<for n in rows>>[<<for v in n>><<v>><<end>>]<<end>><<n>>", "[12][]3"),
         ("<<if n>><<if none>>a<<else>>b<<end>>c<<else>>d<<end>>", "bc"),
     ],
 )

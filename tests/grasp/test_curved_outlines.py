@@ -155,7 +155,8 @@ def test_a_contact_slides_over_arcs_on_a_smooth_outline(number):
 def test_corners_that_are_no_points_of_a_curve_stay():
     turns = 2.0 * np.pi * np.arange(24) / 24
     bent_box = [(-0.04, 0.0), (0.04, 0.0), (0.04, 0.05), (0.0, 0.0515), (-0.04, 0.05)]
-    for points in (0.04 * np.column_stack([np.cos(turns), np.sin(turns)]), bent_box):
+    roof = [(-0.005, -0.04), (0.005, -0.04), (0.005, 0.04), (0.0, 0.0402), (-0.005, 0.04)]
+    for points in (0.04 * np.column_stack([np.cos(turns), np.sin(turns)]), bent_box, roof):
         assert on(points).bends == ()
     # Of a notch, its corners and sides.
     assert sum(face.turn == 0.0 for face in on(notched()).faces) == 3
