@@ -239,7 +239,7 @@ def test_slip_is_answered_as_in_python(tmp_path, monkeypatch):
 @needs("cc")
 def test_an_object_is_held_until_it_is_asked_for(package, tmp_path):
     """With the commands of the plan as long as the horizon does not see its end, then with those of the last rest."""
-    mission = carried("mug")
+    mission = carried("mug", CONVERGES)
     of, number = mission.assignments[0], phase_numbers(package)
     waiting = of.mission.replaced(phases=of.mission.phases.replaced(hold_until_release=True))
     export_c(replace(mission, assignments=(replace(of, mission=waiting),)), tmp_path / "waits")
