@@ -8,6 +8,7 @@ from copy import copy
 from dataclasses import replace
 from itertools import count
 from numbers import Integral
+from typing import TypedDict
 
 import numpy as np
 
@@ -48,6 +49,13 @@ _RATES = (
         "and tendons.time_constant exclude each other: the lag gives the rates",
     ),
 )
+
+
+class FrictionHistory(TypedDict, total=False):
+    """History by which a finger with friction came to its shape, as ``equilibrium_under`` takes it."""
+
+    reached_by: str
+    friction_states: Sequence[float] | None
 
 
 class Structure:
@@ -400,6 +408,14 @@ class Structure:
                 f"({', '.join(self.friction_names)}), got {len(states)}",
                 key="initial.friction_states",
             )
+
+    def friction_of(self, initial: Initial, *, needed: bool = True) -> FrictionHistory:
+        """Friction history that a pose has, if any; InputError where it is ``needed`` and not there."""
+        if needed or initial.reached_by is not None:
+            self.check_reached_by(initial)
+        if initial.reached_by is None or not self.friction_states:
+            return {}
+        return {"reached_by": initial.reached_by, "friction_states": initial.friction_states}
 
     def _mesh(self) -> Mesh:
         """Elements, with the finger along them."""

@@ -42,12 +42,12 @@ from .finger import Finger as Finger
 from .finger import PointMass as PointMass
 from .finger import Stops as Stops
 from .finger import TipBody as TipBody
+from .finger_setup import FingerSetup as FingerSetup
 from .graded import PiecewiseCurvature as PiecewiseCurvature
 from .graded import RodFactors as RodFactors
 from .graded import RodSamples as RodSamples
 from .graded import RodSection as RodSection
 from .graded import SpiRob as SpiRob
-from .grasp import FingerSetup as FingerSetup
 from .grasp import GraspScene as GraspScene
 from .grasp_options import Disturbances as Disturbances
 from .grasp_options import FingerContacts as FingerContacts

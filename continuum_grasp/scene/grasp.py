@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, pairwise, product
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.curved_parts import SHARE
-from continuum_grasp.scene.drives import DriveLaw
+from continuum_grasp.scene.finger_setup import FingerSetup
 from continuum_grasp.scene.grasp_options import (
     Aim,
     AnyFinger,
@@ -30,17 +29,13 @@ from continuum_grasp.scene.grasp_options import (
 from continuum_grasp.scene.methods import FAMILIES, ONE_TURN
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.placement import Supported, is_beside
-from continuum_grasp.scene.reach import Reach
 from continuum_grasp.scene.simulate import Fidelity
-from continuum_grasp.scene.supports import Peg, Place, Switch
+from continuum_grasp.scene.supports import Peg, Place
 from continuum_grasp.scene.tendons import Tendons
 from continuum_grasp.scene.value import Configuration
 
 # Names become parts of contact names, as in left.middle_1, and of columns in tables.
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
-_RELEASED = 1.4
-"""Factor on the default bend of an element where friction may let go: with tendons that slide back, at tensions that
-stay, it bent by 1.8, 2.7 and 3.6 rad at friction 0.05, 0.1 and 0.15, pulled by 1.3 rad (mug)."""
 _TOUCHING = 1e-6
 """Gap, as a part of the object's size, up to which an object at rest lies against a support."""
 _TURNS = 360
@@ -68,129 +63,6 @@ _FINGERS = Consumer.refusals(
 )
 _PLACES = "stations stand in place of middle contacts: give one of them"
 (_STATIONS,) = Consumer.refusals(f"contacts.middle with stations: {_PLACES}")
-
-
-@dataclass(frozen=True)
-class FingerSetup:
-    """A finger of a scene with all defaults resolved."""
-
-    name: str
-    finger: GraspFinger
-    middles: tuple[Switch, ...]
-    """Middle contacts from base to tip."""
-    tip: Switch
-    before: tuple[int, ...]
-    """Per middle contact, the number of elements between it and the base."""
-    elements: int
-    family: str
-    bending_range: float
-    """Greatest bend of an element [rad]; for clothoids its length times its greatest curvature."""
-    accuracy: float | None
-    """Relative accuracy of the model's evaluation."""
-    middle_bounds: tuple[float, float]
-    """Least and greatest position of middle contacts along the finger [m]."""
-    stations: tuple[float, ...]
-    """Positions of stations along the finger, which touch up to half of their distance off [m]; empty: there
-    are middle contacts.
-    """
-    friction: float
-    held_friction: float
-    """``friction`` less the reserve: what grasps are sought and certified with."""
-    normal_force_max: float
-    """Greatest normal force of the contact [N]."""
-
-    @property
-    def tendons(self) -> Tendons:
-        """The finger's tendons, a pair which every finger of a grasp has; the offset is that at the base."""
-        if isinstance(self.finger.tendons, Tendons):
-            return self.finger.tendons
-        tendon = self.finger.tendon_list[0]
-        # The arm has the cosine of tendons that are inclined.
-        return Tendons(
-            offset=self.finger.channels[0].arms[0],
-            **{name: getattr(tendon, name) for name in Tendons.model_fields if name != "offset"},
-        )
-
-    @property
-    def drive(self) -> DriveLaw | None:
-        """Drive that winds up the tendons; None where tensions are commanded."""
-        return self.finger.drive_law
-
-    @property
-    def max_tension(self) -> float:
-        """Greatest tension that a tendon bears and that its own motor pulls up [N]."""
-        law, limit = self.drive, self.tendons.max_tension
-        return limit if law is None or law.pulley else min(limit, law.greatest)
-
-    @property
-    def graded(self) -> bool:
-        """Whether something of the finger changes along it."""
-        return is_graded(self.finger)
-
-    @property
-    def tendon_friction_states(self) -> int:
-        """Number of friction states of its tendons, which run alike."""
-        return self.elements * self.tendons.friction_cells if self.tendons.friction > 0.0 else 0
-
-    @property
-    def bending_cells(self) -> int:
-        """Cells per element along which dry friction in bending has one state of each branch; 0 without it."""
-        if not self.finger.damping.dry_friction:
-            return 0
-        return 1 if FAMILIES[self.family].even else self.finger.damping.friction_cells
-
-    @property
-    def friction_states(self) -> int:
-        """Number of all friction states, those of the tendons before those of its bending."""
-        branches = len(self.finger.damping.dry_friction)
-        return self.tendon_friction_states + self.elements * self.bending_cells * branches
-
-    @cached_property
-    def stiffness(self) -> float:
-        """E I of the uniform rod whose tip a couple turns as far [N m2]: the harmonic mean, a scale of moments."""
-        profile, curve = self.finger.profile, self.finger.profile.bending_stiffness
-        if curve.constant is not None:
-            return curve.constant
-        return profile.length / float(profile.moments(lambda s: 1.0 / curve(s), (0.0, profile.length))[0, 0])
-
-    @property
-    def switches(self) -> dict[str, Switch]:
-        """Whether contacts are on, by their names: the middle ones and the tip."""
-        return dict(zip((*self.middle_names, self.tip_name), (*self.middles, self.tip), strict=True))
-
-    @property
-    def middle_places(self) -> tuple[float, ...]:
-        """Positions of middle contacts that do not touch [m]: the stations, or spread as the elements are."""
-        return self.stations or tuple(self.finger.rod.length * count / self.elements for count in self.before)
-
-    @property
-    def middle_names(self) -> tuple[str, ...]:
-        """Names of the middle contacts: ``<finger>.middle``, or ``<finger>.middle_1`` and so on; of stations
-        ``<finger>.station_1`` and so on.
-        """
-        if self.stations:
-            return tuple(f"{self.name}.station_{k + 1}" for k in range(len(self.stations)))
-        if len(self.middles) == 1:
-            return (f"{self.name}.middle",)
-        return tuple(f"{self.name}.middle_{k + 1}" for k in range(len(self.middles)))
-
-    @property
-    def contact_bounds(self) -> tuple[tuple[float, float], ...]:
-        """Least and greatest position of each middle contact or station along the finger [m]."""
-        low, high = self.middle_bounds
-        if not self.stations:
-            return (self.middle_bounds,) * len(self.middles)
-        half = 0.5 * (high - low) / (len(self.stations) - 1)
-        return tuple((max(low, at - half), min(high, at + half)) for at in self.stations)
-
-    def check_reach(self, key: str, position: tuple[float, float], body: GraspObject) -> None:
-        """Refuse a position of an object, below a key, at which the finger cannot touch the object."""
-        Reach(self.finger, body=body).check(key, {"position": position})
-
-    @property
-    def tip_name(self) -> str:
-        """Name of the tip contact."""
-        return f"{self.name}.tip"
 
 
 class GraspScene(Configuration, Supported):
@@ -249,7 +121,9 @@ class GraspScene(Configuration, Supported):
     @cached_property
     def setups(self) -> tuple[FingerSetup, ...]:
         """The fingers with everything resolved."""
-        return tuple(self._setup(name, finger) for name, finger in self.named_fingers.items())
+        fingers, defaults = self.named_fingers, (self.contacts, self.fidelity)
+        releases = self.friction_states == "any"
+        return tuple(FingerSetup.of(name, finger, *defaults, releases=releases) for name, finger in fingers.items())
 
     @property
     def pairs(self) -> tuple[tuple[int, int], ...]:
@@ -368,42 +242,6 @@ class GraspScene(Configuration, Supported):
         reaches = [max(part.support(angle) for part in self.object.parts) for angle in facing]
         return min(heights) - max(reaches) - 0.5 * extent * step, max(heights) - min(reaches) + 0.5 * extent * step
 
-    def _setup(self, name: str, finger: GraspFinger) -> FingerSetup:
-        contacts: dict[str, Any] = {**dict(self.contacts), **finger.contacts.stated()}
-        fidelity = finger.fidelity or self.fidelity
-        middle = contacts["middle"]
-        middles: tuple[Switch, ...] = (cast(Switch, middle),) if isinstance(middle, str) else middle
-        places: Any = contacts["stations"] or 0
-        middles = ("auto",) * places or middles
-        elements = fidelity.elements
-        # Two per segment between base, contacts and tip at least.
-        count = elements if isinstance(elements, int) else max(8, 2 * (len(middles) + 1))
-        length = finger.rod.length
-        # A contact at base or tip would leave an element of no length.
-        low, high = contacts["middle_range"] or (0.05 * length, 0.95 * length)
-        stations = tuple(low + (high - low) * k / (places - 1) for k in range(places))
-        # All elements together may bend by two turns, and each by 120 degrees at least; tapered ones, of which the
-        # greatest curvature counts, by 180.
-        bends = max(4 * math.pi / count, (1.0 if is_graded(finger) else 2.0 / 3.0) * math.pi)
-        if self.friction_states == "any" and finger.has_friction:
-            bends = max(bends, min(_RELEASED * bends, ONE_TURN))
-        return FingerSetup(
-            name=name,
-            finger=finger,
-            middles=middles,
-            tip=contacts["tip"],
-            before=tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles))),
-            elements=count,
-            family=fidelity.family or FAMILIES.default(free_tip=bool(finger.free_tip_reasons)),
-            bending_range=fidelity.bending_range or bends,
-            accuracy=fidelity.accuracy,
-            middle_bounds=(low, high),
-            stations=stations,
-            friction=contacts["friction"],
-            held_friction=(1.0 - self.contacts.reserve) * contacts["friction"],
-            normal_force_max=contacts["normal_force_max"],
-        )
-
     def place_of(self, setup: FingerSetup) -> str:
         """Path to a finger in the scene."""
         return "finger" if self.fingers is None else f"fingers.{setup.name}"
@@ -506,13 +344,6 @@ def _can_meet(finger: GraspFinger, other: GraspFinger) -> bool:
         return True
     reach = finger.rod.length + other.rod.length + finger.thickness_radius + other.thickness_radius
     return math.dist(finger.base.position, other.base.position) < reach
-
-
-def is_graded(finger: GraspFinger) -> bool:
-    """Whether something of a finger that matters to grasps changes along it."""
-    profile, shapes = finger.profile, [channel.shape for channel in finger.channels]
-    curves = (profile.rest_curvature, profile.half_thickness, profile.half_depth, *shapes)
-    return not profile.uniform or any(curve is not None and curve.constant is None for curve in curves)
 
 
 def _are_pair(finger: GraspFinger) -> bool:

@@ -8,7 +8,6 @@ from .accuracy.space import refined as refined
 from .contacts import ContactHistory as ContactHistory
 from .initial import initial_state as initial_state
 from .replay import scene_under as scene_under
-from .rest import friction_of as friction_of
 from .run import integrate as integrate
 from .signals import Signals as Signals
 from .signals import interpolate as interpolate

@@ -9,7 +9,7 @@ import numpy as np
 from continuum_grasp.base import Array, check_arguments
 from continuum_grasp.model import FingerModel, Memory, System
 from continuum_grasp.scene import FAMILIES, Scene
-from continuum_grasp.simulation.rest import friction_of, model_at_rest, rest_at, states_of_motors
+from continuum_grasp.simulation.rest import model_at_rest, rest_at, states_of_motors
 from continuum_grasp.simulation.signals import Signals
 
 
@@ -64,7 +64,7 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
         q = model.structure.straight()
     # Drives have reached what is commanded at time zero: nothing moves because of them.
     p = np.array(model.p_nominal)
-    history = model.friction_history(q, u, p, **friction_of(initial, model, needed=False))
+    history = model.friction_history(q, u, p, **model.structure.friction_of(initial, needed=False))
     ways = model.friction_after(q, u, p, history)
     at_rest = np.concatenate([stands, u[stands.size :]])
     drives = np.array(model.drives_at(q, at_rest, ways))

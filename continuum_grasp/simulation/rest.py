@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp.base import Array, InputError, SolverError, check_arguments, choice, real_array
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import Actuation, Initial, LengthDrive, Load, Scene
+from continuum_grasp.scene import Actuation, LengthDrive, Load, Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.slack import TensionLimit, tension_limits
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric, poles
@@ -263,7 +263,7 @@ def rest_at(scene: Scene, model: FingerModel, *, at: float = 0.0, **search: Any)
     """
     angles = scene.initial.motor_angles
     if angles is None:
-        signals, friction = Signals(scene, model), friction_of(scene.initial, model)
+        signals, friction = Signals(scene, model), model.structure.friction_of(scene.initial)
         return rest_under(model, signals.u(at)[0], signals.w(at)[0], **friction, **search)
     motors, finger = model.structure.motors, scene.finger.with_drives(_locked)
     wound = tuple(motor.radius * angle for motor, angle in zip(motors, angles, strict=True))
@@ -306,22 +306,6 @@ def _locked(drive: Any) -> Any:
     # 1e12: torque that holds a motor wherever it stands [N m]: the greatest number that a scene has
     servo = {"position_gain": stiffness, "rate_gain": 0.0, "torque_max": 1e12}
     return drive.replaced(gear_stiffness=stiffness, **servo)
-
-
-class Friction(TypedDict, total=False):
-    """History by which a finger with friction came to its shape; see ``equilibrium_under``."""
-
-    reached_by: str
-    friction_states: Sequence[float] | None
-
-
-def friction_of(initial: Initial, model: FingerModel, *, needed: bool = True) -> Friction:
-    """Friction history that a scene gives for its finger, if any; InputError where it is ``needed`` and not there."""
-    if needed or initial.reached_by is not None:
-        model.structure.check_reached_by(initial)
-    if initial.reached_by is None or not model.friction_names:
-        return {}
-    return {"reached_by": initial.reached_by, "friction_states": initial.friction_states}
 
 
 def rest_under(

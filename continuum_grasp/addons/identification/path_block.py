@@ -26,7 +26,6 @@ from continuum_grasp.model import FingerModel, Memory, Parameters
 from continuum_grasp.scene import INTEGRATORS, Scene
 from continuum_grasp.simulation import (
     Signals,
-    friction_of,
     spectral_radius,
 )
 
@@ -198,7 +197,7 @@ class PathBlock(MeasuredBlock):
         row, late = self._commands(np.array([self._begins]), delay)[0], np.zeros((model.nu, len(values)))
         if self._late is not None:
             late[:, self._late] = row[model.nu :]
-        u, how = row[: model.nu], friction_of(self._initial, model, needed=False)
+        u, how = row[: model.nu], model.structure.friction_of(self._initial, needed=False)
         # friction is that of the first shape, and goes on from there
         history = model.friction_history((*self._passed, x[:n])[0], u, p, **how)
         x[2 * n :], slope[2 * n :] = self._start(Dual(x[:n], slope[:n]), Dual(u, late), Dual(p, self._turned), history)

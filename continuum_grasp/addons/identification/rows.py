@@ -16,7 +16,7 @@ from continuum_grasp.addons.identification.unknowns import DELAY, START, Unknown
 from continuum_grasp.base import Array, InputError, SolverError, split_unit
 from continuum_grasp.model import FingerModel, Memory
 from continuum_grasp.scene import Scene
-from continuum_grasp.simulation import Signals, equilibrium_under, friction_of
+from continuum_grasp.simulation import Signals, equilibrium_under
 
 
 def runtime_names(scene: Scene, unknowns: Sequence[Unknown], more: Sequence[str] = ()) -> tuple[str, ...]:
@@ -102,7 +102,7 @@ class RestShapes:
             self._table[:, names.index(target)] = np.asarray(values, dtype=float)
         self._own, self._derivative = set_by(unknowns, names)
         # Measured shapes were pulled, unless the scene says otherwise.
-        start = equilibrium_under(model, *acting, **friction_of(scene.initial, model, needed=False))
+        start = equilibrium_under(model, *acting, **model.structure.friction_of(scene.initial, needed=False))
         fixed = [Dual(v, np.zeros((v.size, len(unknowns)))) for v in (nominal, start.q, start.history)]
         self.start = [Resting(*fixed)] * rows
         self._reach = model.structure.family.coordinate_size(min(model.ranges), max(model.lengths))
