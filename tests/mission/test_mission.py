@@ -576,8 +576,8 @@ def command(monkeypatch, found, *arguments, error=None):
 
     grasp = SimpleNamespace(statistics={"interrupted": False})
     monkeypatch.setattr("continuum_grasp.grasp.optimize_grasp", lambda scene: grasp)
-    monkeypatch.setattr("continuum_grasp.addons.mission.run.run_mission", instead)
-    monkeypatch.setattr(runs, "run_trials", instead)
+    monkeypatch.setattr("continuum_grasp.addons.mission.run_mission", instead)
+    monkeypatch.setattr("continuum_grasp.addons.mission.run_trials", instead)
     return CliRunner().invoke(app, ["mpc", str(MUG), *map(str, arguments)])
 
 
