@@ -23,7 +23,6 @@ from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Actuation, LengthDrive, Load, Scene
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.slack import TensionLimit, tension_limits
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric, poles
 
 LOST = 3.0
@@ -41,7 +40,7 @@ number."""
 
 @dataclass(frozen=True)
 class RestingShape:
-    """A shape in which the forces on a finger balance; `Equilibrium` describes the attributes."""
+    """A shape in which the forces on a finger balance; `Equilibrium` is the result that is made of it."""
 
     q: Array
     u: Array
@@ -68,31 +67,6 @@ class RestingShape:
             return self.u[:count] if count else None
         history = (self.history,) if self.history.size else ()
         return np.array(self.model.tensions_at_rest()(self.q, self.u, self.p, *history)).ravel()
-
-    @property
-    def limits(self) -> tuple[TensionLimit, ...]:
-        """Limits that tensions exceed, and tendons that are slack."""
-        return tension_limits(self.model.finger, self.tensions)
-
-    @cached_property
-    def commands(self) -> Array | None:
-        """Least and greatest command (motors, 2) under which motors stay here; None without motors.
-
-        Dry friction of a motor holds it under every command between: torque [N m], current [A] or angle [rad]. Pulled
-        up to here it needs the one, let out to here the other: of a motor that winds up, the greatest and the least.
-        Where a motor cannot hold (``torque_max``), both are nan; where a servo gives all its torque and holds, the
-        angle has no bound on that side.
-        """
-        motors = self.model.structure.motors
-        if self.tensions is None or not motors:
-            return None
-        drives = self.model.drives_at(self.q, self.u, self.friction_states, p=self.p)
-        friction = dict(zip(self.model.p_names, self.p.tolist(), strict=True)).get("drive_coulomb_friction [N m]")
-        tensions = self.tensions.tolist()
-        states = zip(motors, states_of_motors(self.model, np.array(drives)), strict=True)
-        return np.array(
-            [motor.holding(at.tolist(), [tensions[k] for k in motor.tendons], friction) for motor, at in states]
-        )
 
     @property
     def tip(self) -> Array:
@@ -150,8 +124,7 @@ class EquilibriumSearch:
             ) from error
         residual = float(np.abs(missing).max() / max(self._scales(q)))
         inputs = self._u, self._w, self._p
-        solution = RestingShape(q, *inputs, steady, margin, residual, iterations, self._model, history=self._history)
-        return replace(solution, warnings=(*warnings, *map(str, solution.limits)))
+        return RestingShape(q, *inputs, steady, margin, residual, iterations, self._model, warnings, self._history)
 
     def _checked(self, q: Array) -> tuple[str, ...]:
         """Warnings of a shape that the model is good for."""

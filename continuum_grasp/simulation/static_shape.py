@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -12,7 +12,8 @@ from continuum_grasp.base import Array, named_value
 from continuum_grasp.core import Core
 from continuum_grasp.results import Dimension, Picture, Result, Stored
 from continuum_grasp.scene import Scene
-from continuum_grasp.simulation.rest import RestingShape
+from continuum_grasp.simulation.rest import RestingShape, states_of_motors
+from continuum_grasp.simulation.slack import TensionLimit, tension_limits
 from continuum_grasp.simulation.trajectory import acting_forces, error_text
 
 
@@ -71,7 +72,33 @@ class Equilibrium(RestingShape, Result):
     @classmethod
     def of(cls, found: RestingShape, scene: Scene | None = None) -> Equilibrium:
         """A shape at rest as a result, of a scene where there is one."""
-        return cls(**{each.name: getattr(found, each.name) for each in fields(RestingShape)}, scene=scene)
+        result = cls(**{each.name: getattr(found, each.name) for each in fields(RestingShape)}, scene=scene)
+        return replace(result, warnings=(*found.warnings, *map(str, result.limits)))
+
+    @property
+    def limits(self) -> tuple[TensionLimit, ...]:
+        """Limits that tensions exceed, and tendons that are slack."""
+        return tension_limits(self.model.finger, self.tensions)
+
+    @cached_property
+    def commands(self) -> Array | None:
+        """Least and greatest command (motors, 2) under which motors stay here; None without motors.
+
+        Dry friction of a motor holds it under every command between: torque [N m], current [A] or angle [rad]. Pulled
+        up to here it needs the one, let out to here the other: of a motor that winds up, the greatest and the least.
+        Where a motor cannot hold (``torque_max``), both are nan; where a servo gives all its torque and holds, the
+        angle has no bound on that side.
+        """
+        motors = self.model.structure.motors
+        if self.tensions is None or not motors:
+            return None
+        drives = self.model.drives_at(self.q, self.u, self.friction_states, p=self.p)
+        friction = dict(zip(self.model.p_names, self.p.tolist(), strict=True)).get("drive_coulomb_friction [N m]")
+        tensions = self.tensions.tolist()
+        states = zip(motors, states_of_motors(self.model, np.array(drives)), strict=True)
+        return np.array(
+            [motor.holding(at.tolist(), [tensions[k] for k in motor.tendons], friction) for motor, at in states]
+        )
 
     @cached_property
     def space_error(self) -> float:

@@ -180,7 +180,7 @@ def at_both_ends(motion: Trajectory) -> Trajectory:
         if errors[-1] > _NOTICED:
             size = error_text(errors[-1], motion.length)
             warnings.append(f"{where} the error that the elements leave is {size}: take more, or fidelity.tolerance")
-        known = (*motion.warnings, *map(str, rest.limits))  # of motions too, with the instant
+        known = motion.warnings
         said = [text for text in rest.warnings if not any(other.startswith(text.split(" (")[0]) for other in known)]
         warnings += [f"{where} {text}" for text in said]
     statistics = {**motion.statistics, "static_error_s": perf_counter() - began}
