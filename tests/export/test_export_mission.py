@@ -177,7 +177,7 @@ def test_a_functional_mock_up_unit_is_the_package_to_the_bit(fmi, package, tmp_p
 
     from tests.fmu_cases import Instance
 
-    mission, last = carried("mug"), 130
+    mission, last = carried("mug", CONVERGES), 130
     (unit,) = export_fmu(mission, tmp_path, name="mug", fmi=[fmi])
     assert validate_fmu(str(unit.file)) == []
     assert unit.inputs[-2:] == ("release", "abort")
