@@ -40,8 +40,8 @@ from continuum_grasp.grasp.effort import (
     UNFOLLOWED,
     WORSE,
 )
-from continuum_grasp.grasp.finger_map import SETTLED, SceneMaps, is_mapped, places_of
-from continuum_grasp.grasp.modes import contact_modes, with_elements
+from continuum_grasp.grasp.finger_map import FEW, SETTLED, SceneMaps, is_mapped, places_of
+from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, GraspAttempt, GraspSolverRun
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.starts import basin_starts, make_starts, starts_of
@@ -53,11 +53,6 @@ from continuum_grasp.scene import GraspScene
 
 ALIKE = "like one that was solved before"
 """Reason why a start is not solved again."""
-FEW = 4
-"""Elements up to which fingers bend otherwise than exact rods do: with eight, samples alone held 2 of 266 random
-scenes (`benchmarks.grasp_images`, `benchmarks.grasp_populations`)."""
-FINE = 8
-"""Elements with which grasps of fingers with two are found first: exact rods are no starts for so few."""
 
 
 class GraspSearch:
@@ -65,7 +60,7 @@ class GraspSearch:
 
     def __init__(self, scene: GraspScene, budget: Budget) -> None:
         self.scene, self.budget = scene, budget
-        self.settled: list[Candidate] = []  # exact rods that hold the object, those of least tension first
+        self.settled: list[Candidate] = []  # fingers that hold the object, those of least tension first
         self.tried: list[Tried] = []
         self.good: list[Tried] = []  # those that the certificate confirms
         self.fallback: Tried | None = None  # a grasp with least tension, where something else is sought
@@ -79,6 +74,7 @@ class GraspSearch:
         self._basins: dict[frozenset[str], list[GraspStart]] = {}
         self._rough: dict[frozenset[str], list[GraspStart]] = {}
         self._solvers: dict[tuple[tuple[str, int], ...], GraspSolverRun] = {}  # by names and parts of contacts
+        self._maps = SceneMaps(scene)
         self._curled = frozenset[str]()  # fingers that passed through themselves in an attempt
 
     @property
@@ -106,7 +102,7 @@ class GraspSearch:
         the best grasp where its solver was stopped.
         """
         if is_mapped(self.scene):
-            self._from_maps()
+            self._from_settled()
         if not self._least_tension and not (self.best and self.best.attempt.optimal):
             self._from(GraspSearch(self.scene.replaced(objective="least_tension"), self.budget), "least tension")
         if self.is_sampled and (self.best is None or self.excess > OPEN):
@@ -117,40 +113,30 @@ class GraspSearch:
     @cached_property
     def is_sampled(self) -> bool:
         """Whether postures are sampled where exact rods lead nowhere."""
-        return not is_mapped(self.scene) or all(setup.elements <= FEW for setup in self.scene.setups)
+        return not is_mapped(self.scene)
 
     # -- exact rods --------------------------------------------------------------------------------------------
 
-    def settle(self, wider: SceneMaps | None = None) -> list[Candidate]:
-        """Exact rods that hold the object, those of least tension first, then those that come nearest to it; from maps
-        of a ``wider`` scene where those are known.
+    def settle(self, maps: SceneMaps, *, exact: bool = False) -> list[Candidate]:
+        """Fingers that hold the object, those of least tension first, then those that come nearest to it: as they bend
+        with few elements, or as ``exact`` rods.
         """
-        began, maps = time.perf_counter(), SceneMaps(self.scene, wider)
+        began = time.perf_counter()
         places = [(mode, place) for mode in self.modes for place in places_of(self.scene, mode)[: self._effort.places]]
-        starts = [start for mode, place in places for start in maps.settled(mode, place)]
+        starts = [start for mode, place in places for start in maps.settled(mode, place, exact=exact)]
         self.start_seconds += time.perf_counter() - began
         return [Candidate(start) for start in sorted(starts, key=_promise)]
 
-    def _from_maps(self) -> None:
-        """Start from exact rods, of two elements from grasps of the scene with more, curved as its own."""
-        if all(setup.elements <= 2 for setup in self.scene.setups):
-            segments = max(len(setup.middles) for setup in self.scene.setups) + 1
-            fine = GraspSearch(with_elements(self.scene, FINE // segments, as_curved=True), self.budget)
-            self._from(fine, "more elements")
-            self.settled = fine.settled
-        else:
-            self._from_settled()
-
     def _from_settled(self) -> None:
-        """Start from exact rods that hold the object, as far as they are better than the best grasp, or from those that
+        """Start from fingers that hold the object, as far as they are better than the best grasp, or from those that
         come nearest to it.
         """
         if not self.budget.over:
-            self.settled = self.settle()
+            self.settled = self.settle(self._maps)
         for candidate in self.settled[: self._effort.settled]:
             if self.budget.over or self.proven or self._promised(candidate) > SURE:
                 return
-            if not candidate.holds and (self.is_sampled or self.best is not None):
+            if not candidate.holds and self.best is not None:
                 return
             candidate.tried = True
             # Boldly first, since it is nearly exact.
@@ -179,10 +165,15 @@ class GraspSearch:
         tell as another objective is sought, or object or bases may move.
         """
         best = self.best
-        if best is None or not self._least_tension or self._moves:
+        if best is None or not self._tensions_tell:
             return 0.0
         # Both may be none, but for rounding.
         return (candidate.start.estimate + self._least_difference) / (self._tension(best) + self._least_difference)
+
+    @property
+    def _tensions_tell(self) -> bool:
+        """Whether tensions of settled fingers are those of grasps: nothing else is sought, and nothing may move."""
+        return self._least_tension and not self._moves
 
     @property
     def _least_tension(self) -> bool:
@@ -198,7 +189,8 @@ class GraspSearch:
         """Sum of the tensions [N] with which exact rods hold, where that is clearly less than the best grasp's; NaN: it
         is not, was not asked, or rods do not tell as they know no histories of friction.
         """
-        if any(setup.friction_states for setup in self.scene.setups):
+        histories = any(setup.friction_states for setup in self.scene.setups)
+        if histories or self.best is None or not self._tensions_tell:
             return math.nan
         less = [held.start.estimate for held in self.held_exactly if 0.0 < self._promised(held) < UNFOLLOWED]
         return min(less, default=math.nan)
@@ -211,7 +203,17 @@ class GraspSearch:
     @property
     def held_exactly(self) -> list[Candidate]:
         """Exact rods that hold the object."""
+        return [candidate for candidate in self._settled_exactly if candidate.start.imbalance < BALANCED]
+
+    @property
+    def _held(self) -> list[Candidate]:
         return [candidate for candidate in self.settled if candidate.start.imbalance < BALANCED]
+
+    @cached_property
+    def _settled_exactly(self) -> list[Candidate]:
+        if not self.settled or all(setup.elements > FEW for setup in self.scene.setups):
+            return self.settled
+        return self.settle(self._maps, exact=True)
 
     # -- samples of postures -----------------------------------------------------------------------------------
 
@@ -306,7 +308,7 @@ class GraspSearch:
             starts_solved=len(self.good),
             starts_failed=len(self.tried) - len(self.good),
             settled=sum(candidate.holds for candidate in self.settled),
-            untried=sum(not held.tried and self._promised(held) < 1.0 - OPEN for held in self.held_exactly),
+            untried=sum(not held.tried and self._promised(held) < 1.0 - OPEN for held in self._held),
             exact_less=self.exact_less,
             pruned=dict(self._pruned),
         )

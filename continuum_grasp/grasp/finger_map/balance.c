@@ -60,7 +60,7 @@ static Contact finger_contact(const Rod *rod, const double *unit, const Finger *
         scaled(unit[0], minus(touch->x, times(touch->half, touch->nx))),
         scaled(unit[0], minus(touch->y, times(touch->half, touch->ny))), touch->nx, touch->ny,
         scaled(unit[1], tip ? at->normal : z[5 + 3 * k]), scaled(unit[1], tip ? at->friction : z[6 + 3 * k]),
-        first, 4 + 3 * rod->contacts};
+        first, numbers_of(rod)};
 }
 
 static Contact support_contact(const Balance *b, int k, const double *x, int first)
@@ -80,7 +80,7 @@ static void add_fingers(const Balance *b, Held *to, Contact *contact, int *equal
     int first = 0;
     for (int f = 0; f < b->fingers; ++f) {
         const Rod *rod = b->rod[f];
-        const int size = 4 + 3 * rod->contacts;
+        const int size = numbers_of(rod);
         Finger at;
         dual z[NUMBERS], row[ROWS];
         read_numbers(rod, 1, to->x + first, z);

@@ -35,6 +35,9 @@ WITHIN = 0.01
 """Excess over limits that a sample may have, in lengths and forces of the finger."""
 THIN = 100
 """Samples of a part of a map below which it is filled by itself: its cells may be smaller."""
+FOLLOWED = 150
+"""Samples of another map from which one is filled: of the exact rod those that few elements follow, of wider limits
+those that come nearest to be within."""
 MOST = 3000
 """Samples from which on a map is not filled further."""
 
@@ -95,22 +98,27 @@ class FingerMap:
     @staticmethod
     def of(finger: MapFinger) -> FingerMap:
         """Sample a finger's equilibria."""
-        seeds = _seeds(finger)
-        if len(seeds):
-            seeds = _onto(finger, seeds)
-        if not len(seeds):
-            return FingerMap(finger, finger.traced(np.zeros((0, finger.numbers))))
-        return FingerMap(finger, _filled(finger, seeds))
+        return FingerMap._from(finger, _onto(finger, _seeds(finger)))
+
+    def followed_by(self, finger: MapFinger) -> FingerMap:
+        """The map of few elements from that of the exact rod."""
+        some = self.samples.z[:: max(1, len(self) // FOLLOWED)]
+        near = finger.onto(finger.followed(some), ONTO, ENTERED, ON_SET)
+        return FingerMap._from(finger, near if len(near) else _onto(finger, _seeds(finger)))
+
+    @staticmethod
+    def _from(finger: MapFinger, seeds: Array) -> FingerMap:
+        none = finger.traced(np.zeros((0, finger.numbers)))
+        return FingerMap(finger, _filled(finger, seeds) if len(seeds) else none)
 
     def within(self, finger: MapFinger) -> FingerMap:
         """The part of it within the limits of another such finger, filled where it has few samples."""
-        at = finger.traced(self.samples.z, entered=ENTERED)
+        at = finger.traced(self.samples.z, slopes=False, entered=ENTERED)
         part = at.take(at.excess < WITHIN)
         if len(part) >= THIN or not len(at):
             return FingerMap(finger, part)
-        near = np.argsort(at.excess, kind="stable")[:SEEDS]
-        seeds = finger.onto(at.z[near], ONTO, ENTERED, ON_SET)
-        return FingerMap(finger, _filled(finger, seeds) if len(seeds) else part)
+        near = np.argsort(at.excess, kind="stable")[:FOLLOWED]
+        return FingerMap._from(finger, finger.onto(at.z[near], ONTO, ENTERED, ON_SET))
 
 
 def _grid(finger: MapFinger) -> tuple[tuple[int, int, int], Array]:
@@ -148,19 +156,19 @@ def _between(a: Array, b: Array, at_a: Array, at_b: Array) -> Array:
 
 def _seeds(finger: MapFinger) -> Array:
     """Rods that nearly touch (N, n)."""
-    plain = finger.with_middles(0)
+    plain = finger.exactly(0)
     shape, z = _grid(finger)
     if not finger.middles:
-        gap = finger.touches(z).conditions.value[:, -1]
+        gap = plain.touches(z).conditions.value[:, -1]
         first, second = _edges(shape, gap, around=1).T
         return _between(z[first], z[second], gap[first], gap[second])
     seeds = z
     for contact in range(finger.middles):
-        before = plain if contact == 0 else finger.with_middles(contact)
+        before = plain if contact == 0 else finger.exactly(contact)
         seeds = _with_middle(before, seeds, shape if contact == 0 else None)
         # of these, drawn evenly
         seeds = seeds[np.linspace(0, len(seeds) - 1, min(len(seeds), LOWS)).astype(int)] if len(seeds) else seeds
-        finger_here = finger.with_middles(contact + 1)
+        finger_here = finger.exactly(contact + 1)
         seeds = _with_forces(finger_here, seeds)
         if not len(seeds):
             break
@@ -219,8 +227,11 @@ def _with_forces(finger: MapFinger, z: Array) -> Array:
 
 def _onto(finger: MapFinger, z: Array) -> Array:
     """The seeds nearest to the set, brought onto it within the limits."""
+    if not len(z):
+        return np.zeros((0, finger.numbers))
     z = z.copy()
-    z[:, 3] = finger.touches(z).conditions.value[:, 0] / FORCE
+    z[:, 3] = finger.exactly(finger.middles).touches(z).conditions.value[:, 0] / FORCE
+    z = finger.followed(z)
     at = finger.traced(z, slopes=False, entered=ENTERED)
     order = np.argsort(np.maximum(np.abs(at.conditions.value).max(axis=1), at.excess), kind="stable")
     # The nearest of each few cells: else those of one part of the set crowd out others.

@@ -1,7 +1,9 @@
-/* Equilibria of an exact planar rod by integration from its base, with their derivatives by the numbers that fix them.
+/* Equilibria of a planar rod by integration from its base, with their derivatives by the numbers that fix them: of the
+   exact rod, or of one that bends as elements of its own do.
 
    Units: lengths L, forces E I / L^2, moments E I / L of the finger. Numbers z of an equilibrium: curvature at the base,
-   internal force there (2), moment of the tendons at the base; per middle contact its place, normal force and friction.
+   internal force there (2), moment of the tendons at the base; per middle contact its place, normal force and friction;
+   coordinates of its elements. Of these rods the curvature at the base is that of the moment there.
    A dual number has a value, and slopes by each of these numbers; without slopes, values of `WIDE` rods at a time: a step
    waits for the one before, not for as many others beside it. `touching.c`, `balance.c` and `stiffness.c`, which
    follow this file, export what Python calls. */
@@ -31,7 +33,10 @@ typedef long long whole;
 
 /* Slopes in registers of four, which compilers keep apart where they split longer vectors by memory. */
 typedef double four __attribute__((vector_size(32)));
-#if LANES == 16
+#if LANES == 24
+#define EACH(of) of(0) of(1) of(2) of(3) of(4) of(5)
+typedef struct { four d0, d1, d2, d3, d4, d5; } slopes;
+#elif LANES == 16
 #define EACH(of) of(0) of(1) of(2) of(3)
 typedef struct { four d0, d1, d2, d3; } slopes;
 #elif LANES == 8
@@ -43,9 +48,9 @@ typedef struct { char none; } slopes;
 #endif
 typedef struct { real v; slopes d; } dual;
 
-/* Most middle contacts, numbers, and nodes of a segment; what is farther than all that matters, in lengths of the
+/* Most middle contacts, coordinates, numbers, and nodes of a segment; what is farther than all that matters, in lengths of the
    finger. */
-enum { MOST_CONTACTS = 4, NUMBERS = 4 + 3 * MOST_CONTACTS, STEPS = 64 };
+enum { MOST_CONTACTS = 4, MOST_COORDINATES = 5, NUMBERS = 4 + 3 * MOST_CONTACTS + MOST_COORDINATES, STEPS = 64 };
 #define FAR 9.0
 #define PI 3.14159265358979323846
 
@@ -54,7 +59,7 @@ enum { STIFFNESS, REST, TENDON, HALF, WEIGHT, COLUMNS };
 
 typedef struct {
     int steps, contacts, tip; /* tip: whether it touches */
-    int nodes, masses, walls, pegs, width, height;
+    int nodes, masses, walls, pegs, width, height, coordinates;
     double base[3], gravity[2], tip_load[2], tendon_friction;
     double pose[4], corner[2], per_cell; /* of the object: place, cosine and sine of its angle; of the table */
     /* Limits; bend: greatest length times curvature per segment. */
@@ -64,6 +69,9 @@ typedef struct {
     const double *wall;     /* (walls, 4): normal, point */
     const double *peg;      /* (pegs, 3): center, radius */
     const double *distance; /* (height, width) from the object, in its frame */
+    /* (steps of all segments, 3, coordinates + 1): what each coordinate, and the tendons' moment, bends where a step begins,
+       in its middle, and where it ends. */
+    const double *weight;
 } Rod;
 
 typedef struct { dual s, x, y, angle, sine, cosine, moment, fx, fy, turned, bent; } State;
@@ -263,6 +271,29 @@ static Place place(const Rod *rod, dual x, dual y)
     return (Place){gap, minus(scaled(c, nu), scaled(s, nv)), plus(scaled(s, nu), scaled(c, nv))};
 }
 
+static inline int numbers_of(const Rod *rod) { return 4 + 3 * rod->contacts + rod->coordinates; }
+
+static inline dual bent_by(const Rod *rod, dual moment, dual s)
+{
+    if (rod->nodes == 1) {
+        dual bent = scaled(1.0 / rod->table[STIFFNESS], moment);
+        bent.v += rod->table[REST];
+        return bent;
+    }
+    return plus(along(rod, REST, s), over(moment, along(rod, STIFFNESS, s)));
+}
+
+/* Curvature of elements by their coordinates. */
+static dual bent_by_elements(const Rod *rod, const double *weight, dual s, const dual *z)
+{
+    const dual *coordinate = z + 4 + 3 * rod->contacts;
+    dual moment = scaled(weight[rod->coordinates], z[3]);
+    for (int k = 0; k < rod->coordinates; ++k)
+        if (weight[k] != 0.0)
+            moment = plus(moment, scaled(weight[k], coordinate[k]));
+    return bent_by(rod, moment, s);
+}
+
 /* Curvature: the moments of the loads beyond and of the tendons, of which friction takes part by what the rod turned. */
 static inline __attribute__((always_inline)) dual curvature(const Rod *rod, const State *q, dual s, dual base)
 {
@@ -273,13 +304,7 @@ static inline __attribute__((always_inline)) dual curvature(const Rod *rod, cons
             AT(factor, k) = exp(AT(factor, k));
         tendon = times(tendon, with(q->turned, factor, -rod->tendon_friction * factor));
     }
-    const dual moment = plus(q->moment, tendon);
-    if (rod->nodes == 1) {
-        dual bent = scaled(1.0 / rod->table[STIFFNESS], moment);
-        bent.v += rod->table[REST];
-        return bent;
-    }
-    return plus(along(rod, REST, s), over(moment, along(rod, STIFFNESS, s)));
+    return bent_by(rod, plus(q->moment, tendon), s);
 }
 
 static inline State clamped(const Rod *rod, const dual *z)
@@ -296,13 +321,41 @@ static inline State clamped(const Rod *rod, const dual *z)
 /* -(t x F) with the tangent t = (-sin, cos) */
 static inline dual bending(const State *q) { return plus(times(q->sine, q->fy), times(q->cosine, q->fx)); }
 
-/* One step of the leapfrog rule; the position by the rule of Euler and Maclaurin. */
-static inline void step(const Rod *rod, State *q, dual h, dual half, dual twelfth, dual base)
+/* Curvature where a step begins: at a contact it jumps, between elements it may. */
+static inline dual bent_from(const Rod *rod, const State *q, const dual *z, int at)
 {
-    const dual k0 = q->bent, s0 = q->sine, c0 = q->cosine;
+    return rod->coordinates ? bent_by_elements(rod, rod->weight + 3 * (rod->coordinates + 1) * at, q->s, z) : q->bent;
+}
+
+/* By how much elements are bent more than their moment bends them: added to what each coordinate feels of it. */
+static void add_feel(const Rod *rod, const double *weight, dual part, dual more, dual *feel)
+{
+    const dual whole = times(part, more);
+    for (int k = 0; k < rod->coordinates; ++k)
+        if (weight[k] != 0.0)
+            feel[k] = plus(feel[k], scaled(weight[k], whole));
+}
+
+/* One step of the leapfrog rule; the position by the rule of Euler and Maclaurin. Elements bend by their coordinates, each
+   of which feels (by Simpson's rule) where the moment bends otherwise, in the `at`-th step. */
+static inline void step(const Rod *rod, State *q, dual h, dual half, dual twelfth, const dual *z, int at, dual *feel)
+{
+    const dual s0 = q->sine, c0 = q->cosine, base = z[3], third = scaled(1.0 / 3.0, half);
+    const double *weight = rod->coordinates ? rod->weight + 3 * (rod->coordinates + 1) * at : 0;
+    const dual k0 = bent_from(rod, q, z, at);
+    if (weight) {
+        add_feel(rod, weight, third, minus(k0, curvature(rod, q, q->s, base)), feel);
+        weight += rod->coordinates + 1;
+    }
     const real before = q->s.v;
     q->moment = plus(q->moment, times(half, bending(q)));
-    const dual k = curvature(rod, q, plus(q->s, half), base), turn = times(h, k);
+    dual k = curvature(rod, q, plus(q->s, half), base);
+    if (weight) {
+        const dual own = bent_by_elements(rod, weight, plus(q->s, half), z);
+        add_feel(rod, weight, scaled(4.0, third), minus(own, k), feel);
+        k = own, weight += rod->coordinates + 1;
+    }
+    const dual turn = times(h, k);
     q->angle = plus(q->angle, turn);
     if (rod->tendon_friction != 0.0)
         q->turned = plus(q->turned, size_of(turn));
@@ -320,14 +373,20 @@ static inline void step(const Rod *rod, State *q, dual h, dual half, dual twelft
     q->sine = with(q->angle, sine, cosine), q->cosine = with(q->angle, cosine, -sine);
     q->moment = plus(q->moment, times(half, bending(q)));
     q->bent = curvature(rod, q, q->s, base);
+    if (weight) {
+        const dual own = bent_by_elements(rod, weight, q->s, z);
+        add_feel(rod, weight, third, minus(own, q->bent), feel);
+        q->bent = own;
+    }
     const dual dx = minus(times(q->bent, q->cosine), times(k0, c0)), dy = minus(times(q->bent, q->sine), times(k0, s0));
     q->x = minus(q->x, minus(times(half, plus(s0, q->sine)), times(twelfth, dx)));
     q->y = plus(q->y, plus(times(half, plus(c0, q->cosine)), times(twelfth, dy)));
 }
 
-static inline void step_by(const Rod *rod, State *q, double h, dual base)
+static inline void step_by(const Rod *rod, State *q, double h, const dual *z, int at)
 {
-    step(rod, q, constant(h), constant(0.5 * h), constant(h * h / 12.0), base);
+    dual feel[MOST_COORDINATES];
+    step(rod, q, constant(h), constant(0.5 * h), constant(h * h / 12.0), z, at, feel);
 }
 
 /* A segment between contacts as integrated; its extremes are sought by values, and have slopes where they are. */
@@ -448,10 +507,12 @@ static inline int steps_of(const Rod *rod)
 }
 
 /* A finger as integrated: its middle contacts and its tip, the force there, the moment missing there; and, where they are
-   asked for, its extremes, of which those per segment come with bends as lengths times greatest curvatures. */
+   asked for, its extremes, of which those per segment come with bends as lengths times greatest curvatures; what each
+   coordinate feels. */
 typedef struct {
     Touch touch[MOST_CONTACTS + 1];
     dual normal, friction, missing, supports, strain, bend[MOST_CONTACTS + 1], clear[MOST_CONTACTS + 1];
+    dual feel[MOST_COORDINATES];
 } Finger;
 
 static void integrate(const Rod *rod, const dual *z, int extremes, Finger *out)
@@ -460,13 +521,15 @@ static void integrate(const Rod *rod, const dual *z, int extremes, Finger *out)
     Segment seg;
     seg.begin = constant(0.0), seg.steps = steps_of(rod);
     out->supports = constant(FAR), out->strain = constant(0.0);
+    for (int k = 0; k < rod->coordinates; ++k)
+        out->feel[k] = constant(0.0);
     for (int segment = 0; segment <= rod->contacts; ++segment) {
         const dual end = segment < rod->contacts ? z[4 + 3 * segment] : constant(1.0), span = minus(end, seg.begin);
         seg.h = scaled(1.0 / seg.steps, span);
         const dual half = scaled(0.5, seg.h), twelfth = scaled(1.0 / 12.0, times(seg.h, seg.h));
-        seg.x[0] = q.x, seg.y[0] = q.y, seg.bent[0] = q.bent;
+        seg.x[0] = q.x, seg.y[0] = q.y, seg.bent[0] = bent_from(rod, &q, z, segment * seg.steps);
         for (int k = 1; k <= seg.steps; ++k) {
-            step(rod, &q, seg.h, half, twelfth, z[3]);
+            step(rod, &q, seg.h, half, twelfth, z, segment * seg.steps + k - 1, out->feel);
             seg.x[k] = q.x, seg.y[k] = q.y, seg.bent[k] = q.bent;
         }
 #if WIDE == 1

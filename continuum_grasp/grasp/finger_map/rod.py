@@ -1,8 +1,9 @@
-"""The exact rod of a finger in front of an object, integrated from its base by `rod.c`.
+"""A finger in front of an object, integrated from its base by `rod.c`: the exact rod, or one of few elements.
 
 Units of a finger: its length L, E I / L^2, E I / L. An equilibrium is fixed by the curvature at the base, the internal
 force there, the moment of the tendons at the base, and place, normal force and friction of each middle contact: an
-initial value problem, which has every equilibrium and no roots to miss.
+initial value problem, which has every equilibrium and no roots to miss. Few elements bend otherwise: the finger then
+bends by their coordinates, each of which must feel no moment that is left.
 """
 
 from __future__ import annotations
@@ -25,10 +26,14 @@ from continuum_grasp.grasp.finger_map.jets import Jet
 from continuum_grasp.grasp.starts.scan.task import rough_distance
 from continuum_grasp.grasp.starts.supports import object_outlines
 from continuum_grasp.grasp.starts.values import Pose
-from continuum_grasp.scene import FingerSetup, GraspScene
+from continuum_grasp.scene import FAMILIES, FingerSetup, GraspScene
 
-STEPS = 40
-"""Steps along the finger: of shipped scenes the tensions of exact rods differ from those of 400 steps by 0.1 %."""
+STEPS, STEPS_OF_ELEMENTS = 40, 48
+"""Steps along the finger: of shipped scenes the tensions of exact rods differ from those of 400 steps by 0.1 %; along
+one of up to four elements, of which each has as many."""
+FEW = 4
+"""Elements up to which fingers bend otherwise than exact rods do: with eight, samples alone held 2 of 266 random
+scenes (`benchmarks.grasp_images`, `benchmarks.grasp_populations`)."""
 _NODES = 65
 """Rows of the table of what changes along a finger."""
 FORCE = 0.1
@@ -95,7 +100,7 @@ class _Rod(ctypes.Structure):
 
     _fields_ = (
         *((name, ctypes.c_int) for name in ("steps", "contacts", "tip")),
-        *((name, ctypes.c_int) for name in ("nodes", "masses", "walls", "pegs", "width", "height")),
+        *((name, ctypes.c_int) for name in ("nodes", "masses", "walls", "pegs", "width", "height", "coordinates")),
         ("base", ctypes.c_double * 3),
         ("gravity", ctypes.c_double * 2),
         ("tip_load", ctypes.c_double * 2),
@@ -110,7 +115,7 @@ class _Rod(ctypes.Structure):
         ("places", ctypes.c_double * 2),
         ("friction", ctypes.c_double),
         ("force", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("table", "mass", "wall", "peg", "distance")),
+        *((name, ctypes.c_void_p) for name in ("table", "mass", "wall", "peg", "distance", "weight")),
     )
 
 
@@ -125,8 +130,11 @@ class MapFinger:
         base: Pose,
         pose: Pose,
         on: Collection[str],
+        *,
+        exact: bool = False,
     ) -> None:
         self._given = scene, setup, table, base, pose
+        self.is_exact = exact or setup.elements > FEW
         self.names = tuple(name for name in setup.middle_names if name in on)
         self.tip = setup.tip_name in on
         finger, length = setup.finger, setup.finger.rod.length
@@ -153,8 +161,6 @@ class MapFinger:
         self._walls = np.array([[*w.normal, w.point[0] / length, w.point[1] / length] for w in walls] or [[0.0] * 4])
         self._pegs = np.array([[*p.position, p.radius] for p in scene.pegs] or [[0.0] * 3]) / length
         self._distance = np.ascontiguousarray(table.distance / length)
-        self.numbers = 4 + 3 * self.middles
-        arrays = self._table, self._masses, self._walls, self._pegs, self._distance
         self.least_tension = least = setup.tendons.min_tension
         self.greatest_moment = (setup.max_tension - least) * self.offset / self.moment
         self.sides = tuple(finger.tendons_used in ("both", side) for side in ("left", "right"))
@@ -163,8 +169,15 @@ class MapFinger:
         self.bending_range = setup.bending_range
         before = [count for name, count in zip(setup.middle_names, setup.before, strict=True) if name in self.names]
         self.elements = tuple(b - a for a, b in pairwise((0, *before, setup.elements)))  # per segment
+        steps = STEPS if self.is_exact or self.middles else STEPS_OF_ELEMENTS
+        per_segment = 3 * steps // 5 if self.middles else steps
+        self._weights = np.zeros((0, 3, 1)) if self.is_exact else _weights(setup, self.elements, per_segment)
+        self.coordinates = self._weights.shape[2] - 1
+        self.forces = 4 + 3 * self.middles  # numbers but for coordinates
+        self.numbers = self.forces + self.coordinates
+        arrays = self._table, self._masses, self._walls, self._pegs, self._distance, self._weights
         self.struct = _Rod(
-            steps=STEPS,
+            steps=steps,
             contacts=self.middles,
             tip=int(self.tip),
             nodes=len(self._table),
@@ -173,6 +186,7 @@ class MapFinger:
             pegs=len(scene.pegs),
             width=_CELLS,
             height=_CELLS,
+            coordinates=self.coordinates,
             base=(base[0] / length, base[1] / length, base[2]),
             gravity=tuple(gravity),
             tip_load=tuple(sum((mass.mass for mass in ends), 0.0) * gravity),
@@ -188,19 +202,29 @@ class MapFinger:
             friction=self.friction,
             force=self.greatest_force,
         )
-        for name, array in zip(("table", "mass", "wall", "peg", "distance"), arrays, strict=True):
+        for name, array in zip(("table", "mass", "wall", "peg", "distance", "weight"), arrays, strict=True):
             setattr(self.struct, name, array.ctypes.data)
 
-    def with_middles(self, middles: int) -> MapFinger:
-        """The finger with so many of its middle contacts, the first ones."""
-        if middles == self.middles:
-            return self
-        return MapFinger(*self._given, {*self.names[:middles], *([self.setup.tip_name] if self.tip else [])})
+    def exactly(self, middles: int) -> MapFinger:
+        """The exact rod with so many of the middle contacts, the first ones."""
+        on = {*self.names[:middles], *([self.setup.tip_name] if self.tip else [])}
+        return MapFinger(*self._given, on, exact=True)
+
+    def followed(self, z: Array) -> Array:
+        """Exact rods (B, 4 + 3 k) as its elements nearly bend (B, n)."""
+        if self.is_exact:
+            return z
+        z = np.ascontiguousarray(z, dtype=float)
+        begin = self._weights[:, 0]
+        out = np.empty((len(z), len(begin)))
+        call(0, "moments", self.struct, len(z), z, out)
+        left = out - z[:, 3:4] * begin[:, -1]
+        return np.concatenate([z, left @ np.linalg.pinv(begin[:, :-1]).T], axis=1)
 
     @property
     def conditions(self) -> int:
         """Number of conditions under which it touches as it should."""
-        return 1 + 2 * self.middles + (1 if self.tip else 2)
+        return 1 + 2 * self.middles + (1 if self.tip else 2) + self.coordinates
 
     @property
     def shape_limits(self) -> int:
@@ -210,7 +234,7 @@ class MapFinger:
     @property
     def lanes(self) -> int:
         """Slopes that are computed at a time."""
-        return 8 if self.numbers <= 8 else 16
+        return next(lanes for lanes in (8, 16, 24) if lanes >= self.numbers)
 
     def traced(self, z: Array, *, slopes: bool = True, entered: float = 0.0) -> Traced:
         """Integrate equilibria (B, 4 + 3 k), which may be so deep in obstacles [L]."""
@@ -272,8 +296,30 @@ class MapFinger:
     def curve(self, z: Array) -> Array:
         """Rows of place, curvature, x, y along one equilibrium."""
         z = np.ascontiguousarray(z, dtype=float)
-        out = np.empty(((STEPS + 1) * (self.middles + 1), 4))
+        out = np.empty((2 * STEPS_OF_ELEMENTS * (self.middles + 1), 4))
         return np.asarray(out[: call(0, "curve", self.struct, z, out)])
+
+
+def _weights(setup: FingerSetup, elements: tuple[int, ...], steps: int) -> Array:
+    """What each coordinate of elements, and the tendons' moment at the base, bends where a step begins, in its middle,
+    and where it ends (N, 3, n + 1), in so many steps of a segment with so many elements each.
+    """
+    family, count = FAMILIES[setup.family], sum(elements)
+    first = np.cumsum((0, *elements[:-1]))
+    # Places along the elements, each with a length of one.
+    along = [k + n * (np.arange(steps)[:, None] + [0.0, 0.5, 1.0]) / steps for k, n in zip(first, elements, strict=True)]
+    at = np.concatenate(along)
+    if family.even:
+        bent = np.floor(at[:, 1:2, None]) == np.arange(count)
+        of_tendons = np.zeros((*at.shape, 1))
+    else:
+        bent = np.maximum(1.0 - np.abs(at[..., None] - np.arange(count + 1)), 0.0)
+        of_tendons = np.zeros((*at.shape, 1))
+        if family.matches_tip:
+            (channel,) = setup.finger.channels
+            of_tendons, bent = float(channel.shape(setup.finger.rod.length)) * bent[..., -1:], bent[..., :-1]
+    bent = np.broadcast_to(bent, (*at.shape, bent.shape[2]))
+    return np.ascontiguousarray(np.concatenate([bent, of_tendons], axis=2))
 
 
 @dataclass(frozen=True)
@@ -334,9 +380,10 @@ class Traced:
         count = self.finger.middles + 1
         fields = self._jet(slice(0, 7 * count)).grouped(count)
         gap, lean, x, y, nx, ny, half = (fields.taken(k) for k in range(7))
-        normal = self.unknown(np.arange(5, self.finger.numbers, 3)).followed_by(self._jet([7 * count]))
-        friction = self.unknown(np.arange(6, self.finger.numbers, 3)).followed_by(self._jet([7 * count + 1]))
-        at = np.concatenate([self.z[:, 4::3], np.ones((len(self), 1))], axis=1)
+        forces = self.finger.forces
+        normal = self.unknown(np.arange(5, forces, 3)).followed_by(self._jet([7 * count]))
+        friction = self.unknown(np.arange(6, forces, 3)).followed_by(self._jet([7 * count + 1]))
+        at = np.concatenate([self.z[:, 4:forces:3], np.ones((len(self), 1))], axis=1)
         return Touches(gap, lean, (x, y), (nx, ny), half, (normal, friction), at)
 
     @property

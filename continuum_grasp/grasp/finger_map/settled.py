@@ -1,4 +1,4 @@
-"""Starts of a search: combinations of all fingers' equilibria that hold the object as exact rods."""
+"""Starts of a search: combinations of all fingers' equilibria that hold the object."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from continuum_grasp.core import Compiler
 from continuum_grasp.grasp.finger_map.balance import ObjectBalance, Settled
 from continuum_grasp.grasp.finger_map.fill import FingerMap
-from continuum_grasp.grasp.finger_map.rod import MapFinger, ObjectTable, Traced
+from continuum_grasp.grasp.finger_map.rod import FEW, MapFinger, ObjectTable, Traced
 from continuum_grasp.grasp.finger_map.stability import not_unstable
 from continuum_grasp.grasp.starts.supports import base_poses, nearest_contact, object_poses
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart, Pose
@@ -29,7 +29,7 @@ def is_mapped(scene: GraspScene) -> bool:
     """Whether the fingers of a scene have maps: none has stations, two middle contacts at most, and a C compiler is
     there.
     """
-    if Compiler.find() is None or any(len(setup.middles) > 2 for setup in scene.setups):
+    if Compiler.find() is None:
         return False
     return not any(setup.stations for setup in scene.setups)
 
@@ -53,31 +53,36 @@ class SceneMaps:
 
     def __init__(self, scene: GraspScene, wider: SceneMaps | None = None) -> None:
         self.scene, self._wider = scene, wider
-        self._maps: dict[tuple[str, Pose, Pose, frozenset[str]], FingerMap] = {}
+        self._maps: dict[tuple[str, Pose, Pose, frozenset[str], bool], FingerMap] = {}
 
     @cached_property
     def _table(self) -> ObjectTable:
         return ObjectTable(self.scene) if self._wider is None else self._wider._table
 
-    def map_of(self, name: str, base: Pose, pose: Pose, on: frozenset[str]) -> FingerMap:
-        """The map of a finger by name with a set of contacts, its base and the object at their poses."""
+    def map_of(self, name: str, base: Pose, pose: Pose, on: frozenset[str], *, exact: bool = True) -> FingerMap:
+        """The map of a finger by name with a set of contacts, its base and the object at their poses: as an ``exact``
+        rod, or as it bends with few elements.
+        """
         (setup,) = (setup for setup in self.scene.setups if setup.name == name)
         mine = frozenset(on & setup.switches.keys())
-        key = name, base, pose, mine
+        key = name, base, pose, mine, exact or setup.elements > FEW
         if key not in self._maps:
-            finger = MapFinger(self.scene, setup, self._table, base, pose, mine)
-            if self._wider is None:
+            finger = MapFinger(self.scene, setup, self._table, base, pose, mine, exact=exact)
+            if self._wider is not None:
+                self._maps[key] = self._wider.map_of(name, base, pose, on, exact=exact).within(finger)
+            elif finger.is_exact:
                 self._maps[key] = FingerMap.of(finger)
             else:
-                self._maps[key] = self._wider.map_of(name, base, pose, on).within(finger)
+                self._maps[key] = self.map_of(name, base, pose, on).followed_by(finger)
         return self._maps[key]
 
-    def settled(self, on: frozenset[str], place: Place) -> list[GraspStart]:
-        """Starts with the contacts ``on`` by name that hold the object at a place as exact rods, of least tension
-        first; where none does, those that come nearest to it.
+    def settled(self, on: frozenset[str], place: Place, *, exact: bool = True) -> list[GraspStart]:
+        """Starts with the contacts ``on`` by name that hold the object at a place, as ``exact`` rods or as fingers bend
+        with few elements, of least tension first; where none does, those that come nearest to it.
         """
         scene, (pose, bases) = self.scene, place
-        maps = [self.map_of(setup.name, base, pose, on) for setup, base in zip(scene.setups, bases, strict=True)]
+        pairs = zip(scene.setups, bases, strict=True)
+        maps = [self.map_of(setup.name, base, pose, on, exact=exact) for setup, base in pairs]
         balance = ObjectBalance(scene, on, [one.finger for one in maps], pose)
         x = balance.candidates(maps)
         if not len(x):

@@ -82,7 +82,9 @@ def wrench_slopes(finger: MapFinger, z: Array, center: complex, size: float) -> 
 
 def not_unstable(balance: ObjectBalance, settled: Settled, rows: list[int]) -> list[int]:
     """Rows of settled combinations but for those that are clearly unstable, where the scene requires stability."""
-    if balance.scene.stability == "ignore" or not rows:
+    # Its tangents are those of exact rods.
+    unknown = not all(finger.is_exact for finger in balance.fingers)
+    if balance.scene.stability == "ignore" or unknown or not rows:
         return rows
     least = least_eigenvalues(balance, settled.x[rows])
     return [row for row, each in zip(rows, least, strict=True) if each > -CLEARLY]

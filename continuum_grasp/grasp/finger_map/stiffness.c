@@ -22,10 +22,10 @@ void bend_of_object(const Rod *rod, double x, double y, double *out)
     *out = ((const double *)&at.nx.d)[0] + ((const double *)&at.ny.d)[1];
 }
 
-static void march(const Rod *rod, State *q, double from, double to, dual base)
+static void march(const Rod *rod, State *q, double from, double to, const dual *z)
 {
     for (int k = 0, steps = steps_of(rod); k < steps; ++k) {
-        step_by(rod, q, (to - from) / steps, base);
+        step_by(rod, q, (to - from) / steps, z, 0);
         q->turned = constant(q->turned.v); /* friction of the tendons stays as it is */
     }
 }
@@ -42,7 +42,7 @@ void pinned(const Rod *rod, int count, const double *given, double *out)
         double from = 0.0;
         for (int k = 0; k < contacts; ++k) {
             const double *own = given + 4 + 3 * k;
-            march(rod, &q, from, own[0], z[3]);
+            march(rod, &q, from, own[0], z);
             const Touch at = touch_of(rod, &q);
             const double nx = at.nx.v, ny = at.ny.v, h = at.half.v;
             /* The section's normal, with which the point turns. */
@@ -57,7 +57,7 @@ void pinned(const Rod *rod, int count, const double *given, double *out)
             q.bent = curvature(rod, &q, q.s, z[3]);
             from = own[0];
         }
-        march(rod, &q, from, 1.0, z[3]);
+        march(rod, &q, from, 1.0, z);
         q.fx.v -= rod->tip_load[0], q.fy.v -= rod->tip_load[1];
         const Touch tip = touch_of(rod, &q);
         const dual *numbers[] = {&q.x, &q.y, &q.angle, &q.fx, &q.fy, &q.moment};

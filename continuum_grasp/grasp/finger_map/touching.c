@@ -21,6 +21,8 @@ static int conditions(const Rod *rod, const Finger *at, dual *row)
         row[n++] = tip->gap;
     else
         row[n++] = scaled(FORCE, at->normal), row[n++] = scaled(FORCE, at->friction);
+    for (int k = 0; k < rod->coordinates; ++k)
+        row[n++] = scaled(LEAN, at->feel[k]);
     return n;
 }
 
@@ -29,7 +31,7 @@ enum { ROWS = 64 };
 /* Numbers of rods side by side, of which there may be fewer. */
 static void read_numbers(const Rod *rod, int count, const double *given, dual *z)
 {
-    const int size = 4 + 3 * rod->contacts;
+    const int size = numbers_of(rod);
     for (int k = 0; k < size; ++k) {
         z[k] = constant(0.0);
         for (int lane = 0; lane < WIDE; ++lane)
@@ -63,7 +65,7 @@ void touches(const Rod *rod, int count, const double *given, double *out)
 {
     Finger at;
     dual z[NUMBERS], row[ROWS];
-    for (; count > 0; count -= WIDE, given += WIDE * (4 + 3 * rod->contacts)) {
+    for (; count > 0; count -= WIDE, given += WIDE * numbers_of(rod)) {
         read_numbers(rod, count, given, z);
         integrate(rod, z, 0, &at);
         const int rows = conditions(rod, &at, row);
@@ -79,7 +81,7 @@ void touches(const Rod *rod, int count, const double *given, double *out)
    `step` (count, n), in so many rounds. */
 void corrected(const Rod *rod, int count, int rounds, const double *back, const double *step, double *z)
 {
-    const int size = 4 + 3 * rod->contacts;
+    const int size = numbers_of(rod);
     Finger at;
     dual numbers[NUMBERS], row[ROWS];
     for (; count > 0; count -= WIDE, z += WIDE * size, step += WIDE * size) {
@@ -149,7 +151,7 @@ void trace(const Rod *rod, int count, const double *given, double entered, doubl
 {
     Finger at;
     dual z[NUMBERS], row[ROWS];
-    for (; count > 0; --count, given += 4 + 3 * rod->contacts) {
+    for (; count > 0; --count, given += numbers_of(rod)) {
         read_numbers(rod, 1, given, z);
         integrate(rod, z, 1, &at);
         out = write_touches(out, rod, &at, 0);
@@ -168,11 +170,13 @@ static void scale_of(const Rod *rod, const double *z, double *step)
     step[1] = step[2] = fmax(0.3, 0.25 * sqrt(z[1] * z[1] + z[2] * z[2]));
     for (int k = 4; k < 4 + 3 * rod->contacts; k += 3)
         step[k] = 0.04, step[k + 1] = step[k + 2] = fmax(0.3, 0.25 * fabs(z[k + 1]));
+    for (int k = 4 + 3 * rod->contacts; k < numbers_of(rod); ++k)
+        step[k] = 0.35;
 }
 
 void scales(const Rod *rod, int count, const double *given, double *step)
 {
-    const int size = 4 + 3 * rod->contacts;
+    const int size = numbers_of(rod);
     for (; count > 0; --count, given += size, step += size)
         scale_of(rod, given, step);
 }
@@ -232,7 +236,7 @@ static void residual_of(const Rod *rod, const double *given, double entered, Res
    landed. */
 void onto(const Rod *rod, int count, int rounds, double entered, double close, double *z, int *landed)
 {
-    const int size = 4 + 3 * rod->contacts;
+    const int size = numbers_of(rod);
     Residual pair[2], *here = pair, *there = pair + 1;
     for (; count > 0; --count, z += size) {
         double damping = 1e-3, step[NUMBERS], trial[NUMBERS], a[NUMBERS * NUMBERS], move[NUMBERS];
@@ -276,7 +280,13 @@ void onto(const Rod *rod, int count, int rounds, double entered, double close, d
 }
 #endif
 
-/* The curve: rows of place, curvature, x, y of one equilibrium, per segment from its start to its end. */
+static double *write_place(double *to, const State *q, dual bent)
+{
+    *to++ = q->s.v, *to++ = bent.v, *to++ = q->x.v, *to++ = q->y.v;
+    return to;
+}
+
+/* The curve: rows of place, curvature, x, y of one equilibrium, where each step begins and where it ends. */
 int curve(const Rod *rod, const double *given, double *out)
 {
     const int contacts = rod->contacts;
@@ -288,10 +298,10 @@ int curve(const Rod *rod, const double *given, double *out)
     for (int segment = 0; segment <= contacts; ++segment) {
         const double end = segment < contacts ? given[4 + 3 * segment] : 1.0;
         const int steps = steps_of(rod);
-        for (int k = 0; k <= steps; ++k, out += 4) {
-            out[0] = q.s.v, out[1] = q.bent.v, out[2] = q.x.v, out[3] = q.y.v;
-            if (k < steps)
-                step_by(rod, &q, (end - begin) / steps, z[3]);
+        for (int k = segment * steps; k < (segment + 1) * steps; ++k) {
+            out = write_place(out, &q, bent_from(rod, &q, z, k));
+            step_by(rod, &q, (end - begin) / steps, z, k);
+            out = write_place(out, &q, q.bent);
         }
         if (segment < contacts) {
             const Touch at = touch_of(rod, &q);
@@ -302,11 +312,36 @@ int curve(const Rod *rod, const double *given, double *out)
     return (int)(out - first) / 4;
 }
 
+/* Moments that bend exact rods (count, 4 + 3 contacts) where the steps of all segments begin. */
+void moments(const Rod *elements, int count, const double *given, double *out)
+{
+    Rod rod = *elements;
+    rod.coordinates = 0;
+    for (; count > 0; --count, given += numbers_of(&rod)) {
+        dual z[NUMBERS];
+        read_numbers(&rod, 1, given, z);
+        State q = clamped(&rod, z);
+        double begin = 0.0;
+        for (int segment = 0, steps = steps_of(&rod); segment <= rod.contacts; ++segment) {
+            const double end = segment < rod.contacts ? given[4 + 3 * segment] : 1.0;
+            for (int k = 0; k < steps; ++k) {
+                *out++ = along(&rod, STIFFNESS, q.s).v * (q.bent.v - along(&rod, REST, q.s).v);
+                step_by(&rod, &q, (end - begin) / steps, z, 0);
+            }
+            if (segment < rod.contacts) {
+                const Touch at = touch_of(&rod, &q);
+                pass(&rod, &q, &at, z + 4 + 3 * segment, z[3]);
+            }
+            begin = end;
+        }
+    }
+}
+
 /* Places beyond the last contact where the gap is least, the first two: out (count, 4) of place and gap, twice; -1 where
    there is none between the bounds. */
 void nearest(const Rod *rod, int count, const double *given, double low, double high, double *out)
 {
-    const int contacts = rod->contacts, size = 4 + 3 * contacts;
+    const int contacts = rod->contacts, size = numbers_of(rod);
     for (int row = 0; row < count; ++row, given += size, out += 4) {
         dual z[NUMBERS];
         read_numbers(rod, 1, given, z);
@@ -317,7 +352,7 @@ void nearest(const Rod *rod, int count, const double *given, double low, double 
         out[0] = out[2] = -1.0, out[1] = out[3] = FAR;
         for (int k = 0; k <= rod->steps && found < 2; ++k) {
             if (k)
-                step_by(rod, &q, h, z[3]);
+                step_by(rod, &q, h, z, 0);
             while (contact < contacts && q.s.v >= given[4 + 3 * contact]) {
                 const Touch at = touch_of(rod, &q);
                 pass(rod, &q, &at, z + 4 + 3 * contact, z[3]);

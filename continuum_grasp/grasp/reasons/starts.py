@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from functools import cached_property
 
 from continuum_grasp.grasp.effort import HELD
-from continuum_grasp.grasp.finger_map import SceneMaps
+from continuum_grasp.grasp.finger_map import SETTLED, SceneMaps
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, RelaxedLimit
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.values import GraspStart, interleaved
@@ -58,13 +58,16 @@ class MappedStarts(Starts):
             relaxed = eased(self._scene, [limit], part)
             if relaxed not in (self._scene, *scenes):
                 scenes.append(relaxed)
+        if self._hopeless:
+            scenes.clear()
         # Where no key of the scene holds a limit of the shape, postures of the scene as it is may be repaired.
         known = self.near if limit.limit is None and limit.bounds_shape else []
         return interleaved([*map(self._held, scenes), known])
 
     def together(self, limits: Iterable[RelaxedLimit]) -> list[GraspStart]:
         limits = list(limits)
-        wider = [self._held(eased(self._scene, limits, part)) for part in (USUAL, WIDE)]
+        parts = () if self._hopeless else (USUAL, WIDE)
+        wider = [self._held(eased(self._scene, limits, part)) for part in parts]
         return [*self.near[:HELD], *interleaved(wider)[: 2 * HELD]]
 
     @cached_property
@@ -73,10 +76,15 @@ class MappedStarts(Starts):
         limits = [limit for limit in RELAXATIONS if limit.applies(self._scene)]
         return SceneMaps(eased(self._scene, limits, WIDE))
 
+    @cached_property
+    def _hopeless(self) -> bool:
+        """Whether nothing holds the object even with all limits relaxed."""
+        return all(start.imbalance > SETTLED for start in self._held(self._wide.scene))
+
     def _held(self, relaxed: GraspScene) -> list[GraspStart]:
-        """Exact rods that hold the object of a scene with limits relaxed, of least tension first, or nearly do."""
+        """Fingers that hold the object of a scene with limits relaxed, of least tension first, or nearly do."""
         search = GraspSearch(relaxed, self._search.budget)
-        starts = [candidate.start for candidate in search.settle(self._wide)]
+        starts = [candidate.start for candidate in search.settle(SceneMaps(relaxed, self._wide))]
         self._search.start_seconds += search.start_seconds
         return starts
 
