@@ -31,7 +31,7 @@ import numpy as np
 from continuum_grasp.base import Array, check_arguments
 from continuum_grasp.grasp.quality.conic import FAR, solve_conic
 from continuum_grasp.grasp.shape import ROUNDING
-from continuum_grasp.grasp.starts.scan.curves import wrapped
+from continuum_grasp.grasp.starts.curves import wrapped
 from continuum_grasp.grasp.starts.supports import object_outlines, support_contacts, touching_supports
 from continuum_grasp.grasp.values import NEAR, SAME
 from continuum_grasp.model import GrownOutline

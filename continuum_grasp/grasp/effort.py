@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 HELD = 3
@@ -23,13 +22,8 @@ within 10 iterations, whatever it does meanwhile, loses one, too."""
 STANDSTILL = 3
 """Iterations in a row that leave a violation the same, after which a run ends: of runs that give a grasp none of 33 (33
 scenes), where 2 lose the best of another, and with limits relaxed 8 of 183 (26 scenes), in half of the iterations."""
-WORSE = 1.05
-"""Objective, per the least there is, from which on guarded places are not moved any more: they only raise it."""
 CLOSEST = 2
 """Starts that are tried in any case with a limit relaxed, or all of them."""
-UNLIKELY = 0.2
-"""Imbalance of scanned postures whose fingers are free behind the last contact up to which a greater limit may repair
-them."""
 
 SURE, UNFOLLOWED, BALANCED = 1.02, 0.97, 1e-5
 """Tension of a settled exact rod per that of the best grasp up to which it is tried, and from which down a grasp is not
@@ -41,17 +35,13 @@ the tension of some is 15 % too low."""
 class EffortLimits:
     """Limits of an effort."""
 
-    settled: int  # exact rods that hold the object from which the fingers' own models start
-    places: int  # of an object or a base that may move, at which exact rods are sought
-    # Where exact rods lead nowhere, per set of contacts:
-    basins: int  # scanned postures that are solved
-    starts: int  # rough ones
-    iterations: float  # after the first grasp, from which on no start is tried
+    settled: int  # fingers that hold the object, or nearly do, from which their models start
+    places: int  # of an object or a base that may move, at which these are sought
 
 
 EFFORTS: dict[str, EffortLimits] = {
-    "quick": EffortLimits(settled=4, places=1, basins=3, starts=2, iterations=150),
-    "normal": EffortLimits(settled=8, places=5, basins=12, starts=8, iterations=600),
-    "thorough": EffortLimits(settled=24, places=10, basins=12, starts=24, iterations=math.inf),
+    "quick": EffortLimits(settled=4, places=1),
+    "normal": EffortLimits(settled=8, places=5),
+    "thorough": EffortLimits(settled=24, places=10),
 }
-"""Limits of each effort. Of 1,000 scenes of one finger 95 % take less than 140 iterations."""
+"""Limits of each effort."""

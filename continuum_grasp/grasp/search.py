@@ -1,14 +1,11 @@
 """The search: starts of every set of contacts, each answer verified.
 
-1. Exact rods that hold the object are the first starts: of all equilibria of the fingers that touch (`finger_map`),
-   settled to the least tension, the least first. Where they hold with less than the best grasp and the fingers'
-   elements do not follow, the grasp is not called optimal.
-2. Where none holds it, those that come nearest are.
-3. Fingers of two elements bend otherwise: they start from grasps with eight. Another objective is also sought from
-   grasps with the least tension, where those starts do not lead to its optimum.
-4. Fingers of few elements, and those without maps: where that gives no grasp, or one far above what is proven, postures
-   that touch are sampled for each set of contacts, scanned ones first, and solved in the order of their estimates.
-5. The best grasp is solved to the end.
+1. Fingers that hold the object are the starts: of all their equilibria that touch (`finger_map`), settled to the least
+   tension, the least first; many elements as exact rods, few by their own equilibria. Where none holds it, those that
+   come nearest are.
+2. Where exact rods hold with less than the best grasp and its elements do not follow, it is not called optimal.
+3. Another objective is also sought from grasps with the least tension, where those starts do not lead to its optimum.
+4. The best grasp is solved to the end.
 
 What ends it early: a proof by `bound` that nothing is better, or that there is nothing, and the budget.
 """
@@ -18,10 +15,8 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
-from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -34,17 +29,12 @@ from continuum_grasp.grasp.effort import (
     FIRST_CAP,
     HELD,
     OPEN,
-    PATIENCE,
-    STANDSTILL,
     SURE,
     UNFOLLOWED,
-    WORSE,
 )
 from continuum_grasp.grasp.finger_map import FEW, SETTLED, SceneMaps, is_mapped, places_of
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, GraspAttempt, GraspSolverRun
-from continuum_grasp.grasp.starts.basins import Basins
-from continuum_grasp.grasp.starts.starts import basin_starts, make_starts, starts_of
 from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.tried import Candidate, Exploration, Tried, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
@@ -67,12 +57,7 @@ class GraspSearch:
         # Spent on building solvers, and on starts.
         self.build_seconds = self.start_seconds = 0.0
         self._effort = EFFORTS[scene.solver.effort]
-        self._first_left: float | None = None  # iterations when the first grasp was found
-        self._samples_only = False  # whether starts were samples, or scans, of all postures
         self._pruned = Counter[str]()  # starts that were not tried, by the reason
-        self._scans: dict[frozenset[str], Basins] = {}  # of each mode
-        self._basins: dict[frozenset[str], list[GraspStart]] = {}
-        self._rough: dict[frozenset[str], list[GraspStart]] = {}
         self._solvers: dict[tuple[tuple[str, int], ...], GraspSolverRun] = {}  # by names and parts of contacts
         self._maps = SceneMaps(scene)
         self._curled = frozenset[str]()  # fingers that passed through themselves in an attempt
@@ -98,24 +83,14 @@ class GraspSearch:
         return contact_modes(self.scene)
 
     def run(self) -> None:
-        """Polish what exact rods hold; where that gives no grasp, solve from samples of postures, too; then go on from
-        the best grasp where its solver was stopped.
-        """
-        if is_mapped(self.scene):
-            self._from_settled()
+        """Polish what fingers hold; then go on from the best grasp where its solver was stopped."""
+        self._from_settled()
         if not self._least_tension and not (self.best and self.best.attempt.optimal):
             self._from(GraspSearch(self.scene.replaced(objective="least_tension"), self.budget), "least tension")
-        if self.is_sampled and (self.best is None or self.excess > OPEN):
-            self._from_samples()
         if not self.proven:
             self._converge()
 
-    @cached_property
-    def is_sampled(self) -> bool:
-        """Whether postures are sampled where exact rods lead nowhere."""
-        return not is_mapped(self.scene)
-
-    # -- exact rods --------------------------------------------------------------------------------------------
+    # -- starts ------------------------------------------------------------------------------------------------
 
     def settle(self, maps: SceneMaps, *, exact: bool = False) -> list[Candidate]:
         """Fingers that hold the object, those of least tension first, then those that come nearest to it: as they bend
@@ -215,96 +190,15 @@ class GraspSearch:
             return self.settled
         return self.settle(self._maps, exact=True)
 
-    # -- samples of postures -----------------------------------------------------------------------------------
-
-    def _from_samples(self) -> None:
-        """Solve from postures that touch; once there is a grasp, as long as the effort allows."""
-        self._samples_only = True
-        for start, options_at in self._samples():
-            if self._is_over or self.proven:
-                return
-            # 6: starts without a grasp after which a proof is tried that there is none: it takes as long as one or two
-            # of them
-            if len(self.tried) >= 6 and not self.good and self.impossible:
-                return
-            ends: dict[str, Any] = {"patience": PATIENCE, "standstill": STANDSTILL, "enough": self._enough}
-            self.attempt(start, options_at=options_at, iterations=FIRST_CAP, **ends)
-
-    def _samples(self) -> Iterator[tuple[GraspStart, int]]:
-        """Scanned postures of each set of contacts, from which the solver starts boldly, then rough ones of all,
-        carefully: the likeliest of each first.
-        """
-        for mode in self.modes:
-            yield from ((start, 0) for start in (self.basins_of(mode) or [])[: self._effort.basins])
-        modes = self.modes if self.best is None else self.unscanned
-        for rank in zip_longest(*map(self.rough_starts_of, modes)):
-            for start in sorted(filter(None, rank), key=lambda start: start.doubt):
-                yield start, len(OPTION_SETS) - 1
-
-    @property
-    def unscanned(self) -> list[frozenset[str]]:
-        """The modes whose postures are not scanned."""
-        return [mode for mode in self.modes if mode not in self._scans]
-
-    def basins_of(self, mode: frozenset[str]) -> list[GraspStart] | None:
-        """The starts of a mode's basins; None where it has none that are scanned."""
-        if mode in self._basins:
-            return self._basins[mode]
-        began = time.perf_counter()
-        scanned = basin_starts(self.scene, mode)
-        self.start_seconds += time.perf_counter() - began
-        if scanned is None:
-            return None
-        self._basins[mode], self._scans[mode] = scanned
-        return self._basins[mode]
-
-    def rebalanced(self, scene: GraspScene) -> list[list[GraspStart]]:
-        """The starts that the postures scanned so far give for a scene that differs in mass or in limits of forces
-        alone, per mode that is scanned.
-        """
-        began = time.perf_counter()
-        starts = [starts_of(scan.with_forces(scene)) for scan in self._scans.values()]
-        self.start_seconds += time.perf_counter() - began
-        return starts
-
-    def rough_starts_of(self, mode: frozenset[str]) -> list[GraspStart]:
-        """Starts of a mode of all kinds of scenes."""
-        if mode in self._rough:
-            return self._rough[mode]
-        began = time.perf_counter()
-        # Where tips alone touch, none of 19 scenes of three fingers gets better beyond 11 starts, of 45 of two fingers
-        # none beyond 8; with middle contacts none of 12 of two fingers beyond 4.
-        count = self._effort.starts * max(1, len(self.scene.setups) - 1)
-        self._rough[mode] = make_starts(self.scene, mode, count)
-        self.start_seconds += time.perf_counter() - began
-        return self._rough[mode]
-
-    @property
-    def _enough(self) -> float:
-        """Objective that is clearly worse than the best, where tensions are sought, which are never negative."""
-        best = self.best
-        if best is None or not self._least_tension:
-            return math.inf
-        return WORSE * best.attempt.objective + SAME
-
-    @property
-    def _is_over(self) -> bool:
-        """Whether no more samples are tried: iterations of the effort are used up since there is a grasp, or all."""
-        first = self._first_left
-        enough = first is not None and first - self.budget.left > self._effort.iterations
-        return enough or (bool(self.tried) and self.budget.over)
-
     # -- what is known -----------------------------------------------------------------------------------------
 
     @property
     def exploration(self) -> Exploration:
         """Record of the search so far."""
-        sampled = self._moves or self._samples_only
+        sampled = self._moves or not is_mapped()
         return Exploration(
             modes=len(self.modes),
             sampled=len(self.modes) if sampled else 0,
-            places=sum(scan.places for scan in self._scans.values()),
-            postures=sum(scan.postures for scan in self._scans.values()),
             starts_solved=len(self.good),
             starts_failed=len(self.tried) - len(self.good),
             settled=sum(candidate.holds for candidate in self.settled),
@@ -327,8 +221,8 @@ class GraspSearch:
 
     @cached_property
     def impossible(self) -> bool:
-        """Whether it is proven that there is no grasp; where postures are scanned, their forces show it sooner."""
-        return bool(self.unscanned) and cannot_balance(self.scene)
+        """Whether it is proven that there is no grasp."""
+        return cannot_balance(self.scene)
 
     @property
     def left_out(self) -> int:
@@ -379,8 +273,7 @@ class GraspSearch:
             self._pruned[ALIKE] += 1
             return known[attempt]
         tried = Tried(attempt, solver, self.scene)
-        enough = attempt.converged and attempt.objective <= options.get("enough", math.inf)
-        if fresh and enough and not tried.verified:  # what the solver rounded, once more from there
+        if fresh and attempt.converged and not tried.verified:  # what the solver rounded, once more from there
             again = solver.run(self.scene, tried.start, self.budget, options_at=0)
             tried = Tried(again, solver, self.scene) if again.converged else tried
         self._noted(tried)
@@ -400,8 +293,6 @@ class GraspSearch:
         self.tried.append(tried)
         if tried.verified:
             self.good.append(tried)
-            if tried.acceptable and self._first_left is None:
-                self._first_left = self.budget.left
         self.budget.tell(self._standing)
         return tried
 
@@ -410,8 +301,6 @@ class GraspSearch:
         """The best so far, what was tried, and how much longer it may take."""
         best, left, spent = self.best, self.budget.left, sum(tried.attempt.iterations for tried in self.tried)
         held = "no grasp yet" if best is None else f"{amount_text(self._tension(best), 'N', '.4g')} so far"
-        if self._first_left is not None:
-            left = min(left, self._effort.iterations - (self._first_left - left))
         seconds = max(left, 0.0) * sum(tried.attempt.seconds for tried in self.tried) / max(spent, 1)
         seconds = max(0.0, min(seconds, self.budget.until - time.monotonic()))
         return f"{held}; {len(self.tried)} starts tried, {seconds:.2g} s left at most"

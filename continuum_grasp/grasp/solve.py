@@ -347,7 +347,7 @@ class _Verdict:
         if explored.sampled and not search.proven:
             yield f"for {explored.sampled} of {explored.modes} sets of contacts only samples of postures were tried"
         if explored.untried and search.best is not None and not search.proven:
-            none = f"from {explored.untried} of {explored.settled} settled exact rods no grasp was sought"
+            none = f"from {explored.untried} of {explored.settled} postures that hold the object no grasp was sought"
             yield f"{none} ({self._more} does)" if self._more else none
         if not math.isnan(explored.exact_less):
             held = amount_text(explored.exact_less, "N", ".4g")
@@ -374,7 +374,7 @@ class _Verdict:
             return self._failed(GraspStatus.STOPPED, message, "Raise solver.time_limit, or free the machine.", closest)
         if self.budget.cut:
             message, advice = f"{self._cut()} without a verified grasp", "Raise solver.max_total_iterations."
-        elif self.search.exact and not self.search.is_sampled:
+        elif self.search.exact:
             held = amount_text(min(candidate.start.estimate for candidate in self.search.held_exactly), "N", ".4g")
             message = f"exact rods hold with {held} in all, and {self._elements} elements per finger do not follow them"
             advice = "Raise fidelity.elements, or leave it out: the program takes as many as are needed."

@@ -104,12 +104,10 @@ class Exploration:
     """Record of a search."""
 
     modes: int = 0  # sets of contacts
-    sampled: int = 0  # those of whose postures samples were tried: the others are scanned
-    places: int = 0  # of contacts on the object that were scanned
-    postures: int = 0  # that touch there and whose forces were balanced
+    sampled: int = 0  # those of whose postures samples were tried: of the others all were looked at
     starts_solved: int = 0  # starts of the solver that led to a verified grasp
     starts_failed: int = 0  # the other ones; a failure proves nothing
-    settled: int = 0  # combinations of exact rods that hold the object
+    settled: int = 0  # combinations of fingers that hold the object
     untried: int = 0  # of these, from which no grasp was sought though it may be better
     # Least sum of the tensions [N] with which one of them does, where it is clearly less than the result's; else NaN.
     exact_less: float = math.nan

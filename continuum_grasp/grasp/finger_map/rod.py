@@ -23,7 +23,7 @@ import numpy as np
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.core import Compiler
 from continuum_grasp.grasp.finger_map.jets import Jet
-from continuum_grasp.grasp.starts.scan.task import rough_distance
+from continuum_grasp.grasp.starts.curves import rough_distance
 from continuum_grasp.grasp.starts.supports import object_outlines
 from continuum_grasp.grasp.starts.values import Pose
 from continuum_grasp.scene import FAMILIES, FingerSetup, GraspScene
@@ -234,7 +234,7 @@ class MapFinger:
     @property
     def lanes(self) -> int:
         """Slopes that are computed at a time."""
-        return next(lanes for lanes in (8, 16, 24) if lanes >= self.numbers)
+        return 8 if self.numbers <= 8 else 16 if self.numbers <= 16 else 24
 
     def traced(self, z: Array, *, slopes: bool = True, entered: float = 0.0) -> Traced:
         """Integrate equilibria (B, 4 + 3 k), which may be so deep in obstacles [L]."""
@@ -307,8 +307,8 @@ def _weights(setup: FingerSetup, elements: tuple[int, ...], steps: int) -> Array
     family, count = FAMILIES[setup.family], sum(elements)
     first = np.cumsum((0, *elements[:-1]))
     # Places along the elements, each with a length of one.
-    along = [k + n * (np.arange(steps)[:, None] + [0.0, 0.5, 1.0]) / steps for k, n in zip(first, elements, strict=True)]
-    at = np.concatenate(along)
+    places = (np.arange(steps)[:, None] + [0.0, 0.5, 1.0]) / steps
+    at = np.concatenate([k + n * places for k, n in zip(first, elements, strict=True)])
     if family.even:
         bent = np.floor(at[:, 1:2, None]) == np.arange(count)
         of_tendons = np.zeros((*at.shape, 1))

@@ -11,12 +11,15 @@ from continuum_grasp.grasp.finger_map.balance import ObjectBalance, Settled
 from continuum_grasp.grasp.finger_map.fill import FingerMap
 from continuum_grasp.grasp.finger_map.rod import FEW, MapFinger, ObjectTable, Traced
 from continuum_grasp.grasp.finger_map.stability import not_unstable
+from continuum_grasp.grasp.starts.rough import rough_starts
 from continuum_grasp.grasp.starts.supports import base_poses, nearest_contact, object_poses
-from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart, Pose
-from continuum_grasp.scene import FingerSetup, GraspScene
+from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart, Pose, all_joints
+from continuum_grasp.scene import GraspScene
 
 BEST = 16
 """Settled combinations per finger of a set of contacts that are brought to their optimum."""
+ROUGH = 8
+"""Starts of a set of contacts where fingers have no maps."""
 MISSES = 3
 """Combinations of a set of contacts that nearly hold the object, where none does."""
 
@@ -25,13 +28,9 @@ Place = tuple[Pose, tuple[Pose, ...]]
 """World pose of the object, and of each finger's base [m, rad]."""
 
 
-def is_mapped(scene: GraspScene) -> bool:
-    """Whether the fingers of a scene have maps: none has stations, two middle contacts at most, and a C compiler is
-    there.
-    """
-    if Compiler.find() is None:
-        return False
-    return not any(setup.stations for setup in scene.setups)
+def is_mapped() -> bool:
+    """Whether fingers have maps: whether a C compiler is there."""
+    return Compiler.find() is not None
 
 
 def places_of(scene: GraspScene, on: frozenset[str]) -> list[Place]:
@@ -78,9 +77,12 @@ class SceneMaps:
 
     def settled(self, on: frozenset[str], place: Place, *, exact: bool = True) -> list[GraspStart]:
         """Starts with the contacts ``on`` by name that hold the object at a place, as ``exact`` rods or as fingers bend
-        with few elements, of least tension first; where none does, those that come nearest to it.
+        with few elements, of least tension first; where none does, those that come nearest to it. Without maps, those
+        that nearly touch.
         """
         scene, (pose, bases) = self.scene, place
+        if not is_mapped():
+            return rough_starts(scene, on, pose, bases, ROUGH)
         pairs = zip(scene.setups, bases, strict=True)
         maps = [self.map_of(setup.name, base, pose, on, exact=exact) for setup, base in pairs]
         balance = ObjectBalance(scene, on, [one.finger for one in maps], pose)
@@ -143,16 +145,6 @@ def _finger_start(at: Traced) -> FingerStart:
         across = np.array([step[1], -step[0]])
         sides.append(1 if across @ normal >= 0.0 else -1)
     side_of = dict(zip(finger.names, sides, strict=False))
-    joints = _all_joints(finger.setup, on)
+    joints = all_joints(finger.setup, on)
     all_sides = tuple(side_of.get(name, sides[0]) for name in finger.setup.middle_names)
     return FingerStart(finger.base, joints, all_sides, tuple(place.tolist()), tuple(bent.tolist()))
-
-
-def _all_joints(setup: FingerSetup, on: dict[str, float]) -> tuple[float, ...]:
-    """Positions of all middle contacts [m]: those that are off spread evenly between those that are on."""
-    if not on:
-        return setup.middle_places
-    count = len(setup.middle_names)
-    known = [-1, *(k for k, name in enumerate(setup.middle_names) if name in on), count]
-    places = [0.0, *on.values(), setup.finger.rod.length]
-    return tuple(np.interp(range(count), known, places).tolist())

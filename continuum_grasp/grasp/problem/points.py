@@ -8,7 +8,7 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.problem.unknowns import FingerLayout, Layout
 from continuum_grasp.grasp.problem.values import Units, Values, node_places
-from continuum_grasp.grasp.starts.scan.curves import curvature_at, turning
+from continuum_grasp.grasp.starts.curves import curvature_at, turning
 from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.model import Feature
 from continuum_grasp.scene import FAMILIES, FingerSetup, GraspScene

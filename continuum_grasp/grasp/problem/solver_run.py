@@ -133,8 +133,7 @@ class GraspSolverRun:
         parts of a usual amount, times ``weights`` by their names. Contacts sit on ``features``, by default those of the
         start, beyond whose ends they go on while that is better. The unknowns begin with ``x0``. Further run-time
         ``numbers`` go to the problem. Unknowns ``pinned`` stay at their values, but for NaN. ``patience`` and
-        ``standstill`` are as of `Start`; a run that comes to a ``known`` attempt returns that, and with an objective
-        above ``enough`` guarded places are not moved any more.
+        ``standstill`` are as of `Start`; a run that comes to a ``known`` attempt returns that.
 
         Raises
         ------
@@ -190,7 +189,6 @@ class GraspSolverRun:
         patience: int | None = None,
         standstill: int | None = None,
         known: Sequence[GraspAttempt] = (),
-        enough: float = np.inf,
     ) -> GraspAttempt:
         """Solve from a start on given features; see `run`."""
         problem, units = self.problem, Units.of(scene)
@@ -225,7 +223,7 @@ class GraspSolverRun:
         first = Start(x, low, high, *problem.rows.bounds(), begin, option_set=options)
         first = replace(first, patience=patience, standstill=standstill, known=[earlier.x for earlier in alike])
         with budget.share(iterations) as part:
-            last, last_numbers = solve_clear(solve, self.nlp, first, look, allowed_depth(scene), part, cap, enough)
+            last, last_numbers = solve_clear(solve, self.nlp, first, look, allowed_depth(scene), part, cap)
         last = replace(last, seconds=time.perf_counter() - began)
         if last.known:
             return min(alike, key=lambda earlier: float(np.abs(earlier.x - last.x).max()))
@@ -363,10 +361,9 @@ def solve_clear(
     depth: float,
     budget: Budget,
     most: int,
-    enough: float = np.inf,
 ) -> tuple[Attempt, Array]:
-    """Solve until no finger is deeper than ``depth`` between the places that must stay clear, or the objective is more
-    than ``enough``, each time by at most so many iterations: the last run, with the iterations of all, and its numbers.
+    """Solve until no finger is deeper than ``depth`` between the places that must stay clear, each time by at most so
+    many iterations: the last run, with the iterations of all, and its numbers.
 
     ``look`` takes a point and its numbers, and gives how deep fingers are there and the numbers of the next run, with
     the guarded places moved to where fingers are deepest.
@@ -385,7 +382,7 @@ def solve_clear(
         # Where other constraints became active, multipliers of the round before mislead: once more without them.
         if start.multipliers is not None and not last.converged:
             last = solved(replace(start, multipliers=None))
-        if not last.converged or not np.isfinite(last.x).all() or last.objective > enough:
+        if not last.converged or not np.isfinite(last.x).all():
             break
         deepest, near = look(last.x, numbers)
         # By as much, to first order, the new places change what is sought.

@@ -14,8 +14,7 @@ from continuum_grasp.grasp.problem.points import bending_arrays
 from continuum_grasp.grasp.problem.unknowns import FingerLayout, Layout
 from continuum_grasp.grasp.problem.values import FINE, Units, Values
 from continuum_grasp.grasp.shape import ROUNDING, FingerShape, skin
-from continuum_grasp.grasp.starts.scan.curves import sample
-from continuum_grasp.grasp.starts.scan.task import rough_distance
+from continuum_grasp.grasp.starts.curves import rough_distance, sample
 from continuum_grasp.model import TouchingCircle, surface_of
 from continuum_grasp.rod import DenseRod
 from continuum_grasp.scene import Finger, FingerSetup, GraspScene, Part, Wall

@@ -25,8 +25,7 @@ from continuum_grasp.grasp.effort import CLOSEST, FIRST_CAP, HELD
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, RelaxedLimit, beyond_needed, changed_numbers
 from continuum_grasp.grasp.problem.solver_run import MODEST
 from continuum_grasp.grasp.reasons.elastic import Elastic, Limits, Repair, same, settled
-from continuum_grasp.grasp.reasons.sampled_starts import LARGER, SampledStarts
-from continuum_grasp.grasp.reasons.starts import MappedStarts, Starts, eased
+from continuum_grasp.grasp.reasons.starts import Starts, eased
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.values import GraspStart
@@ -34,8 +33,10 @@ from continuum_grasp.grasp.values import NEAR, GraspStatus, Reason
 from continuum_grasp.scene import FingerSetup, GraspScene
 
 CLEAR = 0.03
-"""Relative change of a limit, or part of a usual amount, from which on no other start would do without: the estimates
-of a scan are off by less."""
+"""Relative change of a limit, or part of a usual amount, from which on no other start would do without: estimates of
+settled fingers are off by less."""
+FAR = 16.0
+"""Usual amounts of a limit beyond which it is no reason."""
 
 
 def rank(reason: Reason) -> tuple[bool, int, bool, bool, float]:
@@ -187,8 +188,7 @@ class Repairs(Elastic):
     @cached_property
     def starts(self) -> Starts:
         """Starts with limits relaxed."""
-        kind = SampledStarts if self.search.is_sampled else MappedStarts
-        return kind(self.scene, self.search)
+        return Starts(self.scene, self.search)
 
     def look(self) -> None:
         """Relax each limit alone that scenes without it show starts for; where no usual amount of one is enough, all at
@@ -244,7 +244,7 @@ class Repairs(Elastic):
             if search.budget.over:
                 return
             self.totals.setdefault((limit,), [])
-            if not (search.impossible and cannot_balance(eased(self.scene, [limit], LARGER[-1]))):
+            if not (search.impossible and cannot_balance(eased(self.scene, [limit], FAR))):
                 starts[limit] = self.starts.alone(limit)
                 self._from(limit, starts[limit], CLOSEST)
         others = [limit for limit in starts if limit in self.bounding]

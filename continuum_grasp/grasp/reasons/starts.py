@@ -1,8 +1,7 @@
-"""Starts of the elastic problem: exact rods that hold the object once limits are relaxed."""
+"""Starts of the elastic problem: fingers that hold the object once limits are relaxed."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from functools import cached_property
 
@@ -19,40 +18,22 @@ CLOSER = (0.5, 1.0)
 """Parts of an amount that is enough with which less is sought."""
 
 
-class Starts(ABC):
-    """Starts with limits relaxed of the scene of a search that found no grasp."""
+class Starts:
+    """Starts with limits relaxed of the scene of a search that found no grasp: fingers that hold the object then, from
+    maps with all limits relaxed.
+    """
 
     def __init__(self, scene: GraspScene, search: GraspSearch) -> None:
         self._scene, self._search = scene, search
 
-    @property
-    def tried(self) -> list[GraspStart]:
+    @cached_property
+    def near(self) -> list[GraspStart]:
         """Starts of the search, those that came nearest to a grasp first."""
         closest = sorted(self._search.tried, key=lambda tried: tried.attempt.badness)
         return list({id(tried.attempt.start): tried.attempt.start for tried in closest}.values())
 
-    @property
-    @abstractmethod
-    def near(self) -> list[GraspStart]:
-        """Starts that came nearest to a grasp of the scene as it is."""
-
-    @abstractmethod
     def alone(self, limit: RelaxedLimit, enough: float | None = None) -> list[GraspStart]:
         """Starts with a limit relaxed; with no more than is ``enough`` [usual amounts] where that is known."""
-
-    @abstractmethod
-    def together(self, limits: Iterable[RelaxedLimit]) -> list[GraspStart]:
-        """Starts for many limits at once: some of the scene as it is, and twice as many with limits relaxed."""
-
-
-class MappedStarts(Starts):
-    """Exact rods that hold the object with limits relaxed, from maps with all limits relaxed."""
-
-    @cached_property
-    def near(self) -> list[GraspStart]:
-        return self.tried
-
-    def alone(self, limit: RelaxedLimit, enough: float | None = None) -> list[GraspStart]:
         scenes = list[GraspScene]()
         for part in (USUAL, WIDE) if enough is None else [share * enough for share in CLOSER]:
             relaxed = eased(self._scene, [limit], part)
@@ -65,6 +46,7 @@ class MappedStarts(Starts):
         return interleaved([*map(self._held, scenes), known])
 
     def together(self, limits: Iterable[RelaxedLimit]) -> list[GraspStart]:
+        """Starts for many limits at once: some of the scene as it is, and twice as many with limits relaxed."""
         limits = list(limits)
         parts = () if self._hopeless else (USUAL, WIDE)
         wider = [self._held(eased(self._scene, limits, part)) for part in parts]

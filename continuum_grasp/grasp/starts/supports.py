@@ -8,7 +8,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from continuum_grasp.grasp.starts.scan.curves import EXACT
+from continuum_grasp.grasp.starts.curves import EXACT
 from continuum_grasp.grasp.starts.values import ContactStart, Pose
 from continuum_grasp.model import GrownOutline, surface_of
 from continuum_grasp.scene import FingerSetup, GraspScene, Peg, Wall

@@ -11,7 +11,7 @@ import numpy as np
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.shape import FingerShape
-from continuum_grasp.scene import GraspScene
+from continuum_grasp.scene import FingerSetup, GraspScene
 
 Pose = tuple[float, float, float]
 """World x, y [m] and angle [rad]."""
@@ -48,7 +48,7 @@ class ContactStart:
 class GraspStart:
     """A start."""
 
-    label: str  # "scan" (touches as it should), "near" (the closest there is), "found" (a grasp) ...
+    label: str  # "map" (in balance), "rough" (nearly touches), "found" (a grasp) ...
     object_pose: Pose  # in the world [m, rad]
     fingers: dict[str, FingerStart]
     contacts: dict[str, ContactStart]  # all that are on, those with supports included
@@ -122,6 +122,16 @@ def with_contacts(scene: GraspScene, start: GraspStart, contacts: Mapping[str, C
 def interleaved(lists: list[list[GraspStart]]) -> list[GraspStart]:
     """The first of each list, then the second of each, and so on."""
     return [start for rank in zip_longest(*lists) for start in rank if start is not None]
+
+
+def all_joints(setup: FingerSetup, on: dict[str, float]) -> tuple[float, ...]:
+    """Positions of all middle contacts [m], given those that are ``on``: the ones that are off are spread evenly between those that are on."""
+    if not on:
+        return setup.middle_places
+    count = len(setup.middle_names)
+    known = [-1, *(k for k, name in enumerate(setup.middle_names) if name in on), count]
+    places = [0.0, *on.values(), setup.finger.rod.length]
+    return tuple(np.interp(range(count), known, places).tolist())
 
 
 def _knots(profile: Array, ends: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
