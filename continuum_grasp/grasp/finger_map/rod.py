@@ -172,8 +172,8 @@ class MapFinger:
         steps = STEPS if self.is_exact or self.middles else STEPS_OF_ELEMENTS
         per_segment = 3 * steps // 5 if self.middles else steps
         self._weights = np.zeros((0, 3, 1)) if self.is_exact else _weights(setup, self.elements, per_segment)
-        self.coordinates = self._weights.shape[2] - 1
-        self.forces = 4 + 3 * self.middles  # numbers but for coordinates
+        self.coordinates: int = self._weights.shape[2] - 1
+        self.forces: int = 4 + 3 * self.middles  # numbers but for coordinates
         self.numbers = self.forces + self.coordinates
         arrays = self._table, self._masses, self._walls, self._pegs, self._distance, self._weights
         self.struct = _Rod(

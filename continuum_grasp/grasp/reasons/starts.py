@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 
 from continuum_grasp.grasp.effort import HELD
@@ -34,23 +34,23 @@ class Starts:
 
     def alone(self, limit: RelaxedLimit, enough: float | None = None) -> list[GraspStart]:
         """Starts with a limit relaxed; with no more than is ``enough`` [usual amounts] where that is known."""
-        scenes = list[GraspScene]()
-        for part in (USUAL, WIDE) if enough is None else [share * enough for share in CLOSER]:
-            relaxed = eased(self._scene, [limit], part)
-            if relaxed not in (self._scene, *scenes):
-                scenes.append(relaxed)
-        if self._hopeless:
-            scenes.clear()
         # Where no key of the scene holds a limit of the shape, postures of the scene as it is may be repaired.
         known = self.near if limit.limit is None and limit.bounds_shape else []
-        return interleaved([*map(self._held, scenes), known])
+        parts = (USUAL, WIDE) if enough is None else (CLOSER[0] * enough, CLOSER[1] * enough)
+        return interleaved([*self._relaxed([limit], *parts), known])
 
     def together(self, limits: Iterable[RelaxedLimit]) -> list[GraspStart]:
         """Starts for many limits at once: some of the scene as it is, and twice as many with limits relaxed."""
-        limits = list(limits)
-        parts = () if self._hopeless else (USUAL, WIDE)
-        wider = [self._held(eased(self._scene, limits, part)) for part in parts]
-        return [*self.near[:HELD], *interleaved(wider)[: 2 * HELD]]
+        return [*self.near[:HELD], *interleaved(self._relaxed([*limits], USUAL, WIDE))[: 2 * HELD]]
+
+    def _relaxed(self, limits: Sequence[RelaxedLimit], less: float, more: float) -> list[list[GraspStart]]:
+        """Starts with limits relaxed by so many usual amounts; by ``less`` where ``more`` is enough."""
+        wide = eased(self._scene, limits, more)
+        if self._hopeless or wide == self._scene:
+            return []
+        found, narrow = self._held(wide), eased(self._scene, limits, less)
+        enough = any(start.imbalance <= SETTLED for start in found)
+        return [self._held(narrow), found] if enough and narrow not in (self._scene, wide) else [found]
 
     @cached_property
     def _wide(self) -> SceneMaps:

@@ -1,7 +1,7 @@
 """Postures that nearly touch, for machines without a C compiler, on which fingers have no maps.
 
-Curvature is linear along a finger, by its values at base and tip. A middle contact is where the finger is nearest to the
-object, others are spread beyond it.
+Curvature is linear along a finger, by its values at base and tip. A middle contact is where the finger is nearest to
+the object, others are spread beyond it.
 """
 
 from __future__ import annotations

@@ -125,7 +125,7 @@ def interleaved(lists: list[list[GraspStart]]) -> list[GraspStart]:
 
 
 def all_joints(setup: FingerSetup, on: dict[str, float]) -> tuple[float, ...]:
-    """Positions of all middle contacts [m], given those that are ``on``: the ones that are off are spread evenly between those that are on."""
+    """Positions of all middle contacts [m], given those that are ``on``, between which the others are spread evenly."""
     if not on:
         return setup.middle_places
     count = len(setup.middle_names)
