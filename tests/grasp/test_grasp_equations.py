@@ -16,16 +16,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from grasp_scenes import CONFIGS, make_scene
+from grasp_scenes import CONFIGS, first_start, make_scene
 
 import continuum_grasp
 from continuum_grasp.core import Cache, Compiler
 from continuum_grasp.core.cache import cache_folder
-from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import equations as problem
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.unit_finger import unit_model
-from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.scene import Box
 
 needs_compiler = pytest.mark.skipif(Compiler.find() is None, reason="needs a C compiler")
@@ -46,7 +44,7 @@ print(json.dumps([len(loaded), {name: values.tolist() for name, values in found.
 def small():
     """The structure of a finger of arcs at a mug, with all its contacts."""
     scene = make_scene(family="arc", tendon_friction=0.2)
-    return ProblemSpec.of(scene, make_starts(scene, contact_modes(scene)[0], 1)[0].contacts)
+    return ProblemSpec.of(scene, first_start(scene).contacts)
 
 
 @pytest.fixture

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 from grasp_scenes import finger_to, held_by_tips, loose
 
 from benchmarks.grasp_oracle import scenes
 from continuum_grasp.grasp import GraspStatus, optimize_grasp
-from continuum_grasp.grasp.starts.starts import make_starts
 from tests.marks import few
 
 pytestmark = pytest.mark.filterwarnings("ignore:tendons.offset")
@@ -94,64 +92,6 @@ def test_straight_fingers_of_all_sizes_and_a_palm(stiffness, length, radius, deg
     assert result.status is GraspStatus.OPTIMAL
     expected = max(1.0, 2.0 * rise) * MASS * G / (2.0 * FRICTION * (1.0 + rise))
     assert max(c.normal_force for c in result.contacts) == pytest.approx(expected, rel=1e-3)
-
-
-def missing(scene, start):
-    """Force and moment that the contacts of a start leave on the object, and the lift, per weight."""
-    turn = start.object_pose[2]
-    com = np.exp(1j * turn) * complex(*scene.object.com)
-    force, moment, lift = 0j, 0.0, 0.0
-    if scene.gravity.mode == "planar":
-        force = scene.object.mass * complex(*scene.gravity.vector)
-    for name, contact in start.contacts.items():
-        normal = np.exp(1j * (contact.normal_angle + turn))
-        n, f, carried = start.forces[name]
-        load = -(n * normal + f * 1j * normal)
-        arm = np.exp(1j * turn) * complex(*contact.point) - com
-        force, lift = force + load, lift + carried
-        moment += (np.conj(arm) * load).imag
-        assert math.hypot(f, carried) <= scene.friction(name) * n * (1.0 + 1e-6)
-    across = scene.weight if scene.gravity.mode == "out_of_plane" else 0.0
-    return max(abs(force), abs(moment) / scene.object.size, abs(lift - across)) / scene.weight
-
-
-@pytest.mark.parametrize(
-    "gravity", [OUT | {"tilt": "ignore"}, {"mode": "planar", "vector": (2.0, -9.0)}], ids=lambda g: g["mode"]
-)
-@pytest.mark.parametrize("count", [2, *few([3, 4], 1)])
-def test_the_first_start_is_nearly_in_balance(count, gravity):
-    """Forces on the object, and the moment at each tip."""
-    places = [0.2 + math.tau * k / count for k in range(count)]
-    fingers = [finger(place, 0.7, stiffness=0.02 * (1 + k)) for k, place in enumerate(places)]
-    scene = scene_of(fingers, gravity)
-    on = frozenset(f"finger_{k}.tip" for k in range(count))
-    start = make_starts(scene, on, 4)[0]
-    assert start.label == "scan"
-    assert missing(scene, start) < 0.03
-    for setup in scene.setups:
-        (left, right), (_, friction, _) = start.tensions[setup.name], start.forces[setup.tip_name]
-        bent = start.fingers[setup.name].curvatures
-        moment, greatest = setup.stiffness * bent[-1], setup.stiffness * max(*map(abs, bent), 0.3 / LENGTH)
-        wanted = (left - right) * OFFSET - HALF * friction
-        assert moment == pytest.approx(wanted, abs=0.06 * greatest)
-
-
-def test_free_bases_are_tried_where_they_balance():
-    """Straight fingers that end 8 mm short of the disc, and that may come nearer: the first start touches it."""
-    fingers = [finger(place, 0.0) for place in (0.0, math.pi)]
-    for one in fingers:
-        one |= loose(one, 0.02)
-        x, y = one["base"]["position"]
-        one["base"]["position"] = (x + math.copysign(0.008, x), y)
-    scene = scene_of(fingers, OUT)
-    on = frozenset(["finger_0.tip", "finger_1.tip"])
-    start = make_starts(scene, on, 1)[0]
-    assert start.label == "scan"
-    assert missing(scene, start) < 0.03
-    for setup in scene.setups:
-        x, y, _ = start.fingers[setup.name].base
-        assert setup.finger.base_free.x[0] <= x <= setup.finger.base_free.x[1]
-        assert setup.finger.base_free.y[0] <= y <= setup.finger.base_free.y[1]
 
 
 @pytest.mark.parametrize(("seed", "tension"), few([(155, 32.06), (495, 27.19), (58, 61.59), (328, 14.49)], 2))

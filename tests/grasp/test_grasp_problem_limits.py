@@ -13,23 +13,21 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 import pytest
-from grasp_scenes import make_scene
+from grasp_scenes import first_start, make_scene
 
 from continuum_grasp import nlp
 from continuum_grasp.grasp import RELAXATIONS, GraspSolverRun
-from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import disturbance, limits, points, solver_run, surroundings, values
 from continuum_grasp.grasp.problem.equations import equations, expressions
 from continuum_grasp.grasp.problem.solver_run import allowed_depth, solve_clear
 from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.starts.starts import make_starts
 
 NONE = np.zeros(1)
 
 
-def runs(deepest=0.0, moved=0.0, objective=1.0, settles_after=math.inf, enough=math.inf):
+def runs(deepest=0.0, moved=0.0, objective=1.0, settles_after=math.inf):
     """How often a problem is solved whose fingers are so deep, per what is allowed, and whose new guarded places change
-    what is sought; from some round on neither. An objective above ``enough`` is not worth another round.
+    what is sought; from some round on neither.
     """
     solved = []
 
@@ -44,7 +42,7 @@ def runs(deepest=0.0, moved=0.0, objective=1.0, settles_after=math.inf, enough=m
     problem = SimpleNamespace(functions={"jac_g": lambda x, p: (np.array([now(moved)]), None)})
     start = nlp.Start(NONE, NONE, NONE, NONE, NONE, NONE)
     look = lambda x, p: (now(deepest), p)  # noqa: E731
-    solve_clear(solve, problem, start, look, 1.0, nlp.Budget(), 9, enough)
+    solve_clear(solve, problem, start, look, 1.0, nlp.Budget(), 9)
     return len(solved)
 
 
@@ -71,7 +69,7 @@ def asked(*names, options_at=0, off=0.0):
     scene, problem, _, x, _ = posed()
     run, low, seen = of_mug(), problem.rows.bounds()[0], {}
 
-    def stopped(solve, nlp_problem, start, look, depth, budget, most, enough):
+    def stopped(solve, nlp_problem, start, look, depth, budget, most):
         seen.update(
             {name: start.p[at] for name, at in run.problem.numbers.at.items()}
             | {name: start.high[at] for name, at in run.problem.x.at.items()}
@@ -84,7 +82,7 @@ def asked(*names, options_at=0, off=0.0):
     relaxed = [(one, 0.0) for one in RELAXATIONS if one.name in names]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(solver_run, "solve_clear", stopped)
-        start = make_starts(scene, contact_modes(scene)[0], 1)[0]
+        start = first_start(scene)
         seen["violations"] = run.run(scene, start, nlp.Budget(), options_at=options_at, relaxed=relaxed).violations
     return seen
 
@@ -109,7 +107,6 @@ LIMITS = [
     ("change of what is sought by new places", 1e-5, lambda x: runs(moved=x) == 1),
     ("the same of a great objective", 1e-5 * 300.0, lambda x: runs(moved=x, objective=-300.0) == 1),
     ("depth between the places", 1.0, lambda x: runs(deepest=x) == 1),
-    ("objective that is worth another round", 5.0, lambda x: runs(deepest=2.0, objective=x, enough=5.0) > 1),
     ("distance of two middle contacts", 0.02, lambda x: not in_order(x)),
 ]
 
@@ -124,7 +121,7 @@ def test_a_problem_is_otherwise_on_either_side_of_a_limit(limit, decides):
 def posed(objective="least_tension"):
     """The problem of a mug, its numbers and unknowns at a start, and the bounds of these."""
     scene = make_scene(objective=objective)
-    start = make_starts(scene, contact_modes(scene)[0], 1)[0]
+    start = first_start(scene)
     problem = expressions(ProblemSpec.of(scene, start.contacts))
     layout = equations(problem.spec).layout
     features = values.contact_features(scene, start.contacts)
@@ -143,7 +140,7 @@ def weighed_change():
     """What it costs beside the reserve of the cones to change one tension by its most."""
     scene, problem, numbers, _, _ = posed()
     made = equations(problem.spec.in_error(yielding=False))
-    robust, start = made.layout, make_starts(scene, contact_modes(scene)[0], 1)[0]
+    robust, start = made.layout, first_start(scene)
     values_there = values.problem_values(robust, scene, start, values.contact_features(scene, start.contacts))
     packed, x = robust.numbers.pack({**numbers, **values_there}, 0.0), np.zeros(robust.x.size)
     x[robust.x.at["finger.pulls"]] = values_there["finger.pull_held"]

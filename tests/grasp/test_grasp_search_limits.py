@@ -60,23 +60,15 @@ def settled(estimate, imbalance=0.0, tried=False):
 def polished(estimate, *grasps, **more):
     """Whether a settled exact rod is tried beside grasps."""
     search, starts = searching(*grasps, **more)
-    search.settle = lambda: [settled(estimate)]
+    search.settle = lambda *_, **__: [settled(estimate)]
     search._from_settled()
     return bool(starts)
 
 
 def explored(candidate, *grasps, **more):
     search, _ = searching(*grasps, **more)
-    search.settled = [candidate]
+    search.settled = search.__dict__["_settled_exactly"] = [candidate]
     return search.exploration
-
-
-def over(effort, iterations):
-    """Whether a search that has a grasp ends after so many iterations."""
-    search, _ = searching(grasp(), **{"solver.effort": effort})
-    search.budget.left = 1
-    search._first_left = 1 + iterations
-    return search._is_over
 
 
 def verified(badness):
@@ -99,13 +91,10 @@ LIMITS = [
     ("tension of an exact rod that elements do not follow", 0.97 * (TENSION + NONE) - NONE,
      lambda e: explored(settled(e, tried=True), grasp()).exact_less == e),
     ("imbalance of an exact rod that holds", 1e-5, lambda off: explored(settled(1.0, off), grasp()).untried == 1),
-    ("iterations of a search with a grasp", 600.0, lambda n: not over("normal", n)),
-    ("iterations of a quick one", 150.0, lambda n: not over("quick", n)),
     ("press above what is proven", 1.0 + 1e-3, proven),
     ("objective for which a grasp that converged is taken", 2.0 * (1.0 + 1e-3),
      lambda cost: least_of([grasp(objective=2.0, optimal=False), grasp(objective=cost)]).attempt.optimal),
     ("violation of a start that is verified", 1e-2, lambda off: verified(off)),
-    ("objective that is clearly worse", 1.05 + 1e-4, lambda cost: cost < searching(grasp())[0]._enough),
     ("turn of contacts of one branch", math.pi / 8, lambda a: branch_of(start(angle=a)) == branch_of(start())),
 ]  # fmt: skip
 
@@ -132,48 +121,16 @@ def test_rods_do_not_tell_of_histories_of_friction():
     assert math.isnan(explored(candidate, grasp(), **friction).exact_less)
 
 
-def test_where_no_exact_rod_holds_samples_are_tried(monkeypatch):
-    search, starts = searching(elements=4)
-    search.settle = list
-    mode = search.modes[0]
-    monkeypatch.setattr(search, "basins_of", lambda mode: [start(1.0), start(2.0)])
-    monkeypatch.setattr(search, "rough_starts_of", lambda mode: [start(doubt=0.2), start(doubt=0.3)])
-    search.run()
-    assert [(each.estimate, each.doubt) for each in starts[:2]] == [(1.0, 0.0), (2.0, 0.0)]
-    assert [each.doubt for each in starts[2:]] == [0.2, 0.3]
-    assert search.exploration.sampled == search.exploration.modes == 1
-    assert mode == frozenset({"finger.tip", "palm"})
-
-
-@pytest.mark.parametrize(("elements", "sampled"), [(2, True), (4, True), (5, False), (8, False)])
-def test_postures_are_sampled_for_few_elements_alone(elements, sampled, monkeypatch):
-    search, _ = searching(elements=elements)
-    monkeypatch.setattr(search, "run_before", lambda *_, **__: None)
-    asked = []
-    search.settle, search._from_samples = list, lambda: asked.append(True)
-    search.run()
-    assert bool(asked) is sampled
-
-
-@pytest.mark.parametrize(("elements", "held", "tried"), [(8, False, 6), (8, True, 2), (4, False, 0)])
-def test_where_no_exact_rod_holds_the_nearest_are_tried(elements, held, tried):
+@pytest.mark.parametrize("elements", [4, 8])
+@pytest.mark.parametrize(("held", "tried"), [(False, 6), (True, 2)])
+def test_where_no_finger_holds_the_nearest_are_tried(elements, held, tried):
     """Boldly, then carefully; once there is a grasp none of them."""
     search, starts = searching(elements=elements)
-    search.settle = lambda: [settled(1.0)] * held + [settled(1.0, imbalance=0.01 * k) for k in (1, 2, 3)]
+    search.settle = lambda *_, **__: [settled(1.0)] * held + [settled(1.0, imbalance=0.01 * k) for k in (1, 2, 3)]
     attempt = search.attempt
     search.attempt = lambda start, **options: (attempt(start, **options), held and search.good.append(grasp()))[0]
     search._from_settled()
     assert len(starts) == tried
-
-
-def test_a_proof_that_there_is_no_grasp_ends_the_search_after_six_samples(monkeypatch):
-    search, _ = searching(elements=4)
-    search.attempt = lambda start, **options: search.tried.append(grasp())
-    monkeypatch.setattr(GraspSearch, "impossible", True)
-    monkeypatch.setattr(search, "basins_of", lambda mode: [])
-    monkeypatch.setattr(search, "rough_starts_of", lambda mode: [start() for _ in range(9)])
-    search._from_samples()
-    assert len(search.tried) == 6
 
 
 def test_other_aims_begin_with_three_grasps_of_least_tension(monkeypatch):
@@ -187,52 +144,13 @@ def test_other_aims_begin_with_three_grasps_of_least_tension(monkeypatch):
     assert len(starts) == 3
 
 
-@pytest.mark.parametrize(
-    ("effort", "rods", "basins", "starts"), [("quick", 4, 3, 2), ("normal", 8, 12, 8), ("thorough", 24, 12, 24)]
-)
-def test_an_effort_is_so_many_exact_rods_and_samples(effort, rods, basins, starts, monkeypatch):
-    """Rough starts are three times as many of four fingers."""
+@pytest.mark.parametrize(("effort", "fingers"), [("quick", 4), ("normal", 8), ("thorough", 24)])
+def test_an_effort_is_so_many_settled_fingers(effort, fingers):
     search, found = searching(elements=4, **{"solver.effort": effort})
-    search.settle = lambda: [settled(1.0 + k) for k in range(30)]
+    search.settle = lambda *_, **__: [settled(1.0 + k) for k in range(30)]
     search._from_settled()
     # Boldly, then carefully.
-    assert len(found) == 2 * rods
-    found.clear()
-    monkeypatch.setattr(search, "basins_of", lambda *_: [start(estimate=1.0 + k) for k in range(20)])
-    monkeypatch.setattr(search, "rough_starts_of", lambda mode: [])
-    search._from_samples()
-    assert len(found) == basins
-    monkeypatch.undo()
-    mode, asked = frozenset({"finger.tip", "palm"}), []
-    monkeypatch.setattr(module, "make_starts", lambda scene, mode, count: asked.append(count) or [])
-    for count in (1, 2, 4):
-        search.scene = SimpleNamespace(setups=[None] * count)
-        search.rough_starts_of(mode)
-        search._rough.clear()
-    search.scene = SimpleNamespace(setups=[None])
-    assert search.rough_starts_of(mode) is search.rough_starts_of(mode)
-    assert asked == [starts, starts, 3 * starts, starts]
-
-
-@pytest.mark.parametrize(("elements", "fine"), [(2, 8), (4, None)])
-def test_two_elements_begin_with_eight(elements, fine, monkeypatch):
-    search, _ = searching(elements=elements)
-    before = []
-    monkeypatch.setattr(search, "run_before", lambda other, **_: before.append(other.scene.setups[0].elements))
-    search.settle = list
-    monkeypatch.setattr(search, "_samples", lambda: iter(()))
-    search.run()
-    assert before == ([fine] if fine else [])
-
-
-def test_rough_starts_of_all_sets_of_contacts_take_turns_the_likeliest_first(monkeypatch):
-    search, solved = searching()
-    doubts = {"one": (0.3, 0.4), "two": (0.5,), "three": (0.1, 0.2)}
-    monkeypatch.setattr(search, "rough_starts_of", lambda mode: [start(doubt=doubt) for doubt in doubts[mode]])
-    search.modes = [*doubts]
-    monkeypatch.setattr(search, "basins_of", lambda mode: [])
-    search._from_samples()
-    assert [each.doubt for each in solved] == [0.1, 0.3, 0.5, 0.2, 0.4]
+    assert len(found) == 2 * fingers
 
 
 @pytest.mark.parametrize(("pegs", "count"), [(5, 32), (6, 64), (7, 64)])

@@ -15,11 +15,10 @@ import pytest
 from continuum_grasp import nlp
 from continuum_grasp.grasp import RELAXATIONS, ContactStart, GraspResult, JointSolverRun, Reason, changes, stations
 from continuum_grasp.grasp.certificate.model_error import ModelError
-from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.reasons import diagnosis
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, is_clear, is_rare, ordered
 from continuum_grasp.grasp.reasons.elastic import Repair, settled
-from continuum_grasp.grasp.reasons.sampled_starts import LARGER, SampledStarts
+from continuum_grasp.grasp.reasons.starts import Starts
 from continuum_grasp.grasp.robust import joint
 from continuum_grasp.grasp.robust import response as responses
 from continuum_grasp.grasp.robust import search as exchange
@@ -28,12 +27,11 @@ from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.solve import _Verdict
-from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses
 from continuum_grasp.nlp import Budget, SolverStatus
 from continuum_grasp.scene import Robust
 from tests import certificate_cases as cases
-from tests.grasp_scenes import make_scene
+from tests.grasp_scenes import first_start, make_scene
 
 TENSION, FRICTION = (limit for limit in RELAXATIONS if limit.name in ("tension", "friction"))
 SCENE = cases.squeezed_disc()[0]
@@ -51,18 +49,11 @@ def reason(name="tension", limit=1.0, needed=1.0):
 
 
 def searching(scene=SCENE, **more):
-    known = {"scene": scene, "budget": Budget(), "settled": [], "tried": [], "good": [], "best": None, "unscanned": []}
-    return Some(**{**known, "basins_of": lambda mode: None, "impossible": False, "is_sampled": True, **more})
+    known = {"scene": scene, "budget": Budget(), "settled": [], "tried": [], "good": [], "best": None}
+    return Some(**{**known, "impossible": False, **more})
 
 
 # -- reasons ---------------------------------------------------------------------------------------------------
-
-
-def hopeful(imbalance, known=math.inf, elements=2):
-    """Whether a start is tried whose best forces leave so much, where the scan without the limit relaxed left more."""
-    contacts, scene = {"finger.tip": None}, SCENE.changed({"fidelity.elements": elements})
-    search = searching(scene, basins_of=lambda mode: [Some(imbalance=known, contacts=contacts)])
-    return bool(SampledStarts(scene, search)._hopeful([Some(imbalance=imbalance, contacts=contacts)]))
 
 
 def repaired(amount, most=1.0, other=None):
@@ -171,7 +162,7 @@ def goes_on(worse):
 def effort_in_error():
     """Weight of what makes postures in error unique."""
     scene = make_scene("arc")
-    start, seen = make_starts(scene, contact_modes(scene)[0], 1)[0], []
+    start, seen = first_start(scene), []
     run = JointSolverRun(scene, start, np.zeros((1, 6)))
 
     def cut(solve, problem, start, *_):
@@ -224,10 +215,6 @@ LIMITS = [
     ("friction that is rare", 1.0, lambda x: not is_rare(reason("friction", 0.1, x))),
     ("what is missing of a limit", 1.03, lambda x: not is_clear(reason(needed=x), SCENE)),
     ("amounts that are one", 1.0 / (1.0 - 1e-4), lambda x: settled([1.0, 1.0, x])),
-    ("imbalance with a limit relaxed", 0.02, hopeful),
-    ("the same of more elements", 0.06, lambda x: hopeful(x, elements=3)),
-    ("imbalance per that without", 0.95 * 0.01, lambda x: hopeful(x, known=0.01)),
-    ("imbalance that is none", 1e-3, lambda x: hopeful(x, known=0.0)),
     ("most that makes sense of an amount", 20.0 * (1.0 - 1e-3), lambda x: repaired(x, FRICTION.sensible(SCENE))),
     ("part of several limits that is none", 1e-3, lambda x: not repaired(0.5, other=x)),
     ("part of a limit that another is in place of", 1e-3, in_place),
@@ -286,18 +273,18 @@ def ends_of_a_start(*found):
     return asked
 
 
-def starts_together():
-    """Usual amounts by which shapes are relaxed in search of postures for all limits; starts of either kind."""
-    strain = next(limit for limit in RELAXATIONS if limit.name == "bending range")
-    eased, known = [], SampledStarts(SCENE, searching(rebalanced=lambda _: [[*range(20)]]))
+def starts_together(*holding):
+    """Usual amounts by which a limit is relaxed in search of starts, where those hold; starts of either kind."""
+    eased, known = [], Starts(SCENE, searching())
+    known.near, known._hopeless = [*range(20)], False
 
-    def starts_of(scene):
-        eased.append(strain.limit(scene) - strain.limit(SCENE))
-        return [[*range(20, 40)]]
+    def held(scene):
+        eased.append((scene.setups[0].max_tension - SCENE.setups[0].max_tension) / TENSION.start(SCENE))
+        return [Some(imbalance=0.0 if round(eased[-1], 9) in holding else 1.0) for _ in range(20)]
 
-    known._of = starts_of
-    starts = known.together((TENSION, strain))
-    return np.round(eased, 9).tolist(), [k < 20 for k in starts].count(True), [k >= 20 for k in starts].count(True)
+    known._held = held
+    starts = known.together((TENSION,))
+    return np.round(eased, 9).tolist(), sum(start in known.near for start in starts), len(starts)
 
 
 def rough_starts():
@@ -368,18 +355,6 @@ def further(least):
     steps, repairs = [], Repairs(SCENE.replaced(robust=Robust(mass=0.1)), searching())
     repairs._further = lambda repair, step: steps.append(step) or (step if step >= least else None)
     return repairs.as_demanded(Repair({TENSION: 1.0}, {}, None)), steps
-
-
-def eased_by():
-    """Usual amounts of tension by which a limit is relaxed until postures are in balance, which they never are."""
-    usual, seen = TENSION.start(SCENE), []
-
-    def rebalanced(scene):
-        seen.append((scene.setups[0].max_tension - SCENE.setups[0].max_tension) / usual)
-        return [[]]
-
-    SampledStarts(SCENE, searching(rebalanced=rebalanced))._balanced(TENSION, LARGER)
-    return seen
 
 
 def share_that_holds(most):
@@ -506,7 +481,8 @@ COUNTS = [
     ("starts that are not scanned", ([0, 1], [0, 1]), rough_starts),
     ("iterations of each", [(80, None), (80, None)], ends_of_a_start),
     ("iterations in vain of each but the first", [(80, 7), (80, None)], lambda: ends_of_a_start((TENSION,))),
-    ("starts of all limits", ([1.0, 2.9], 3, 6), starts_together),
+    ("starts of all limits", ([3.0, 1.0], 3, 9), lambda: starts_together(1.0, 3.0)),
+    ("starts of all limits where none holds", ([3.0], 3, 9), starts_together),
     ("weight of a limit in place of which others are relaxed", {10.0}, weight_in_place),
     ("weights of parts", [0.1 / 0.6] * 2, lambda: weights_of(0.5)),
     ("points made sparse", [1.0, 2.0, 3.0], lambda: seeds_of(3.0, 1.0, 5.0, 2.0, 1.0 + 1e-5, 4.0)),
@@ -517,7 +493,6 @@ COUNTS = [
     ("halvings of such a step", [0.01, 0.04, 0.16, 0.1, 0.13], lambda: pytest.approx(further(0.12)[1])),
     ("amounts that agree", (False, True), lambda: (settled([1.0, 1.0]), settled([1.0, 1.0, 1.0]))),
     ("amounts no less", (False, True), lambda: (settled([3.0, 1.0, 2.0, 2.0]), settled([1.0, 2.0, 3.0, math.inf]))),
-    ("usual amounts", [1.0, 4.0, 16.0], lambda: pytest.approx(eased_by())),
     ("halvings of a share", 0.25, lambda: pytest.approx(share_that_holds(0.3))),
     ("begins of stations", [0, 1, 2], lambda: begun(9)),
     ("rounds towards stability", [(pytest.approx(0.1), 40), 12],

@@ -22,12 +22,10 @@ from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.base import InputError, SolverError
 from continuum_grasp.grasp import GraspResult, GraspStatus, certify, optimize_grasp
 from continuum_grasp.grasp.search import GraspSearch as GraspSearch
-from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.grasp.stations import _slope
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import Rod
 from tests import certificate_cases as cases
-from tests.grasp.test_grasp_starts import world_curve
 
 EULER = math.pi**2 * cases.STIFFNESS / (4 * cases.LENGTH**2)
 """Load at which a column buckles whose end is free [N]."""
@@ -170,23 +168,6 @@ def test_two_limits_at_once_are_named_with_their_numbers():
     assert needed["strain"] == pytest.approx(strain, rel=1e-2)
     assert needed["tension"] == pytest.approx(tension, rel=1e-2)
     assert "together with" in result.advice
-
-
-def gap(scene, start):
-    """Least distance of the bodies of two fingers of a start [m]."""
-    one, other = (world_curve(start.fingers[setup.name])[1] for setup in scene.setups)
-    half = sum(setup.finger.thickness_radius for setup in scene.setups)
-    return float(np.abs(one[:, None] - other).min()) - half
-
-
-@pytest.mark.parametrize("seed", [7, 44, 51])
-def test_starts_keep_fingers_apart_unless_they_may_cross(seed):
-    scene, on = scenes.scene_of("two", seed), frozenset({"upper.tip", "lower.tip"})
-    for overlap in ("allow", "forbid"):
-        changed = scene.changed({"overlap": overlap})
-        starts = make_starts(changed, on, 8)
-        least = min(gap(changed, start) for start in starts if start.label == "scan")
-        assert (least > -1e-3) is (overlap == "forbid")
 
 
 @pytest.mark.parametrize(("seed", "held"), [(50, True), (31, False)])

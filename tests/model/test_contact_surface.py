@@ -14,7 +14,7 @@ import pytest
 from pydantic import TypeAdapter
 from scipy.optimize import brentq
 
-from continuum_grasp.grasp.starts.scan.task import rough_distance
+from continuum_grasp.grasp.starts.curves import rough_distance
 from continuum_grasp.model import Vec, nearest, surface_of
 from continuum_grasp.scene import Box, Circle, Ellipse, Polygon, Stadium, Superellipse, SuperellipsePart, Union
 from continuum_grasp.scene.objects import UnionMember
