@@ -32,9 +32,10 @@ from continuum_grasp.grasp.effort import (
     SURE,
     UNFOLLOWED,
 )
-from continuum_grasp.grasp.finger_map import FEW, SETTLED, SceneMaps, is_mapped, places_of
+from continuum_grasp.grasp.finger_map import FEW, ROUGH, SETTLED, Place, SceneMaps, is_mapped, places_of
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, GraspAttempt, GraspSolverRun
+from continuum_grasp.grasp.starts.rough import rough_starts
 from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.tried import Candidate, Exploration, Tried, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
@@ -60,6 +61,7 @@ class GraspSearch:
         self._pruned = Counter[str]()  # starts that were not tried, by the reason
         self._solvers: dict[tuple[tuple[str, int], ...], GraspSolverRun] = {}  # by names and parts of contacts
         self._maps = SceneMaps(scene)
+        self._sampled = False  # whether postures were tried that maps do not lead to
         self._curled = frozenset[str]()  # fingers that passed through themselves in an attempt
 
     @property
@@ -97,26 +99,45 @@ class GraspSearch:
         with few elements, or as ``exact`` rods.
         """
         began = time.perf_counter()
-        places = [(mode, place) for mode in self.modes for place in places_of(self.scene, mode)[: self._effort.places]]
-        starts = [start for mode, place in places for start in maps.settled(mode, place, exact=exact)]
+        starts = [start for mode, place in self._places for start in maps.settled(mode, place, exact=exact)]
         self.start_seconds += time.perf_counter() - began
         return [Candidate(start) for start in sorted(starts, key=_promise)]
 
     def _from_settled(self) -> None:
-        """Start from fingers that hold the object, as far as they are better than the best grasp, or from those that
-        come nearest to it.
+        """Start from fingers that hold the object, as far as they are better than the best grasp; without a grasp also
+        from spare ones, and from those that come nearest to it.
         """
         if not self.budget.over:
             self.settled = self.settle(self._maps)
-        for candidate in self.settled[: self._effort.settled]:
+        most = self._effort.settled
+        for candidate in [each for each in self.settled if each.holds][:most]:
             if self.budget.over or self.proven or self._promised(candidate) > SURE:
                 return
-            if not candidate.holds and self.best is not None:
-                return
             candidate.tried = True
-            # Boldly first, since it is nearly exact.
-            if self.attempt(candidate.start, options_at=0) not in self.good:
-                self.attempt(candidate.start, iterations=FIRST_CAP)
+            self._attempt_twice(candidate.start)
+        others = [each.start for each in self.settled if not each.holds][:most]
+        for start in (*others, *self._rough_starts):
+            if self.budget.over or self.best is not None:
+                return
+            self._sampled |= start.is_rough
+            self._attempt_twice(start)
+
+    def _attempt_twice(self, start: GraspStart) -> None:
+        """Solve from a start boldly, since it is nearly exact, then carefully."""
+        if self.attempt(start, options_at=0) not in self.good:
+            self.attempt(start, iterations=FIRST_CAP)
+
+    @property
+    def _rough_starts(self) -> list[GraspStart]:
+        """Postures of few elements that nearly touch: what coarse fingers reach may have no part that leads there."""
+        if not is_mapped() or all(setup.elements > FEW for setup in self.scene.setups):
+            return []
+        return [start for mode, place in self._places for start in rough_starts(self.scene, mode, *place, ROUGH)]
+
+    @property
+    def _places(self) -> list[tuple[frozenset[str], Place]]:
+        """Sets of contacts, and places of object and bases that are tried with them."""
+        return [(mode, place) for mode in self.modes for place in places_of(self.scene, mode)[: self._effort.places]]
 
     def _from(self, before: GraspSearch, label: str) -> None:
         """Start from the grasps of a scene in which they are found more surely."""
@@ -178,11 +199,7 @@ class GraspSearch:
     @property
     def held_exactly(self) -> list[Candidate]:
         """Exact rods that hold the object."""
-        return [candidate for candidate in self._settled_exactly if candidate.start.imbalance < BALANCED]
-
-    @property
-    def _held(self) -> list[Candidate]:
-        return [candidate for candidate in self.settled if candidate.start.imbalance < BALANCED]
+        return _in_balance(self._settled_exactly)
 
     @cached_property
     def _settled_exactly(self) -> list[Candidate]:
@@ -195,14 +212,14 @@ class GraspSearch:
     @property
     def exploration(self) -> Exploration:
         """Record of the search so far."""
-        sampled = self._moves or not is_mapped()
+        sampled = self._moves or self._sampled
         return Exploration(
             modes=len(self.modes),
             sampled=len(self.modes) if sampled else 0,
             starts_solved=len(self.good),
             starts_failed=len(self.tried) - len(self.good),
             settled=sum(candidate.holds for candidate in self.settled),
-            untried=sum(not held.tried and self._promised(held) < 1.0 - OPEN for held in self._held),
+            untried=sum(not held.tried and self._promised(held) < 1.0 - OPEN for held in _in_balance(self.settled)),
             exact_less=self.exact_less,
             pruned=dict(self._pruned),
         )
@@ -316,7 +333,12 @@ class GraspSearch:
         return self._solvers[contacts]
 
 
-def _promise(start: GraspStart) -> tuple[bool, bool, float]:
-    """Order of starts: those that hold exactly, those that nearly do, and the others by what they leave."""
+def _promise(start: GraspStart) -> tuple[bool, bool, bool, float]:
+    """Order of starts: those that hold exactly, those that nearly do, spare ones, and the others by what they leave."""
     missed = start.imbalance > SETTLED
-    return missed, start.imbalance >= BALANCED, start.imbalance if missed else start.estimate
+    return missed, start.is_spare, start.imbalance >= BALANCED, start.imbalance if missed else start.estimate
+
+
+def _in_balance(candidates: list[Candidate]) -> list[Candidate]:
+    """Those that hold the object, to rounding."""
+    return [candidate for candidate in candidates if candidate.holds and candidate.start.imbalance < BALANCED]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
@@ -15,10 +14,6 @@ from continuum_grasp.grasp.problem.solver_run import GraspAttempt, GraspSolverRu
 from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene import GraspScene
-
-SECTORS = 8
-"""Sectors of a contact's direction, seen from the object; starts of two are of different branches: those whose contacts
-face alike to within one end in the same grasp as a rule."""
 
 
 @dataclass(frozen=True)
@@ -74,18 +69,6 @@ def least_of(tried: list[Tried]) -> Tried | None:
     return min(converged or tried, key=lambda t: round(t.attempt.objective, 9), default=None)
 
 
-def branch_of(start: GraspStart) -> tuple[Any, ...]:
-    """Branch of a start; starts of one branch most likely lead to the same grasp: contacts, sides, and where they
-    face.
-    """
-    sides = tuple(finger.sides for finger in start.fingers.values())
-    turns = (contact.normal_angle / math.tau for contact in start.contacts.values())
-    # A direction is known but for whole turns: a face towards -x has pi or -pi.
-    faces = tuple(round(SECTORS * turn) % SECTORS for turn in turns)
-    places = tuple(contact.part for contact in start.contacts.values())
-    return frozenset(start.contacts), sides, faces, places
-
-
 @dataclass
 class Candidate:
     """A start, and whether it was tried."""
@@ -95,8 +78,8 @@ class Candidate:
 
     @property
     def holds(self) -> bool:
-        """Whether the object is held, but for what the solver brings to zero."""
-        return self.start.imbalance <= SETTLED
+        """Whether the object is held, but for what the solver brings to zero, at an optimum."""
+        return self.start.imbalance <= SETTLED and not self.start.is_spare
 
 
 @dataclass(frozen=True)

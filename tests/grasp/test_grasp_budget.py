@@ -14,7 +14,7 @@ from continuum_grasp.scene import GraspSolver
 
 CLOCKS = ("monotonic", "perf_counter", "process_time", "thread_time", "time")
 HELD = {"max_tension": 60.0}
-WEAK = {"max_tension": 20.0}
+WEAK = {"max_tension": 35.0}
 
 
 def solved(solver=None, **changes):

@@ -22,7 +22,7 @@ from continuum_grasp.grasp import RELAXATIONS, GraspStatus, optimize_grasp, solv
 from continuum_grasp.grasp.finger_map import SETTLED, SceneMaps, balance, fill, places_of, rod
 from continuum_grasp.grasp.finger_map.settled import MISSES
 from continuum_grasp.grasp.modes import contact_modes, with_elements
-from continuum_grasp.grasp.reasons.starts import MappedStarts
+from continuum_grasp.grasp.reasons.starts import Starts
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import GraspScene
@@ -37,7 +37,9 @@ def grasp_scene(name):
 def finger_of(scene):
     (setup,) = scene.setups
     on = frozenset(setup.switches)
-    return rod.MapFinger(scene, setup, rod.ObjectTable(scene), setup.finger.base.pose, scene.object.pose, on)
+    return rod.MapFinger(
+        scene, setup, rod.ObjectTable(scene), setup.finger.base.pose, scene.object.pose, on, exact=True
+    )
 
 
 def bent(seed, count):
@@ -207,7 +209,8 @@ def test_a_set_that_the_nearest_seeds_miss_is_found():
 
 def test_rods_that_touch_before_the_range_of_a_contact_lead_into_it():
     scene = grasp_scene("preshaped").changed({"contacts.middle_range": [0.06, 0.12], "fidelity.elements": 8})
-    held = [each.start for each in GraspSearch(scene, Budget.of(scene.solver)).settle() if each.holds]
+    search = GraspSearch(scene, Budget.of(scene.solver))
+    held = [each.start for each in search.settle(SceneMaps(scene)) if each.holds]
     assert held
     assert all(0.06 <= start.fingers["finger"].joints[0] <= 0.12 for start in held)
 
@@ -215,7 +218,7 @@ def test_rods_that_touch_before_the_range_of_a_contact_lead_into_it():
 def test_nothing_is_wrong_with_combinations_at_their_optimum():
     """A stiff penalty alone leaves 1e-6."""
     scene = images.scene_of(images.drawn("one", 104), 8)
-    best = GraspSearch(scene, Budget.of(scene.solver)).settle()[0].start
+    best = GraspSearch(scene, Budget.of(scene.solver)).settle(SceneMaps(scene))[0].start
     assert best.imbalance < 1e-7
     assert best.estimate == pytest.approx(8.7065, rel=1e-4)  # with 16 elements
 
@@ -261,7 +264,7 @@ def relaxed(seed):
 
 def test_where_no_combination_holds_the_nearest_are_known():
     _, search, _ = relaxed(122)
-    nearest = search.settle()
+    nearest = search.settle(SceneMaps(search.scene))
     assert 0 < len(nearest) <= MISSES * len(search.modes)
     assert not any(candidate.holds for candidate in nearest)
     missed = [candidate.start.imbalance for candidate in nearest]
@@ -274,7 +277,7 @@ def test_rods_with_a_limit_relaxed_are_within_the_others(name):
     scene, search, limits = relaxed(114)
     setup = scene.setups[0]
     spare = SETTLED / rod.FORCE * setup.stiffness / setup.finger.rod.length**2
-    held = [start for start in MappedStarts(scene, search).alone(limits[name]) if start.imbalance <= SETTLED]
+    held = [start for start in Starts(scene, search).alone(limits[name]) if start.imbalance <= SETTLED]
     slips = [max(math.hypot(f, up) - setup.friction * n for n, f, up in start.forces.values()) for start in held]
     pulls = [max(start.tensions["finger"]) - setup.max_tension for start in held]
     # 0.1: moments in these units, per the greatest
@@ -287,7 +290,7 @@ def test_limits_relaxed_one_after_another_have_the_same_maps():
     """Once a greater bending range was lost where another limit came first."""
     scene = drawn("one_tapered", 5)
     limits = {limit.name: limit for limit in RELAXATIONS}
-    starts = MappedStarts(scene, GraspSearch(scene, Budget.of(scene.solver)))
+    starts = Starts(scene, GraspSearch(scene, Budget.of(scene.solver)))
     assert not [start for start in starts.alone(limits["tension"]) if start.imbalance <= SETTLED]
     assert [start for start in starts.alone(limits["bending range"]) if start.imbalance <= SETTLED]
 

@@ -14,7 +14,7 @@ import pytest
 from continuum_grasp.grasp import search as module
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.search import GraspSearch
-from continuum_grasp.grasp.tried import Candidate, Tried, branch_of, least_of
+from continuum_grasp.grasp.tried import Candidate, Tried, least_of
 from continuum_grasp.nlp import Budget
 from tests import certificate_cases as cases
 
@@ -33,7 +33,7 @@ class Grasp(SimpleNamespace):
 def start(estimate=math.nan, imbalance=0.0, tensions=(0.0, 0.0), angle=0.0, doubt=0.0):
     contact = SimpleNamespace(normal_angle=angle, part=0)
     return SimpleNamespace(
-        label="scan", estimate=estimate, imbalance=imbalance, tensions={"finger": tensions}, doubt=doubt,
+        label="map", is_spare=False, is_rough=False, estimate=estimate, imbalance=imbalance, tensions={"finger": tensions}, doubt=doubt,
         contacts={"finger.tip": contact}, fingers={"finger": SimpleNamespace(sides=(1,))},
     )  # fmt: skip
 
@@ -95,7 +95,6 @@ LIMITS = [
     ("objective for which a grasp that converged is taken", 2.0 * (1.0 + 1e-3),
      lambda cost: least_of([grasp(objective=2.0, optimal=False), grasp(objective=cost)]).attempt.optimal),
     ("violation of a start that is verified", 1e-2, lambda off: verified(off)),
-    ("turn of contacts of one branch", math.pi / 8, lambda a: branch_of(start(angle=a)) == branch_of(start())),
 ]  # fmt: skip
 
 
@@ -104,10 +103,6 @@ def test_the_search_decides_otherwise_on_either_side_of_a_limit(limit, decides):
     # Some limits are one and a part of a thousand.
     assert decides((1.0 - 1e-6) * limit)
     assert not decides((1.0 + 1e-6) * limit)
-
-
-def test_directions_are_known_but_for_whole_turns():
-    assert branch_of(start(angle=np.pi)) == branch_of(start(angle=-np.pi))
 
 
 @pytest.mark.parametrize(("changes", "tried"), [({"objective": "greatest_friction_margin"}, 1), ({}, 0)])

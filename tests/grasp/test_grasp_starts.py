@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from grasp_scenes import SHAPES, make_scene
 
-from continuum_grasp.grasp import support_contacts
+from continuum_grasp.grasp import GraspStatus, optimize_grasp, support_contacts
 from continuum_grasp.grasp.finger_map import SceneMaps, places_of
 from continuum_grasp.grasp.finger_map.fill import ENTERED, WITHIN
 from continuum_grasp.grasp.finger_map.settled import _finger_start
@@ -339,3 +339,12 @@ def test_fingers_with_few_elements_start_in_their_own_balance(family, elements, 
     assert own.imbalance < 1e-3
     assert left(own) < 0.05
     assert left(own) < 0.15 * left(exact)
+
+
+def test_without_a_compiler_postures_that_nearly_touch_lead_to_the_same_grasp(monkeypatch):
+    scene = make_scene(elements=4)
+    mapped = optimize_grasp(scene)
+    monkeypatch.setenv("CC", "")
+    rough = optimize_grasp(scene)
+    assert (mapped.status, rough.status) == (GraspStatus.OPTIMAL, GraspStatus.FEASIBLE)
+    assert rough.tension == pytest.approx(mapped.tension, rel=1e-6)

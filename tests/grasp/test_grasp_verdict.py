@@ -185,5 +185,10 @@ def test_advice_has_the_place_at_which_an_object_touches_its_support(seed, held)
     assert "from palm" not in moved.advice
     assert moved.status is (GraspStatus.OPTIMAL if held else GraspStatus.INFEASIBLE)
     assert "palm" in moved.contact_names
-    # Of two contacts one support is missing, whatever the limits.
-    assert ("leave fewer unknowns" in result.message) is ("Add a contact" in result.advice) is not held
+
+
+def test_a_contact_too_few_is_said():
+    """A tip alone leaves fewer unknowns than there are forces to balance, whatever the limits."""
+    alone = solved(scene_of(drawn("one", 31), 4).changed({"contacts.middle": "off"}))
+    assert "leave fewer unknowns" in alone.message
+    assert "Add a contact" in alone.advice

@@ -88,7 +88,7 @@ static void add_fingers(const Balance *b, Held *to, Contact *contact, int *equal
         for (int k = 0; k < rod->contacts + rod->tip; ++k)
             *contact++ = finger_contact(rod, b->finger + 3 * f, &at, z, k, first);
         const Contact of_all = {.at = first, .count = size};
-        for (int n = conditions(rod, &at, row), k = 0; k < n; ++k)
+        for (int n = conditions(rod, z, &at, row), k = 0; k < n; ++k)
             add_row(b, 1.0, row[k], &of_all, to, (*equal)++);
         for (int n = shape_limits(rod, z, &at, 0.0, row), k = 0; k < n; ++k)
             add_row(b, 1.0, row[k], &of_all, to, (*below)++);

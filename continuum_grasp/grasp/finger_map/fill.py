@@ -35,9 +35,10 @@ WITHIN = 0.01
 """Excess over limits that a sample may have, in lengths and forces of the finger."""
 THIN = 100
 """Samples of a part of a map below which it is filled by itself: its cells may be smaller."""
-FOLLOWED = 150
-"""Samples of another map from which one is filled: of the exact rod those that few elements follow, of wider limits
-those that come nearest to be within."""
+NEAREST = 150
+"""Seeds of few elements beside those that follow exact rods; samples of wider limits from which a part is filled."""
+COARSE = 3.0
+"""Cells of a map that are one where it is a seed of another."""
 MOST = 3000
 """Samples from which on a map is not filled further."""
 
@@ -102,9 +103,11 @@ class FingerMap:
 
     def followed_by(self, finger: MapFinger) -> FingerMap:
         """The map of few elements from that of the exact rod."""
-        some = self.samples.z[:: max(1, len(self) // FOLLOWED)]
-        near = finger.onto(finger.followed(some), ONTO, ENTERED, ON_SET)
-        return FingerMap._from(finger, near if len(near) else _onto(finger, _seeds(finger)))
+        some = self.samples.take(_one_per_cell(self.samples, COARSE)) if len(self) else self.samples
+        near = finger.onto(finger.followed(some.z), ONTO, ENTERED, ON_SET)
+        # Elements may also touch where no exact rod does.
+        own = _onto(finger, _seeds(finger), NEAREST)
+        return FingerMap._from(finger, np.concatenate([near, own]))
 
     @staticmethod
     def _from(finger: MapFinger, seeds: Array) -> FingerMap:
@@ -117,7 +120,7 @@ class FingerMap:
         part = at.take(at.excess < WITHIN)
         if len(part) >= THIN or not len(at):
             return FingerMap(finger, part)
-        near = np.argsort(at.excess, kind="stable")[:FOLLOWED]
+        near = np.argsort(at.excess, kind="stable")[:NEAREST]
         return FingerMap._from(finger, finger.onto(at.z[near], ONTO, ENTERED, ON_SET))
 
 
@@ -225,8 +228,8 @@ def _with_forces(finger: MapFinger, z: Array) -> Array:
     return _between(flat[first], flat[second], gap[first], gap[second])
 
 
-def _onto(finger: MapFinger, z: Array) -> Array:
-    """The seeds nearest to the set, brought onto it within the limits."""
+def _onto(finger: MapFinger, z: Array, count: int = SEEDS) -> Array:
+    """So many seeds that are nearest to the set, brought onto it within the limits."""
     if not len(z):
         return np.zeros((0, finger.numbers))
     z = z.copy()
@@ -235,11 +238,11 @@ def _onto(finger: MapFinger, z: Array) -> Array:
     at = finger.traced(z, slopes=False, entered=ENTERED)
     order = np.argsort(np.maximum(np.abs(at.conditions.value).max(axis=1), at.excess), kind="stable")
     # The nearest of each few cells: else those of one part of the set crowd out others.
-    cells = np.round(features(at)[order] / 3.0)
+    cells = np.round(features(at)[order] / COARSE)
     near = order[np.sort(np.unique(cells, axis=0, return_index=True)[1])]
     # Of a small set the nearest may all end beside it.
-    for first in range(0, min(len(near), TRIES * SEEDS), SEEDS):
-        landed = finger.onto(z[near[first : first + SEEDS]], ONTO, ENTERED, ON_SET)
+    for first in range(0, min(len(near), TRIES * count), count):
+        landed = finger.onto(z[near[first : first + count]], ONTO, ENTERED, ON_SET)
         if len(landed):
             return landed
     return z[:0]
@@ -254,16 +257,10 @@ def _filled(finger: MapFinger, seeds: Array) -> Traced:
         return np.array([key not in known for key in _keys(np.round(features(at)))], bool)
 
     def fresh(at: Traced) -> Traced:
-        # Of each cell the one nearest to its middle, so that images of a scene have the same.
-        place = features(at)
-        cells = np.round(place)
-        order = np.argsort(np.round(np.abs(place - cells).max(axis=1), 6), kind="stable")
-        rows = []
-        for row, key in zip(order.tolist(), _keys(cells[order]), strict=True):
-            if key not in known:
-                known.add(key)
-                rows.append(row)
-        return at.take(rows)
+        at = at.take(_one_per_cell(at))
+        new = unknown(at)
+        known.update(_keys(np.round(features(at.take(new)))))
+        return at.take(new)
 
     front = fresh(finger.traced(seeds))
     found = [front]
@@ -274,6 +271,14 @@ def _filled(finger: MapFinger, seeds: Array) -> Traced:
         front = fresh(at.take(at.excess < WITHIN))
         found.append(front)
     return Traced.joined(found)
+
+
+def _one_per_cell(at: Traced, size: float = 1.0) -> Array:
+    """Rows of samples that are nearest to the middles of their cells, so that images of a scene have the same."""
+    place = features(at) / size
+    cells = np.round(place)
+    order = np.argsort(np.round(np.abs(place - cells).max(axis=1), 6), kind="stable")
+    return np.asarray(order[np.sort(np.unique(cells[order], axis=0, return_index=True)[1])])
 
 
 def _keys(cells: Array) -> list[bytes]:

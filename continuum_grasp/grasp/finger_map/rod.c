@@ -59,7 +59,7 @@ enum { STIFFNESS, REST, TENDON, HALF, WEIGHT, COLUMNS };
 
 typedef struct {
     int steps, contacts, tip; /* tip: whether it touches */
-    int nodes, masses, walls, pegs, width, height, coordinates;
+    int nodes, masses, walls, pegs, width, height, coordinates, matched;
     double base[3], gravity[2], tip_load[2], tendon_friction;
     double pose[4], corner[2], per_cell; /* of the object: place, cosine and sine of its angle; of the table */
     /* Limits; bend: greatest length times curvature per segment. */
@@ -69,8 +69,8 @@ typedef struct {
     const double *wall;     /* (walls, 4): normal, point */
     const double *peg;      /* (pegs, 3): center, radius */
     const double *distance; /* (height, width) from the object, in its frame */
-    /* (steps of all segments, 3, coordinates + 1): what each coordinate, and the tendons' moment, bends where a step begins,
-       in its middle, and where it ends. */
+    /* (steps of all segments, 3, coordinates): what each coordinate bends where a step begins, in its middle, and where it
+       ends; the last one is set by the moment at the tip where elements are matched. */
     const double *weight;
 } Rod;
 
@@ -287,7 +287,7 @@ static inline dual bent_by(const Rod *rod, dual moment, dual s)
 static dual bent_by_elements(const Rod *rod, const double *weight, dual s, const dual *z)
 {
     const dual *coordinate = z + 4 + 3 * rod->contacts;
-    dual moment = scaled(weight[rod->coordinates], z[3]);
+    dual moment = constant(0.0);
     for (int k = 0; k < rod->coordinates; ++k)
         if (weight[k] != 0.0)
             moment = plus(moment, scaled(weight[k], coordinate[k]));
@@ -324,7 +324,7 @@ static inline dual bending(const State *q) { return plus(times(q->sine, q->fy), 
 /* Curvature where a step begins: at a contact it jumps, between elements it may. */
 static inline dual bent_from(const Rod *rod, const State *q, const dual *z, int at)
 {
-    return rod->coordinates ? bent_by_elements(rod, rod->weight + 3 * (rod->coordinates + 1) * at, q->s, z) : q->bent;
+    return rod->coordinates ? bent_by_elements(rod, rod->weight + 3 * rod->coordinates * at, q->s, z) : q->bent;
 }
 
 /* By how much elements are bent more than their moment bends them: added to what each coordinate feels of it. */
@@ -341,11 +341,11 @@ static void add_feel(const Rod *rod, const double *weight, dual part, dual more,
 static inline void step(const Rod *rod, State *q, dual h, dual half, dual twelfth, const dual *z, int at, dual *feel)
 {
     const dual s0 = q->sine, c0 = q->cosine, base = z[3], third = scaled(1.0 / 3.0, half);
-    const double *weight = rod->coordinates ? rod->weight + 3 * (rod->coordinates + 1) * at : 0;
+    const double *weight = rod->coordinates ? rod->weight + 3 * rod->coordinates * at : 0;
     const dual k0 = bent_from(rod, q, z, at);
     if (weight) {
         add_feel(rod, weight, third, minus(k0, curvature(rod, q, q->s, base)), feel);
-        weight += rod->coordinates + 1;
+        weight += rod->coordinates;
     }
     const real before = q->s.v;
     q->moment = plus(q->moment, times(half, bending(q)));
@@ -353,7 +353,7 @@ static inline void step(const Rod *rod, State *q, dual h, dual half, dual twelft
     if (weight) {
         const dual own = bent_by_elements(rod, weight, plus(q->s, half), z);
         add_feel(rod, weight, scaled(4.0, third), minus(own, k), feel);
-        k = own, weight += rod->coordinates + 1;
+        k = own, weight += rod->coordinates;
     }
     const dual turn = times(h, k);
     q->angle = plus(q->angle, turn);

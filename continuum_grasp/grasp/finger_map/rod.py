@@ -100,7 +100,10 @@ class _Rod(ctypes.Structure):
 
     _fields_ = (
         *((name, ctypes.c_int) for name in ("steps", "contacts", "tip")),
-        *((name, ctypes.c_int) for name in ("nodes", "masses", "walls", "pegs", "width", "height", "coordinates")),
+        *(
+            (name, ctypes.c_int)
+            for name in ("nodes", "masses", "walls", "pegs", "width", "height", "coordinates", "matched")
+        ),
         ("base", ctypes.c_double * 3),
         ("gravity", ctypes.c_double * 2),
         ("tip_load", ctypes.c_double * 2),
@@ -171,8 +174,8 @@ class MapFinger:
         self.elements = tuple(b - a for a, b in pairwise((0, *before, setup.elements)))  # per segment
         steps = STEPS if self.is_exact or self.middles else STEPS_OF_ELEMENTS
         per_segment = 3 * steps // 5 if self.middles else steps
-        self._weights = np.zeros((0, 3, 1)) if self.is_exact else _weights(setup, self.elements, per_segment)
-        self.coordinates: int = self._weights.shape[2] - 1
+        self._weights = np.zeros((0, 3, 0)) if self.is_exact else _weights(setup.family, self.elements, per_segment)
+        self.coordinates: int = self._weights.shape[2]
         self.forces: int = 4 + 3 * self.middles  # numbers but for coordinates
         self.numbers = self.forces + self.coordinates
         arrays = self._table, self._masses, self._walls, self._pegs, self._distance, self._weights
@@ -187,6 +190,7 @@ class MapFinger:
             width=_CELLS,
             height=_CELLS,
             coordinates=self.coordinates,
+            matched=int(not self.is_exact and FAMILIES[setup.family].matches_tip),
             base=(base[0] / length, base[1] / length, base[2]),
             gravity=tuple(gravity),
             tip_load=tuple(sum((mass.mass for mass in ends), 0.0) * gravity),
@@ -216,10 +220,9 @@ class MapFinger:
             return z
         z = np.ascontiguousarray(z, dtype=float)
         begin = self._weights[:, 0]
-        out = np.empty((len(z), len(begin)))
-        call(0, "moments", self.struct, len(z), z, out)
-        left = out - z[:, 3:4] * begin[:, -1]
-        return np.concatenate([z, left @ np.linalg.pinv(begin[:, :-1]).T], axis=1)
+        moments = np.empty((len(z), len(begin)))
+        call(0, "moments", self.struct, len(z), z, moments)
+        return np.concatenate([z, moments @ np.linalg.pinv(begin).T], axis=1)
 
     @property
     def conditions(self) -> int:
@@ -300,26 +303,17 @@ class MapFinger:
         return np.asarray(out[: call(0, "curve", self.struct, z, out)])
 
 
-def _weights(setup: FingerSetup, elements: tuple[int, ...], steps: int) -> Array:
-    """What each coordinate of elements, and the tendons' moment at the base, bends where a step begins, in its middle,
-    and where it ends (N, 3, n + 1), in so many steps of a segment with so many elements each.
+def _weights(family: str, elements: tuple[int, ...], steps: int) -> Array:
+    """What each coordinate of elements bends where a step begins, in its middle, and where it ends (N, 3, n), of so many
+    steps of each segment with its number of elements.
     """
-    family, count = FAMILIES[setup.family], sum(elements)
-    first = np.cumsum((0, *elements[:-1]))
+    count, first = sum(elements), np.cumsum((0, *elements[:-1]))
     # Places along the elements, each with a length of one.
     places = (np.arange(steps)[:, None] + [0.0, 0.5, 1.0]) / steps
-    at = np.concatenate([k + n * places for k, n in zip(first, elements, strict=True)])
-    if family.even:
-        bent = np.floor(at[:, 1:2, None]) == np.arange(count)
-        of_tendons = np.zeros((*at.shape, 1))
-    else:
-        bent = np.maximum(1.0 - np.abs(at[..., None] - np.arange(count + 1)), 0.0)
-        of_tendons = np.zeros((*at.shape, 1))
-        if family.matches_tip:
-            (channel,) = setup.finger.channels
-            of_tendons, bent = float(channel.shape(setup.finger.rod.length)) * bent[..., -1:], bent[..., :-1]
-    bent = np.broadcast_to(bent, (*at.shape, bent.shape[2]))
-    return np.ascontiguousarray(np.concatenate([bent, of_tendons], axis=2))
+    at = np.concatenate([k + n * places for k, n in zip(first, elements, strict=True)])[..., None]
+    if FAMILIES[family].even:
+        return np.repeat(np.floor(at[:, 1:2]) == np.arange(count), 3, axis=1).astype(float)
+    return np.ascontiguousarray(np.maximum(1.0 - np.abs(at - np.arange(count + 1)), 0.0))
 
 
 @dataclass(frozen=True)

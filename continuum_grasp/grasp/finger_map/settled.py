@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -19,9 +20,10 @@ from continuum_grasp.scene import GraspScene
 BEST = 16
 """Settled combinations per finger of a set of contacts that are brought to their optimum."""
 ROUGH = 8
-"""Starts of a set of contacts where fingers have no maps."""
-MISSES = 3
-"""Combinations of a set of contacts that nearly hold the object, where none does."""
+"""Starts of a set of contacts that nearly touch, where fingers have no maps, or these lead to no grasp."""
+MISSES, SPARE = 3, 8
+"""Combinations of a set of contacts that nearly hold the object, where none does; and of those that hold it, before
+they are at their optimum, which the solver may not reach from itself where it is at the end of a narrow set."""
 
 
 Place = tuple[Pose, tuple[Pose, ...]]
@@ -94,10 +96,12 @@ class SceneMaps:
         if not rows:
             return [_as_start(balance, settled, row) for row in settled.nearest(size)[:MISSES]]
         rows = (not_unstable(balance, settled, rows) or rows)[: BEST * len(maps)]
+        spare = [replace(_as_start(balance, settled, row), label="spare") for row in rows[:SPARE]]
         settled = balance.refined(settled.x[rows])
         rows = settled.holding(size)
         # Where none is stable, the least shows it.
-        return [_as_start(balance, settled, row) for row in not_unstable(balance, settled, rows) or rows[:1]]
+        rows = not_unstable(balance, settled, rows) or rows[:1]
+        return [*(_as_start(balance, settled, row) for row in rows), *spare]
 
 
 def _as_start(balance: ObjectBalance, settled: Settled, row: int) -> GraspStart:

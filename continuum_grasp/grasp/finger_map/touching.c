@@ -10,7 +10,7 @@
 #define APART 0.06
 
 /* Residuals that vanish where a finger touches as it should. */
-static int conditions(const Rod *rod, const Finger *at, dual *row)
+static int conditions(const Rod *rod, const dual *z, const Finger *at, dual *row)
 {
     const Touch *tip = at->touch + rod->contacts;
     int n = 0;
@@ -23,6 +23,10 @@ static int conditions(const Rod *rod, const Finger *at, dual *row)
         row[n++] = scaled(FORCE, at->normal), row[n++] = scaled(FORCE, at->friction);
     for (int k = 0; k < rod->coordinates; ++k)
         row[n++] = scaled(LEAN, at->feel[k]);
+    if (rod->matched) {
+        const dual bend = minus(times(along(rod, TENDON, constant(1.0)), z[3]), times(tip->half, at->friction));
+        row[n - 1] = scaled(FORCE, minus(z[numbers_of(rod) - 1], bend));
+    }
     return n;
 }
 
@@ -68,7 +72,7 @@ void touches(const Rod *rod, int count, const double *given, double *out)
     for (; count > 0; count -= WIDE, given += WIDE * numbers_of(rod)) {
         read_numbers(rod, count, given, z);
         integrate(rod, z, 0, &at);
-        const int rows = conditions(rod, &at, row);
+        const int rows = conditions(rod, z, &at, row);
         for (int lane = 0; lane < WIDE && lane < count; ++lane) {
             out = write_touches(out, rod, &at, lane);
             for (int k = 0; k < rows; ++k)
@@ -89,7 +93,7 @@ void corrected(const Rod *rod, int count, int rounds, const double *back, const 
         for (int round = 0; round < rounds; ++round) {
             read_numbers(rod, count, z, numbers);
             integrate(rod, numbers, 0, &at);
-            rows = conditions(rod, &at, row);
+            rows = conditions(rod, numbers, &at, row);
             for (int lane = 0; lane < WIDE && lane < count; ++lane)
                 for (int k = lane * size; k < (lane + 1) * size; ++k) {
                     double move = 0.0;
@@ -155,7 +159,7 @@ void trace(const Rod *rod, int count, const double *given, double entered, doubl
         read_numbers(rod, 1, given, z);
         integrate(rod, z, 1, &at);
         out = write_touches(out, rod, &at, 0);
-        int rows = conditions(rod, &at, row);
+        int rows = conditions(rod, z, &at, row);
         rows += shape_limits(rod, z, &at, entered, row + rows);
         rows += force_limits(rod, z, &at, row + rows);
         for (int k = 0; k < rows; ++k)
@@ -217,7 +221,7 @@ static void residual_of(const Rod *rod, const double *given, double entered, Res
     dual z[NUMBERS];
     read_numbers(rod, 1, given, z);
     integrate(rod, z, 1, &at);
-    out->equal = out->rows = conditions(rod, &at, out->row);
+    out->equal = out->rows = conditions(rod, z, &at, out->row);
     out->rows += shape_limits(rod, z, &at, entered, out->row + out->rows);
     out->rows += force_limits(rod, z, &at, out->row + out->rows);
     out->off = out->squares = 0.0, out->sane = 1;

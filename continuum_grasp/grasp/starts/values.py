@@ -48,7 +48,7 @@ class ContactStart:
 class GraspStart:
     """A start."""
 
-    label: str  # "map" (in balance), "rough" (nearly touches), "found" (a grasp) ...
+    label: str  # "map" (at its optimum), "spare" (before that), "rough" (nearly touches) ...
     object_pose: Pose  # in the world [m, rad]
     fingers: dict[str, FingerStart]
     contacts: dict[str, ContactStart]  # all that are on, those with supports included
@@ -61,11 +61,19 @@ class GraspStart:
     """Sum of the tensions [N] to be expected of the basin that it stands for; NaN: unknown."""
     imbalance: float = math.nan
     """Part of the loads that the best forces within their limits leave unbalanced there; NaN: unknown."""
-    doubt: float = math.nan
-    """Doubt that a grasp follows, by imbalance, tensions, and what is in the way; NaN: unknown."""
     friction_states: dict[str, tuple[float, ...]] = field(default_factory=dict)
     """Friction states of the fingers whose tendons have others than those of pulling them from the straight finger
     on."""
+
+    @property
+    def is_spare(self) -> bool:
+        """Whether it holds the object, but not at its optimum."""
+        return self.label == "spare"
+
+    @property
+    def is_rough(self) -> bool:
+        """Whether it only nearly touches."""
+        return self.label == "rough"
 
     @classmethod
     def of(cls, scene: GraspScene, arrays: dict[str, Array]) -> GraspStart:
