@@ -30,10 +30,11 @@ class Grasp(SimpleNamespace):
     __hash__ = object.__hash__
 
 
-def start(estimate=math.nan, imbalance=0.0, tensions=(0.0, 0.0), angle=0.0, doubt=0.0):
+def start(estimate=math.nan, imbalance=0.0, tensions=(0.0, 0.0), angle=0.0):
     contact = SimpleNamespace(normal_angle=angle, part=0)
     return SimpleNamespace(
-        label="map", is_spare=False, is_rough=False, estimate=estimate, imbalance=imbalance, tensions={"finger": tensions}, doubt=doubt,
+        label="map", is_spare=False, is_rough=False,
+        estimate=estimate, imbalance=imbalance, tensions={"finger": tensions},
         contacts={"finger.tip": contact}, fingers={"finger": SimpleNamespace(sides=(1,))},
     )  # fmt: skip
 

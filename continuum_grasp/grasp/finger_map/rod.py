@@ -304,8 +304,9 @@ class MapFinger:
 
 
 def _weights(family: str, elements: tuple[int, ...], steps: int) -> Array:
-    """What each coordinate of elements bends where a step begins, in its middle, and where it ends (N, 3, n), of so many
-    steps of each segment with its number of elements.
+    """What each coordinate of elements bends where a step begins, in its middle, and where it ends (N, 3, n).
+
+    Each segment has so many steps, and its number of elements.
     """
     count, first = sum(elements), np.cumsum((0, *elements[:-1]))
     # Places along the elements, each with a length of one.
