@@ -1,4 +1,4 @@
-"""The mug of the shipped scenes in numbers of the tests' own."""
+"""The mug of the shipped scenes in numbers of the tests' own; from inside: a start without any search."""
 
 from __future__ import annotations
 

@@ -340,5 +340,5 @@ def _promise(start: GraspStart) -> tuple[bool, bool, bool, float]:
 
 
 def _in_balance(candidates: list[Candidate]) -> list[Candidate]:
-    """Those that hold the object, to rounding."""
+    """Candidates that hold the object, to rounding."""
     return [candidate for candidate in candidates if candidate.holds and candidate.start.imbalance < BALANCED]

@@ -120,6 +120,7 @@ def test_images_of_a_scene_have_the_same_reasons(seed):
             assert [part.needed / part.limit for part in one] == pytest.approx(factors, rel=1e-4)
 
 
+@pytest.mark.deep
 def test_a_bending_range_is_a_reason_where_it_is_given_and_widened_where_it_is_not():
     """The hexagon is held where an element may bend by more than half a turn, its bending range by default."""
     free = scene_of(HEXAGON | {"fidelity": {"family": "matched_clothoid"}, "overlap": "forbid"}, 4)

@@ -88,7 +88,7 @@ def test_a_rod_is_the_solution_of_its_equations():
 @pytest.mark.parametrize("curvature", [-2.0, 0.5, 3.0])
 def test_a_rod_without_forces_is_an_arc(curvature):
     """To the remainder of the rule of Euler and Maclaurin."""
-    finger = finger_of(grasp_scene("mug")).with_middles(0)
+    finger = finger_of(grasp_scene("mug")).exactly(0)
     end = finger.curve(np.array([curvature, 0.0, 0.0, curvature]))[-1, 2:]
     x, y, angle = finger.base
     turned = np.array([math.cos(angle + curvature) - math.cos(angle), math.sin(angle + curvature) - math.sin(angle)])

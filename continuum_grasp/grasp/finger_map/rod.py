@@ -304,7 +304,7 @@ class MapFinger:
 
 
 def _weights(family: str, elements: tuple[int, ...], steps: int) -> Array:
-    """What each coordinate of elements bends where a step begins, in its middle, and where it ends (N, 3, n).
+    """Curvature per coordinate of elements where a step begins, in its middle, and where it ends (N, 3, n).
 
     Each segment has so many steps, and its number of elements.
     """
