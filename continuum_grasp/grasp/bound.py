@@ -34,7 +34,7 @@ from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.curves import wrapped
 from continuum_grasp.grasp.starts.supports import object_outlines, support_contacts, touching_supports
 from continuum_grasp.grasp.values import NEAR, SAME
-from continuum_grasp.model import GrownOutline
+from continuum_grasp.model import PartOutline
 from continuum_grasp.scene import GraspScene, Wall
 
 _PIECES, _ROUNDS = 40, 40
@@ -188,7 +188,7 @@ class _Places:
     """
 
     friction: float
-    outlines: tuple[GrownOutline, ...]
+    outlines: tuple[PartOutline, ...]
     com: complex
     size: float
     center: complex = 0j
@@ -241,7 +241,7 @@ class _Places:
         work = self._work(y, np.array([self.com]), np.array([angle]))
         return float(work[0]), self._effect(y, self.com, angle)
 
-    def _along(self, y: Array, outline: GrownOutline) -> tuple[float, tuple[complex, float] | None]:
+    def _along(self, y: Array, outline: PartOutline) -> tuple[float, tuple[complex, float] | None]:
         """Upper bound on an outline, and place and normal angle where the most was found, if more than zero."""
         # The normal jumps at no place inside an interval, whose last place is before a jump.
         ends = np.unique(np.concatenate([np.linspace(0.0, outline.period, _PIECES + 1), outline.breaks]))

@@ -29,7 +29,7 @@ from .surfaces import nearest as nearest
 from .surfaces import surface_of as surface_of
 from .surfaces.offset_polygon import SHARP as SHARP
 from .surfaces.surface import Feature as Feature
-from .surfaces.surface import GrownOutline as GrownOutline
+from .surfaces.surface import PartOutline as PartOutline
 from .surfaces.surface import Surface as Surface
 from .surfaces.surface import SurfacePoint as SurfacePoint
 from .surfaces.surface import TouchingCircle as TouchingCircle

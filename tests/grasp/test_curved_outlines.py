@@ -18,7 +18,6 @@ from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.certificate import surfaces
 from continuum_grasp.model import surface_of
 from continuum_grasp.model.surfaces.offset_polygon import pieces_of
-from continuum_grasp.model.surfaces.surface import Frame
 from continuum_grasp.scene import GraspScene, OffsetPolygon, load
 from continuum_grasp.scene.curved_parts import curved
 from continuum_grasp.scene.polygons import corners_of
@@ -96,7 +95,7 @@ def test_curves_pass_by_the_corners_and_distances_are_those_from_them(name):
     there = shapely.points(points)
     true = shapely.distance(solid.exterior, there) * np.where(shapely.contains(solid, there), -1.0, 1.0)
     z = points @ [1.0, 1j]
-    assert np.abs(surface_of(part).own_outline(part).distance(z) - true).max() < 1e-9
+    assert np.abs(surface_of(part).outline(part).distance(z) - true).max() < 1e-9
     found = surfaces.nearest(part, points)
     assert np.abs(found.distance - true).max() < 1e-9
     assert np.abs(found.point + found.distance[:, None] * found.normal - points).max() < 1e-12
@@ -106,15 +105,14 @@ def test_curves_pass_by_the_corners_and_distances_are_those_from_them(name):
         reach = float((np.concatenate(dense) @ way).max())
         assert part.support(turn) == pytest.approx(reach, abs=1e-9)
         assert surfaces.support_point(part, way) @ way == pytest.approx(reach, abs=1e-9)
-        outermost = surface_of(part).own_outline(part).extremes(complex(*way), 1e-9)[0][0]
+        outermost = surface_of(part).outline(part).extremes(complex(*way), 1e-9)[0][0]
         assert np.array([outermost.real, outermost.imag]) @ way == pytest.approx(reach, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", CURVES)
-@pytest.mark.parametrize("mirror", [False, True])
-def test_walks_along_grown_curves_have_their_derivatives(name, mirror):
+def test_walks_along_curves_have_their_derivatives(name):
     part = on(CURVES[name])
-    outline = surface_of(part).outline(part, Frame(np.exp(0.3j), 0.1j, 2.0, mirror), GROWN)
+    outline = surface_of(part).outline(part)
     w, step = np.random.default_rng(2).uniform(0.0, outline.period, 400), 1e-7
     joint = np.abs(w[:, None] - outline.joints).min(axis=1) < 2.0 * step
     before, at, after = (outline.walk(w[~joint] + k * step) for k in (-1, 0, 1))

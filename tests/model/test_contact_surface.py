@@ -138,7 +138,7 @@ def test_whatever_lies_beyond_an_acute_corner_is_outside(angle_deg):
     off = 10.0 ** rng.uniform(-5.0, -1.0, 300) * np.exp(1j * rng.uniform(-1.0, 1.0, 300) * (0.499 * math.pi - half))
     points = core[0] + np.exp(2.1j) * off
     body = Polygon(shape="polygon", vertices=tuple((z.real, z.imag) for z in core), **KEYS)
-    function, outline = distance(body), surface_of(body.parts[0]).own_outline(body.parts[0])
+    function, outline = distance(body), surface_of(body.parts[0]).outline(body.parts[0])
     assert outline.distance(points) == pytest.approx(np.abs(off), rel=1e-10)
     assert rough_distance((outline,), points) == pytest.approx(np.abs(off), rel=1e-10)
     for point, away in zip(points[::10], off[::10], strict=True):

@@ -66,7 +66,7 @@ def test_every_distance_is_that_of_shapely(corners, radius):
     moving = ca.Function("d", [at], [nearest([part], Vec(at[0], at[1])).distance]).map(len(points))
     found = {
         "scene": [part.distance(tuple(point)) for point in points],
-        "search": surface_of(part).own_outline(part).distance(points @ [1.0, 1j]),
+        "search": surface_of(part).outline(part).distance(points @ [1.0, 1j]),
         "motion": np.array(moving(points.T)).ravel(),
         "certificate": surfaces.nearest(part, points).distance,
     }
@@ -110,7 +110,7 @@ def test_contacts_sit_on_faces_and_convex_corners_alone():
 def test_walls_meet_the_outermost_corners_and_what_lies_between_feet_is_no_face():
     arch = ((0.0, 0.0), (0.01, 0.0), (0.01, 0.02), (0.04, 0.02), (0.04, 0.0), (0.05, 0.0), (0.05, 0.04), (0.0, 0.04))
     part = OffsetPolygon(arch)
-    outline = surface_of(part).own_outline(part)
+    outline = surface_of(part).outline(part)
     ends = [point for point, _ in outline.extremes(-1j, 1e-9)]
     assert sorted(z.real for z in ends) == [0.0, 0.05]
     assert sorted(outline.face_normals) == pytest.approx([-0.5 * math.pi, 0.0, 0.5 * math.pi, math.pi])

@@ -42,7 +42,7 @@ class _Obstacle:
         that they need.
         """
         if not isinstance(self.body, Wall):
-            return surface_of(self.body).own_outline(self.body).distance(_complex(at, units)) / units.length, half
+            return surface_of(self.body).outline(self.body).distance(_complex(at, units)) / units.length, half
         needed = half if self.floor is None else np.where(owner < self.emerging, self.floor, half)
         return (at - np.asarray(self.body.point) / units.length) @ np.asarray(self.body.normal), needed
 
@@ -365,7 +365,7 @@ def _complex(points: Array, units: Units) -> Array:
 
 def _from_object(pieces: tuple[Part, ...], points: Array, rough: bool) -> Array:
     """Distances (K,) of complex points (K,) in the object's frame [m], to 1e-5 of its size where that is enough."""
-    shapes = tuple(surface_of(piece).own_outline(piece) for piece in pieces)
+    shapes = tuple(surface_of(piece).outline(piece) for piece in pieces)
     if rough:
         return rough_distance(shapes, points)
     return np.asarray(np.min([shape.distance(points) for shape in shapes], axis=0))

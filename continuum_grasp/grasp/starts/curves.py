@@ -17,7 +17,7 @@ import numpy as np
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.core import CompileError, Compiler
-from continuum_grasp.model import GrownOutline
+from continuum_grasp.model import PartOutline
 
 EXACT = 1e-12
 """Residual, in lengths of the finger or sizes of the object and rad, at which something touches: rounding after a few
@@ -88,7 +88,7 @@ def sample(knots: Array, curvatures: Array, at: Array) -> Array:
     return np.concatenate([np.zeros((len(move), 1), complex), np.cumsum(move, axis=1)], axis=1)
 
 
-def rough_distance(shapes: tuple[GrownOutline, ...], points: Array) -> Array:
+def rough_distance(shapes: tuple[PartOutline, ...], points: Array) -> Array:
     """Signed distance from the nearest of some outlines, to within 1e-5 of its size."""
     if _library():
         return _called("distances", np.empty(points.shape), points.size, _numbers(shapes), points)
@@ -96,7 +96,7 @@ def rough_distance(shapes: tuple[GrownOutline, ...], points: Array) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _numbers(shapes: tuple[GrownOutline, ...]) -> Array:
+def _numbers(shapes: tuple[PartOutline, ...]) -> Array:
     """Outlines of an object as `curves.c` has them."""
     return np.array([len(shapes), *(each for shape in shapes for each in shape.rough_numbers)])
 

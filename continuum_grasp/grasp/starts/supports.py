@@ -10,7 +10,7 @@ import numpy as np
 
 from continuum_grasp.grasp.starts.curves import EXACT
 from continuum_grasp.grasp.starts.values import ContactStart, Pose
-from continuum_grasp.model import GrownOutline, surface_of
+from continuum_grasp.model import PartOutline, surface_of
 from continuum_grasp.scene import FingerSetup, GraspScene, Peg, Wall
 
 Interval = tuple[float, float]
@@ -19,9 +19,9 @@ _MORE_BASES = (4, 2)
 """Further poses of a free base: for the first pose of the object, and for the others."""
 
 
-def object_outlines(scene: GraspScene) -> tuple[GrownOutline, ...]:
+def object_outlines(scene: GraspScene) -> tuple[PartOutline, ...]:
     """The object's parts in its own frame, not grown."""
-    return tuple(surface_of(part).own_outline(part) for part in scene.object.parts)
+    return tuple(surface_of(part).outline(part) for part in scene.object.parts)
 
 
 def support_contacts(scene: GraspScene, pose: Pose, wanted: Collection[str]) -> dict[str, ContactStart]:
@@ -63,7 +63,7 @@ def _along(wall: Wall, pose: Pose, point: complex) -> float:
     return (rel * cmath.exp(-1j * wall.normal_angle)).imag
 
 
-def _lowest(shapes: tuple[GrownOutline, ...], wall: Wall, pose: Pose, flat: float) -> list[tuple[int, complex]]:
+def _lowest(shapes: tuple[PartOutline, ...], wall: Wall, pose: Pose, flat: float) -> list[tuple[int, complex]]:
     """Part and point in the object's frame of the lowest point above a wall; the leftmost and the rightmost one where
     several are level to within ``flat``.
     """
@@ -78,7 +78,7 @@ def _lowest(shapes: tuple[GrownOutline, ...], wall: Wall, pose: Pose, flat: floa
     return [(part, point) for _, part, point in (level if len(level) == 1 else (level[0], level[-1]))]
 
 
-def _wall_ends(shapes: tuple[GrownOutline, ...], wall: Wall, pose: Pose, flat: float) -> list[ContactStart]:
+def _wall_ends(shapes: tuple[PartOutline, ...], wall: Wall, pose: Pose, flat: float) -> list[ContactStart]:
     level = _lowest(shapes, wall, pose, flat)
     normal = math.remainder(wall.normal_angle + math.pi - pose[2], math.tau)
     if len(level) == 2 and np.isfinite(wall.half_length):
@@ -146,7 +146,7 @@ def base_poses(setup: FingerSetup, number: int) -> list[Pose]:
 
 
 def settle(
-    scene: GraspScene, shapes: tuple[GrownOutline, ...], on: frozenset[str], pose: Pose, within: list[Interval]
+    scene: GraspScene, shapes: tuple[PartOutline, ...], on: frozenset[str], pose: Pose, within: list[Interval]
 ) -> Pose | None:
     """Move the object, within bounds, so that it touches the supports wanted and enters no other.
 
@@ -179,7 +179,7 @@ def settle(
 
 
 def _gaps(
-    scene: GraspScene, shapes: tuple[GrownOutline, ...], on: frozenset[str], pose: Pose
+    scene: GraspScene, shapes: tuple[PartOutline, ...], on: frozenset[str], pose: Pose
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gaps of wanted supports, and of others where the object enters them, with slopes along the pose."""
     gaps: list[float] = []
@@ -211,7 +211,7 @@ def pinned_by(scene: GraspScene, on: frozenset[str], pose: Pose, *, flat: bool) 
     return tuple(sorted(coordinates))
 
 
-def _gap(shapes: tuple[GrownOutline, ...], body: Wall | Peg, pose: Pose) -> tuple[float, complex, complex]:
+def _gap(shapes: tuple[PartOutline, ...], body: Wall | Peg, pose: Pose) -> tuple[float, complex, complex]:
     """Gap between object and support [m], normal along which it grows, and world arm of the object's nearest point."""
     turn, origin = cmath.exp(1j * pose[2]), complex(pose[0], pose[1])
     if isinstance(body, Wall):
@@ -228,7 +228,7 @@ def _gap(shapes: tuple[GrownOutline, ...], body: Wall | Peg, pose: Pose) -> tupl
     return gap - body.radius, -cmath.exp(1j * (float(at.angle[0]) + pose[2])), complex(at.point[0]) * turn
 
 
-def _beside(shapes: tuple[GrownOutline, ...], body: Wall | Peg, pose: Pose, flat: float) -> bool:
+def _beside(shapes: tuple[PartOutline, ...], body: Wall | Peg, pose: Pose, flat: float) -> bool:
     """Whether the object's lowest points are beyond the ends of a finite wall."""
     if not isinstance(body, Wall) or math.isinf(body.half_length):
         return False
@@ -238,7 +238,7 @@ def _beside(shapes: tuple[GrownOutline, ...], body: Wall | Peg, pose: Pose, flat
 
 
 def _flat_angles(
-    scene: GraspScene, on: frozenset[str], shapes: tuple[GrownOutline, ...], bounds: Interval, current: float
+    scene: GraspScene, on: frozenset[str], shapes: tuple[PartOutline, ...], bounds: Interval, current: float
 ) -> list[float]:
     """Angles of the object at which a face lies on a wall that is wanted, the nearest to its own first."""
     angles: list[float] = []

@@ -33,9 +33,8 @@ from continuum_grasp.base import Array
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
 from continuum_grasp.model.surfaces.surface import (
     Feature,
-    Frame,
-    GrownOutline,
     Nearest,
+    PartOutline,
     Surface,
     SurfacePoint,
     Walk,
@@ -258,8 +257,8 @@ class PolygonSurface(Surface[OffsetPolygon]):
 
     # -- search of a grasp
 
-    def outline(self, part: OffsetPolygon, frame: Frame, grown: float) -> GrownOutline:
-        return _PolygonOutline(part.faces, frame, part.radius * frame.scale, grown)
+    def new_outline(self, part: OffsetPolygon) -> PartOutline:
+        return _PolygonOutline(part.faces, part.radius)
 
 
 def _length(piece: Piece, speed: float, grown: float) -> float:
@@ -364,22 +363,14 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     return Nearest(ca.if_else(on_face, height, sign * size), chosen(on_face, face, away.scaled(sign / size)))
 
 
-class _PolygonOutline(GrownOutline):
+class _PolygonOutline(PartOutline):
     """Outline of an offset polygon: faces, each with the corner at its end, which may be smooth."""
 
-    def __init__(self, faces: Sequence[Face], frame: Frame, radius: float, grown: float) -> None:
-        self.radius, self.grown = radius, radius + grown
-        count = len(faces)
-        self._start = frame.point(np.array([complex(*face.start) for face in faces]))
-        self._end = frame.point(np.array([complex(*face.end) for face in faces]))
-        low, self._bent, self._reach = np.array([(f.normal, f.turn, f.radius) for f in faces]).T
-        self._reach = self._reach * frame.scale
-        if frame.mirrored:
-            # From the same corner on.
-            order = np.roll(np.arange(count)[::-1], -1)
-            self._start, self._end, low = self._end[order], self._start[order], (low + self._bent)[order]
-            self._bent, self._reach = self._bent[order], self._reach[order]
-        self._low = frame.angle(low)
+    def __init__(self, faces: Sequence[Face], radius: float) -> None:
+        self.radius, count = radius, len(faces)
+        self._start = np.array([complex(*face.start) for face in faces])
+        self._end = np.array([complex(*face.end) for face in faces])
+        self._low, self._bent, self._reach = np.array([(f.normal, f.turn, f.radius) for f in faces]).T
         self._is_line = self._bent == 0.0
         self._span = np.where(self._is_line, self._end - self._start, 0.0)
         self._lengths = np.abs(self._span)
@@ -391,28 +382,23 @@ class _PolygonOutline(GrownOutline):
         reflex = turns > math.pi + SHARP
         # A reflex corner is passed at once, and so is a smooth one.
         turns[reflex | (turns < SMOOTH)] = 0.0
-        self.corners = self._end[turns > 0.0]
         if count == 1:
-            turns, reflex, self.corners = np.zeros(1), np.zeros(1, bool), self._base
+            turns, reflex = np.zeros(1), np.zeros(1, bool)
         self._normals, self._turns = normals, turns
         # Those of both faces at a corner, for the side of a point.
         self._before = np.exp(1j * normals) + np.roll(np.exp(1j * self._low), -1)
         extent = float(np.abs(self._start - self._start.mean()).max()) if count > 1 else float(self._reach[0])
-        # Meters of walk per radian of a corner: some length even where the corner is sharp and not grown.
-        self._per_angle = self.grown + (0.2 * extent if count > 1 else float(self._reach[0]))
-        curved = np.where(self._bent > 0.0, self._reach + self.grown, self._per_angle)
+        # Meters of walk per radian of a corner: some length even where the corner is sharp.
+        self._per_angle = radius + (0.2 * extent if count > 1 else float(self._reach[0]))
+        curved = np.where(self._bent > 0.0, self._reach + radius, self._per_angle)
         self._rates = np.stack([np.where(self._is_line, 0.0, 1.0 / curved), np.full(count, 1.0 / self._per_angle)], 1)
         pieces = np.stack([self._lengths + self._bent * curved, turns * self._per_angle], axis=1).ravel()
         self._starts = np.concatenate([[0.0], np.cumsum(pieces)])
         self.joints, self.period = self._starts[:-1], float(self._starts[-1])
         self.breaks = self._starts[:-1:2][np.roll(reflex, 1)]
-        self.center = complex(self._base[0] if count == 1 else self._start.mean())
         bulge = self._reach * (1.0 - np.cos(0.5 * self._bent)) if count > 1 else np.zeros(1)
-        self.extent = extent + float(bulge.max()) + radius
-
-    @property
-    def is_round(self) -> bool:
-        return len(self._start) == 1
+        self._extent = extent + float(bulge.max()) + radius
+        self.is_round = count == 1
 
     @cached_property
     def face_normals(self) -> tuple[float, ...]:  # type: ignore[override]
@@ -433,7 +419,7 @@ class _PolygonOutline(GrownOutline):
         normal = np.exp(1j * angle)
         along = np.where(self._is_line[face] & ~corner, local, 0.0) * self._along[face]
         at = np.where(corner, self._end[face], self._base[face]) + along
-        reach = self.grown + np.where(corner, 0.0, self._reach[face])
+        reach = self.radius + np.where(corner, 0.0, self._reach[face])
         dpoint = np.where(self._is_line[face] & ~corner, self._along[face], 1j * normal * reach * rate)
         return Walk(at + reach * normal, angle, dpoint, rate)
 
@@ -464,7 +450,7 @@ class _PolygonOutline(GrownOutline):
         length = np.abs(along)
         unit = np.where(length > 0.0, along, 1.0) / np.where(length > 0.0, length, 1.0)
         each = [start.real, start.imag, unit.real, unit.imag, length]
-        numbers = [radius, _SLOT * self.extent**2, *np.stack(each, axis=1).ravel().tolist()]
+        numbers = [radius, _SLOT * self._extent**2, *np.stack(each, axis=1).ravel().tolist()]
         return [0.0, len(start), len(numbers), *numbers]
 
     def _chords(self) -> Array:
@@ -506,7 +492,7 @@ class _PolygonOutline(GrownOutline):
             height[..., ~line] = (foot * np.conj(normal)).real
         # A segment is two edges back to back: the side on which the point lies decides.
         if len(self._start) == 2 and line.all():
-            square = square + np.where(height < 0.0, _SLOT * self.extent**2, 0.0)
+            square = square + np.where(height < 0.0, _SLOT * self._extent**2, 0.0)
         face = np.argmin(square, axis=-1)
         walked, core = picked(along, face), np.sqrt(picked(square, face))
         if len(self._start) == 2 and line.all():

@@ -18,9 +18,8 @@ from continuum_grasp.model.planar import Scalar, Vec, rotated
 from continuum_grasp.model.surfaces.surface import (
     TINY,
     Feature,
-    Frame,
-    GrownOutline,
     Nearest,
+    PartOutline,
     Surface,
     SurfacePoint,
     Walk,
@@ -109,10 +108,8 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
 
     # -- search of a grasp
 
-    def outline(self, part: SuperellipsePart, frame: Frame, grown: float) -> GrownOutline:
-        axes = (part.semi_axes[0] * frame.scale, part.semi_axes[1] * frame.scale)
-        center = complex(frame.point(complex(*part.center)))
-        return _SuperellipseOutline(center, frame.angle(part.angle), axes, part.exponent, grown)
+    def new_outline(self, part: SuperellipsePart) -> PartOutline:
+        return _SuperellipseOutline(complex(*part.center), part.angle, part.semi_axes, part.exponent)
 
 
 def smooth_support(beta: ca.SX, shape: ca.SX) -> ca.SX:
@@ -168,13 +165,11 @@ def _on_superellipse(a: float, b: float, power: float, way: Vec) -> tuple[Vec, V
     return point, slope, gradient.scaled(1.0 / size), curvature
 
 
-class _SuperellipseOutline(GrownOutline):
+class _SuperellipseOutline(PartOutline):
     """Outline of a superellipse; w is the polar angle of the scaled superellipse."""
 
-    corners: Array = np.zeros(0, complex)
-
-    def __init__(self, center: complex, angle: float, semi_axes: tuple[float, float], exponent: float, grown: float):
-        self.center, self.angle, self.grown = center, angle, grown
+    def __init__(self, center: complex, angle: float, semi_axes: tuple[float, float], exponent: float) -> None:
+        self.center, self.angle = center, angle
         self.axes, self.exponent = semi_axes, exponent
         self.extent = math.hypot(*semi_axes)
         # A table of places: even in the polar angle, and even in the normal's angle, which changes fast at corners.
@@ -216,9 +211,9 @@ class _SuperellipseOutline(GrownOutline):
         normal = flip_x * normal.real + 1j * flip_y * normal.imag
         axis = np.exp(1j * self.angle)
         return Walk(
-            self.center + axis * (point + self.grown * normal),
+            self.center + axis * point,
             np.angle(normal) + self.angle,
-            1j * axis * normal * (speed + self.grown * turning),
+            1j * axis * normal * speed,
             turning,
         )
 

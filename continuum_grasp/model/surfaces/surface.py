@@ -22,36 +22,8 @@ from continuum_grasp.scene import Part
 
 
 @dataclass(frozen=True)
-class Frame:
-    """A change of coordinates z -> turn * scale * z + shift, with conj(z) in place of z where mirrored."""
-
-    turn: complex = 1.0 + 0.0j  # of modulus one
-    shift: complex = 0.0j  # in the new coordinates
-    scale: float = 1.0  # new lengths per old ones
-    mirrored: bool = False
-
-    def point(self, z: Array | complex) -> Any:
-        """New coordinates of points."""
-        return self.turn * self.scale * (np.conj(z) if self.mirrored else z) + self.shift
-
-    def angle(self, angle: float | Array) -> Any:
-        """New angle of directions [rad]."""
-        return math.atan2(self.turn.imag, self.turn.real) + (-angle if self.mirrored else angle)
-
-    def back(self, z: Array | complex) -> Any:
-        """Old coordinates of points."""
-        old = (z - self.shift) / (self.turn * self.scale)
-        return np.conj(old) if self.mirrored else old
-
-    def angle_back(self, angle: float | Array) -> Any:
-        """Old angle of directions [rad]."""
-        old = angle - math.atan2(self.turn.imag, self.turn.real)
-        return -old if self.mirrored else old
-
-
-@dataclass(frozen=True)
 class Walk:
-    """Places on a grown outline, and their derivatives with respect to w."""
+    """Places on an outline, and their derivatives with respect to w."""
 
     point: Array  # complex
     angle: Array  # of the outward normal [rad]
@@ -65,27 +37,18 @@ def picked(values: Array, index: Array) -> Array:
     return np.asarray(flat[np.arange(len(flat)), index.ravel()].reshape(index.shape))
 
 
-class GrownOutline(ABC):
-    """A part grown by the fingers' half thickness: distances and walks along its outline, many points at once.
+class PartOutline(ABC):
+    """The outline of a part: distances and walks along it, many points at once.
 
     Planar vectors are complex numbers x + i y. A walk is a number w that runs once round in [0, period): along faces
     it counts meters, on corners it turns the normal while the point stays (or runs along the rounding). So faces and
     corners are one smooth family of contacts.
     """
 
-    center: complex
-    extent: float  # no point of the part is farther from the center
-    grown: float  # distance of the outline from ``corners``, or from the part where there are none
-    corners: Array  # complex centers of the rounded corners; empty for a smooth part
+    is_round: bool = False  # whether it looks the same from all directions
     face_normals: tuple[float, ...] = ()  # angles of the normals of flat faces [rad]
     period: float = math.tau  # of walks
     breaks: Array = np.zeros(0)  # walks at which the normal jumps, at reflex corners
-    joints: Array = np.zeros(0)  # walks at which faces and corners join
-
-    @property
-    def is_round(self) -> bool:
-        """Whether it looks the same from all directions."""
-        return len(self.corners) == 1
 
     @abstractmethod
     def walk(self, w: Array) -> Walk:
@@ -93,10 +56,10 @@ class GrownOutline(ABC):
 
     @abstractmethod
     def nearest(self, points: Array) -> tuple[Array, Array]:
-        """Signed distances of points from the part itself (not grown), and the walks of the nearest places."""
+        """Signed distances of points from the part, and the walks of the nearest places."""
 
     def distance(self, points: Array) -> Array:
-        """Signed distances of points from the part itself (not grown)."""
+        """Signed distances of points from the part."""
         return self.nearest(points)[0]
 
     def rough_distance(self, points: Array) -> Array:
@@ -106,7 +69,7 @@ class GrownOutline(ABC):
     @property
     @abstractmethod
     def rough_numbers(self) -> list[float]:
-        """Numbers that `rough_distance` is computed from, as the kernel of the scan reads it."""
+        """Numbers that `rough_distance` is computed from, as `curves.c` of the grasp reads it."""
 
     @abstractmethod
     def extremes(self, direction: complex, flat: float) -> list[tuple[complex, float]]:
@@ -262,7 +225,7 @@ class Surface(ABC, Generic[P]):
         """Angles (K,) of the outward normals [rad] at the surface points nearest to points (K, 2) of the object's
         frame, the distances (K,) [m], negative inside, and the curvatures (K,) there [1/m], infinite at a sharp corner.
         """
-        outline = self.own_outline(part)
+        outline = self.outline(part)
         distances, walks = outline.nearest(points[:, 0] + 1j * points[:, 1])
         at = outline.walk(walks)
         with np.errstate(divide="ignore"):
@@ -280,14 +243,14 @@ class Surface(ABC, Generic[P]):
     # -- search of a grasp
 
     @abstractmethod
-    def outline(self, part: P, frame: Frame, grown: float) -> GrownOutline:
-        """The outline in other coordinates, grown by a distance of these coordinates."""
+    def new_outline(self, part: P) -> PartOutline:
+        """Make the outline of a part in the object's frame."""
 
-    def own_outline(self, part: P) -> GrownOutline:
-        """The outline of a part in the object's frame, not grown."""
-        return _own_outline(self, part)
+    def outline(self, part: P) -> PartOutline:
+        """The outline of a part in the object's frame, made once."""
+        return _outline(self, part)
 
 
 @lru_cache(maxsize=256)
-def _own_outline(surface: Surface[P], part: P) -> GrownOutline:
-    return surface.outline(part, Frame(), 0.0)
+def _outline(surface: Surface[P], part: P) -> PartOutline:
+    return surface.new_outline(part)
