@@ -140,7 +140,15 @@ def test_more_elements_stay_where_few_need_no_friction():
 @pytest.mark.parametrize(
     ("name", "changes"),
     [
-        ("oval_flask", {"object.free": {"x": (0.024, 0.031), "y": (-0.005, 0.003), "angle": (1.3708, 1.6708)}}),
+        *few(
+            [
+                (
+                    "oval_flask",
+                    {"object.free": {"x": (0.024, 0.031), "y": (-0.005, 0.003), "angle": (1.3708, 1.6708)}},
+                )
+            ],
+            0,
+        ),
         *few([("table_peg", {"fidelity.family": "clothoid"}), ("egg", {"contacts.tip": "auto"})], 0),
     ],
 )
