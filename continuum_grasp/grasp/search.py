@@ -15,8 +15,10 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -116,7 +118,7 @@ class GraspSearch:
             candidate.tried = True
             self._attempt_twice(candidate.start)
         others = [each.start for each in self.settled if not each.holds][:most]
-        for start in (*others, *self._rough_starts):
+        for start in chain(others, self._starts_of_few()):
             if self.budget.over or self.best is not None:
                 return
             self._sampled |= start.is_rough
@@ -127,12 +129,15 @@ class GraspSearch:
         if self.attempt(start, options_at=0) not in self.good:
             self.attempt(start, iterations=FIRST_CAP)
 
-    @property
-    def _rough_starts(self) -> list[GraspStart]:
-        """Postures of few elements that nearly touch: what coarse fingers reach may have no part that leads there."""
+    def _starts_of_few(self) -> Iterator[GraspStart]:
+        """Further starts of few elements, whose maps may have no part that leads to a grasp: exact rods that hold, and
+        postures that nearly touch.
+        """
         if not is_mapped() or all(setup.elements > FEW for setup in self.scene.setups):
-            return []
-        return [start for mode, place in self._places for start in rough_starts(self.scene, mode, *place, ROUGH)]
+            return
+        yield from [each.start for each in self._settled_exactly if each.holds][: self._effort.settled]
+        for mode, place in self._places:
+            yield from rough_starts(self.scene, mode, *place, ROUGH)
 
     @property
     def _places(self) -> list[tuple[frozenset[str], Place]]:
