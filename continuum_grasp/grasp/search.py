@@ -243,7 +243,7 @@ class GraspSearch:
 
     @cached_property
     def impossible(self) -> bool:
-        """Whether it is proven that there is no grasp."""
+        """Whether forces provably cannot balance the object, wherever fingers may touch it."""
         return cannot_balance(self.scene)
 
     @property
