@@ -67,12 +67,12 @@ class GraspStart:
 
     @property
     def is_spare(self) -> bool:
-        """Whether it holds the object, but not at its optimum."""
+        """Whether the start holds the object, but not at the least tension next to it."""
         return self.label == "spare"
 
     @property
     def is_rough(self) -> bool:
-        """Whether it only nearly touches."""
+        """Whether fingers of the start only nearly touch the object."""
         return self.label == "rough"
 
     @classmethod
