@@ -28,7 +28,7 @@ def rough_starts(
 ) -> list[GraspStart]:
     """Starts with the contacts ``on`` by name, at most so many, those that come nearest to touching first."""
     each = max(1, math.ceil(count ** (1.0 / len(scene.setups))))
-    fingers = [_postures(scene, setup, base, pose, on)[:each] for setup, base in zip(scene.setups, bases, strict=True)]
+    fingers = [_postures(scene, setup, base, pose, on, each) for setup, base in zip(scene.setups, bases, strict=True)]
     supports = support_contacts(scene, pose, {name for name in on if scene.support_of(name) is not None})
     starts = []
     for chosen in sorted(product(*fingers), key=lambda chosen: sum(off for off, _, _ in chosen))[:count]:
@@ -41,9 +41,9 @@ def rough_starts(
 
 
 def _postures(
-    scene: GraspScene, setup: FingerSetup, base: Pose, pose: Pose, on: frozenset[str]
+    scene: GraspScene, setup: FingerSetup, base: Pose, pose: Pose, on: frozenset[str], count: int
 ) -> list[tuple[float, FingerStart, dict[str, complex]]]:
-    """Postures of a finger that differ: by how much they miss touching, per length, themselves, and world points of
+    """So many postures of a finger that differ: by how much they miss touching, per length, themselves, and world points of
     their contacts [m].
     """
     length = setup.finger.rod.length
@@ -62,7 +62,7 @@ def _postures(
         off = off + np.abs(gap[:, -1])
     off = off + np.maximum(-gap.min(axis=1), 0.0)
     found = []
-    for row in _different(ends, off):
+    for row in _different(ends, off, count):
         where = dict(zip(middles, (length * at[row]).tolist(), strict=True))
         points = {name: complex(np.interp(s, length * places, world[row])) for name, s in where.items()}
         if setup.tip_name in on:
@@ -89,14 +89,13 @@ def _places(gap: Array, places: Array, inside: Array, count: int) -> tuple[Array
     return at, np.abs(near).sum(axis=1)
 
 
-def _different(ends: Array, off: Array) -> list[int]:
-    """The best curves, none of which is a neighbor of one before."""
-    # 16: as many as an effort tries
+def _different(ends: Array, off: Array, count: int) -> list[int]:
+    """The best curves, so many, none of which is a neighbor of one before."""
     apart, rows = 4.0 * _MOST_BEND / (_ENDS - 1), list[int]()
     for row in np.argsort(off, kind="stable").tolist():
         if all(np.abs(ends[row] - ends[other]).max() > apart for other in rows):
             rows.append(row)
-        if len(rows) == 16:
+        if len(rows) == count:
             break
     return rows
 
