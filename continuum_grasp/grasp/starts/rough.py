@@ -68,7 +68,7 @@ def _postures(
         if setup.tip_name in on:
             points[setup.tip_name] = complex(world[row, -1])
         bent = (ends[row] / length).tolist()
-        # Where the tip bends to is where the object is.
+        # All middle contacts are on the side on which the object lies.
         side = 1 if _lies_left(world[row], complex(*pose[:2])) else -1
         joints = all_joints(setup, where)
         finger = FingerStart(base, joints, (side,) * len(setup.middle_names), (0.0, length), (bent[0], bent[1]))
