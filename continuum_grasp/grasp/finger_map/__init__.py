@@ -1,6 +1,7 @@
 """The finger map: equilibria of one finger that touch, sampled once, combined by the object's balance, and settled.
 
-Read `rod` (one equilibrium, an initial value problem), `fill` (all of a finger), `balance` (combinations of fingers),
+Read `rod` (one equilibrium, an initial value problem, of the exact rod or of few elements), `fill` (all of a finger),
+`balance` (combinations of fingers),
 `stability` (what a small motion meets), `settled` (the starts that a search takes).
 """
 
