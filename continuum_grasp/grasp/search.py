@@ -25,15 +25,7 @@ import numpy as np
 
 from continuum_grasp.base import amount_text
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
-from continuum_grasp.grasp.effort import (
-    BALANCED,
-    EFFORTS,
-    FIRST_CAP,
-    HELD,
-    OPEN,
-    SURE,
-    UNFOLLOWED,
-)
+from continuum_grasp.grasp.effort import BALANCED, EFFORTS, FIRST_CAP, HELD, OPEN, SURE, UNFOLLOWED
 from continuum_grasp.grasp.finger_map import FEW, ROUGH, SETTLED, Place, SceneMaps, is_mapped, places_of
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, GraspAttempt, GraspSolverRun
