@@ -16,9 +16,9 @@ differs between a scene and its mirror image."""
 OPEN = 0.02
 """Part by which a start must be better for the search not to be complete without it; likewise a lower bound."""
 PATIENCE = 7
-"""Iterations that bring a sampled start no nearer to its constraints, after which its run ends. Of 256 scenes (one
-finger, two, parts) none loses its best grasp, which one does with 5 before any grasp; a violation that must halve
-within 10 iterations, whatever it does meanwhile, loses one, too."""
+"""Iterations that bring a start no nearer to its constraints with limits relaxed, after which its run ends. Of 256
+scenes (one finger, two, parts) none loses its best grasp, which one does with 5 before any grasp; a violation that must
+halve within 10 iterations, whatever it does meanwhile, loses one, too."""
 STANDSTILL = 3
 """Iterations in a row that leave a violation the same, after which a run ends: of runs that give a grasp none of 33 (33
 scenes), where 2 lose the best of another, and with limits relaxed 8 of 183 (26 scenes), in half of the iterations."""

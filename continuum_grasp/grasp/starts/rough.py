@@ -43,8 +43,8 @@ def rough_starts(
 def _postures(
     scene: GraspScene, setup: FingerSetup, base: Pose, pose: Pose, on: frozenset[str], count: int
 ) -> list[tuple[float, FingerStart, dict[str, complex]]]:
-    """So many postures of a finger that differ: by how much they miss touching, per length, themselves, and world points of
-    their contacts [m].
+    """So many postures of a finger that differ: by how much they miss touching, per length, themselves, and world
+    points of their contacts [m].
     """
     length = setup.finger.rod.length
     most = min(_MOST_BEND, setup.elements * setup.bending_range)
