@@ -15,6 +15,12 @@ from scipy.optimize import linprog
 
 from continuum_grasp.grasp import least_normal_force_bound, optimize_grasp
 from continuum_grasp.grasp.bound import _contacts, cannot_balance
+from continuum_grasp.scene import (
+    Circle,
+    Palm,
+)
+from tests import certificate_cases as cases
+from tests.grasp.test_grasp_limits import MASS, R, far
 
 G, LENGTH, HALF, RADIUS = 9.81, 0.2, 0.006, 0.04
 
@@ -296,3 +302,12 @@ def test_no_grasp_needs_less(angles):
     assert result.solved
     greatest = max(contact.normal_force for contact in result.contacts)
     assert greatest >= least_normal_force_bound(result.scene) * (1.0 - 1e-6)
+
+
+def test_the_bound_proves_from_a_ten_thousandth_above_the_limit_on():
+    """A palm alone bears the weight: m g is the least normal force there is."""
+    disc = Circle(shape="circle", diameter=2 * R, mass=MASS, position=(9.0, R))
+    scene, _ = far(disc, {"rest": Palm(point=(9.0, 0.0), normal_angle=0.5 * math.pi)}, gravity=cases.PLANAR)
+    for part in (0.999, 1.001):
+        most = 9.81 * MASS / (1.0 + part * 1e-4)
+        assert cannot_balance(scene.changed({"contacts.normal_force_max": most})) is (part > 1.0)

@@ -1,7 +1,4 @@
-"""The certificate, on grasps made by hand; from inside: the depth of an overlap below zero, which no result shows.
-
-The certificate, on grasps made by hand: it passes what holds and names what was tampered with.
-"""
+"""The certificate, on grasps made by hand: it passes what holds and names what was tampered with."""
 
 from __future__ import annotations
 
@@ -12,7 +9,6 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.grasp import certify
-from continuum_grasp.grasp.certificate.check import overlap
 from continuum_grasp.scene import Ellipse, Polygon, Superellipse, Union
 from tests import certificate_cases as cases
 from tests.test_imports import PACKAGE, imports, inside
@@ -217,26 +213,6 @@ def test_a_bent_stiff_finger_bears_what_its_contact_gives():
     less = grasp.arrays["left.tensions"] * (1.0 - 1e-6)
     failed = {check.name for check in certify(scene, {**grasp.arrays, "left.tensions": less}).failed}
     assert failed == {"finger equilibrium, left", "tip moment balance, left"}
-
-
-@pytest.mark.parametrize("half", [0.0, 0.006])
-@pytest.mark.parametrize("lean", [0.2, -0.2, 0.02])
-def test_fingers_that_cross_overlap_by_as_much_as_they_reach_beyond(half, lean):
-    """Straight ones, that cross where they turn towards each other: lines in closed form."""
-    aside = 0.03
-    fingers = {
-        "left": cases.make_finger((-aside, 0.0), -lean, half),
-        "right": cases.make_finger((aside, 0.0), lean, half),
-    }
-    tip = np.array([-aside + cases.LENGTH * np.sin(lean), cases.LENGTH * np.cos(lean)])
-    along = np.array([-np.sin(lean), np.cos(lean)])  # of the other
-    off = tip - [aside, 0.0]
-    apart = float(np.hypot(*(off - np.clip(off @ along, 0.0, cases.LENGTH) * along)))
-    crosses = tip[0] > 0.0
-    expected = 2 * half + (apart if crosses else -min(apart, 2 * aside))
-    certificate = certify(*cases.apart(fingers))
-    assert overlap(*certificate.grasp.fingers) == pytest.approx(expected, abs=2e-6)
-    assert certificate.overlap == pytest.approx(max(expected, 0.0), abs=2e-6)
 
 
 # -- use -----------------------------------------------------------------------------------------------------

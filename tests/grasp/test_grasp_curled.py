@@ -1,28 +1,13 @@
-"""Fingers that curl up, by shapely; from inside: the check gets curves made here, as no grasp found fails it."""
+"""Fingers that curl up, by shapely."""
 
 from __future__ import annotations
-
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import shapely
 
 from continuum_grasp import SolverError, optimize_grasp
-from continuum_grasp.grasp.certificate.check import self_overlap
 from continuum_grasp.scene import GraspScene
-
-
-def rod(curvatures, half):
-    """A finger of length 1 whose curvature is linear between values at even places, as the check sees it."""
-    s = np.linspace(0.0, 1.0, 801)
-    curvature = np.interp(s, np.linspace(0.0, 1.0, len(curvatures)), curvatures)
-    angles = np.concatenate([[0.0], np.cumsum(0.5 * (curvature[1:] + curvature[:-1]) * np.diff(s))])
-    middle = 0.5 * (angles[1:] + angles[:-1])
-    points = np.concatenate([[0.0], np.cumsum(np.exp(1j * middle) * np.diff(s))])
-    points = np.stack([points.real, points.imag], axis=1)
-    edges = SimpleNamespace(edges=s)
-    return SimpleNamespace(points=points, angles=angles, rod=edges, thickness=np.full(s.size, half), length=1.0)
 
 
 def apart(points, half):
@@ -34,36 +19,6 @@ def apart(points, half):
         if len(after) > 1:
             least = min(least, shapely.LineString(after).distance(shapely.Point(points[k])))
     return least
-
-
-def test_a_circle_that_is_all_but_closed_or_passed_again():
-    half, turns = 0.004, 0.99
-    ends = 2.0 * np.sin(np.pi * (1.0 - turns)) / (2.0 * np.pi * turns)
-    assert -self_overlap(rod([2.0 * np.pi * turns] * 2, half)) == pytest.approx(ends - 2.0 * half, rel=1e-3)
-    assert self_overlap(rod([2.0 * np.pi * 1.2] * 2, half)) > 1.999 * half
-
-
-def test_a_finger_that_turns_by_less_than_half_a_circle_cannot_reach_itself():
-    assert self_overlap(rod([3.0, 3.0], 0.05)) < 0.0
-    assert self_overlap(rod([0.0, 0.0], 0.05)) < 0.0
-
-
-def test_depth_agrees_with_distances_of_random_fingers():
-    """With a finger mirrored and thicker ones; those that cross are deeper than they are thick."""
-    rng, crossed = np.random.default_rng(5), 0
-    for _ in range(25):
-        curvatures, half = rng.normal(6.0, 7.0, 4), rng.uniform(0.002, 0.02)
-        finger = rod(curvatures, half)
-        if np.abs(np.diff(finger.angles)).sum() < np.pi:
-            continue
-        found, least = self_overlap(finger), apart(finger.points, half)
-        assert self_overlap(rod(-curvatures, half)) == pytest.approx(found, abs=1e-9)
-        if shapely.LineString(finger.points).is_simple:
-            assert found == pytest.approx(2.0 * half - least, abs=1e-4)
-        else:
-            crossed += 1
-            assert found > 2.0 * half - 1e-9
-    assert crossed > 3
 
 
 def scene(length, half_thickness, diameter, position, base, angle, **changes):

@@ -13,6 +13,8 @@ from numpy.testing import assert_allclose
 from continuum_grasp.grasp.starts import curves
 from continuum_grasp.grasp.starts.curves import rough_distance, sample
 from continuum_grasp.grasp.starts.supports import object_outlines
+from continuum_grasp.model import surface_of
+from tests.model.test_contact_surface import ANGLES, beyond_a_corner
 
 
 def without(monkeypatch):
@@ -58,6 +60,13 @@ def test_distances_are_those_of_sampled_outlines(way, shape):
     brute = np.abs(points[:, None] - outline).min(axis=1)
     assert_allclose(np.abs(rough_distance(outlines_of(shape), points)), brute, atol=2e-5)
     assert rough_distance(outlines_of(shape), np.zeros(1, complex))[0] < 0.0
+
+
+@pytest.mark.parametrize("angle_deg", ANGLES)
+def test_whatever_lies_beyond_an_acute_corner_is_outside(way, angle_deg):
+    body, points, off = beyond_a_corner(angle_deg)
+    outlines = tuple(surface_of(part).outline(part) for part in body.parts)
+    assert_allclose(rough_distance(outlines, points), np.abs(off), rtol=1e-10)
 
 
 def test_a_process_that_had_no_compiler_for_a_while_has_one_again(monkeypatch):

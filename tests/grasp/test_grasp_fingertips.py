@@ -1,6 +1,4 @@
-"""Several fingers that hold with their tips; from inside: starts are judged before any problem is solved.
-
-Several fingers, most of which hold with their tips alone: starts in balance, by statics of this file's own, and the
+"""Several fingers, most of which hold with their tips alone: starts in balance, by statics of this file's own, and the
 grasps that they lead to, by closed forms, an oracle, and many random starts.
 """
 

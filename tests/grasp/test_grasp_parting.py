@@ -5,6 +5,8 @@ Stations that part and close as friction changes: each state has contacts of its
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -12,12 +14,14 @@ from benchmarks.grasp_oracle.check import LIMITS, residuals
 from continuum_grasp.grasp import certify, optimize_grasp
 from continuum_grasp.grasp.robust.errors import OBJECT
 from continuum_grasp.grasp.robust.response import Responder
-from continuum_grasp.grasp.robust.search import find_robust, with_postures
+from continuum_grasp.grasp.robust.search import find_robust, tried_states, with_postures
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.stations import _on_nearest, without_stations
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import GraspScene, Robust, load, scene_of
 from tests.grasp.test_grasp_histories import at_rest
+from tests.grasp.test_grasp_state_search import pinched, sticking, wound
+from tests.marks import few
 
 ANY = Robust.model_construct(draws=0)
 
@@ -163,3 +167,17 @@ def test_less_tension_is_found_for_any_friction_with_stations_than_with_one_midd
     assert result.robustness.robust.holds
     assert result.tension < 0.9 * plain.tension
     assert certify(scene, result.arrays).passed
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("case", few([sticking, wound, pinched], 1))
+def test_no_vertex_is_worse_than_the_search_says(case):
+    """By brute force, for the grasp as found, and for the one that is best where nothing sticks."""
+    found = optimize_grasp(case())
+    robust = {key: value for key, value in found.arrays.items() if not key.startswith("held.")}
+    for arrays in (robust, found.robustness.nominal_arrays):
+        worst = min(tried_states(found.scene, arrays, Budget()), key=lambda one: one.reserve)
+        responder = Responder(found.scene, arrays, Budget())
+        size = worst.error.size - OBJECT
+        every = [responder.to(np.concatenate([np.zeros(OBJECT), z])) for z in product((1.0, -1.0), repeat=size)]
+        assert worst.reserve == pytest.approx(min(one.reserve for one in every), abs=1e-5)

@@ -1,7 +1,4 @@
-"""How a grasp gives way, by beam columns and scipy; from inside: how surfaces roll, and ranges of given tensions.
-
-How a grasp gives way: closed forms of beam columns, and nonlinear equilibria solved by scipy.
-"""
+"""How a grasp gives way: closed forms of beam columns, and nonlinear equilibria solved by scipy."""
 
 from __future__ import annotations
 
@@ -14,8 +11,6 @@ from grasp_elastica import Hand, designed, disturbed, stored
 from scipy.optimize import brentq
 
 from continuum_grasp.grasp import GraspResponse, Quality, Resistance
-from continuum_grasp.grasp.quality.bent_finger import rolled
-from continuum_grasp.grasp.quality.resistance import difference_range
 from continuum_grasp.scene import Box, Circle, Ellipse, OffsetPolygon, Palm, PlanarGravity, Point, Rod, Tendons
 from tests import certificate_cases as cases
 
@@ -96,14 +91,6 @@ def test_the_polygon_holds_the_single_forces():
     polygon = Quality(scene, arrays).resistance_polygon
     along = Resistance.of(GraspResponse(scene, arrays), wrenches=[(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)])
     np.testing.assert_allclose(np.hypot(*polygon[[0, 9, 18]].T), along.factors, rtol=1e-9)
-
-
-def test_locked_antagonists_share_until_one_is_at_its_least():
-    scene, _ = axial_pinch(0.08, min_tension=1.0, max_tension=60.0)
-    setup = scene.setups[0]
-    assert difference_range(setup, np.array([11.0, 1.0]), "locked") == (-69.0, 49.0)
-    assert difference_range(setup, np.array([55.0, 50.0]), "locked") == (-20.0, 10.0)
-    assert difference_range(setup, np.array([11.0, 1.0]), "retensioned") == (-69.0, 49.0)
 
 
 # -- against nonlinear equilibria ----------------------------------------------------------------------------------
@@ -248,14 +235,6 @@ def test_curvatures_of_surfaces():
     assert tilted.curvature(end, 1e-6 * 0.05) == pytest.approx(0.05 / 0.03**2)
     sharp = OffsetPolygon(((0.0, 0.0), (0.04, 0.0), (0.0, 0.04)))
     assert sharp.curvature(np.array([0.04, 0.0]), 1e-6 * 0.04) == math.inf
-
-
-def test_rolling_of_two_discs_and_of_surfaces_that_fit():
-    travel, _, object_share = rolled(1 / 0.04, 1 / 0.006, 0.04)
-    assert travel == pytest.approx(0.04 * 0.006 / 0.046)
-    assert object_share == pytest.approx(0.04 / 0.046)
-    assert rolled(25.0, -25.0, 0.04)[0] == pytest.approx(40.0)  # as good as fast to each other
-    assert rolled(math.inf, 3.0, 0.04) == (0.0, 1.0, 0.0)
 
 
 def test_a_disc_between_pegs_and_a_wrapping_finger_resists_all_disturbances():

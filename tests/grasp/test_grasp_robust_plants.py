@@ -1,11 +1,6 @@
-"""Robust grasps against plants of another hand; from inside: the outcome of a stopped solver is put in.
-
-Robust grasps against plants of another hand: arcs, virtual work by differences, linear programming.
-"""
+"""Robust grasps against plants of another hand: arcs, virtual work by differences, linear programming."""
 
 from __future__ import annotations
-
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +8,6 @@ from numpy.typing import NDArray
 from scipy.optimize import fsolve, linprog
 
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.grasp.robust.response import _reserve
 from continuum_grasp.scene import Robust, load
 from tests.grasp_scenes import CONFIGS
 from tests.marks import few
@@ -109,28 +103,6 @@ def test_as_many_plants_hold_as_reported(count: int) -> None:
     # Both are samples of one probability p: their difference has variance p (1 - p) (1 / plants + 1 / draws).
     assert 0.1 < share < 0.9
     assert abs(held - share) < 3.0 * np.sqrt(share * (1.0 - share) * (1.0 / count + 1.0 / trials.margins.size))
-
-
-@pytest.mark.parametrize(
-    ("converged", "reserve", "violations", "deepest", "stands"),
-    [
-        (True, -0.1, [], 0.0, True),
-        (False, 0.1, [], 1e-6, True),
-        (False, 0.1, [], 1e-5, False),
-        (False, 0.1, ["object force balance"], 0.0, False),
-        (False, -0.1, [], 0.0, False),
-        (False, np.nan, [], 0.0, False),
-    ],
-)
-def test_where_a_solver_was_stopped_is_a_posture_if_it_violates_nothing(
-    converged, reserve, violations, deepest, stands
-):
-    """An optimum is one in any case; another point only says that cones are not left, not by how much they are."""
-    attempt = SimpleNamespace(converged=converged, x=np.array([reserve]), violations=violations, numbers=None)
-    near = SimpleNamespace(look=lambda *_: (deepest, {}))
-    solver = SimpleNamespace(problem=SimpleNamespace(x=SimpleNamespace(at={"reserve": slice(0, 1)})), near=near)
-    found = _reserve(solver, load(CONFIGS / "mug_arcs.yaml"), attempt)
-    assert found == (reserve if stands else -np.inf)
 
 
 @pytest.mark.deep

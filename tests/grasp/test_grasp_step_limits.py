@@ -12,8 +12,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from benchmarks.grasp_oracle import scenes
 from continuum_grasp import nlp
-from continuum_grasp.grasp import RELAXATIONS, ContactStart, GraspResult, JointSolverRun, Reason, changes, stations
+from continuum_grasp.grasp import (
+    RELAXATIONS,
+    ContactStart,
+    GraspResult,
+    JointSolverRun,
+    Reason,
+    certify,
+    changes,
+    stations,
+)
 from continuum_grasp.grasp.certificate.model_error import ModelError
 from continuum_grasp.grasp.reasons import diagnosis
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, is_clear, is_rare, ordered
@@ -24,14 +34,15 @@ from continuum_grasp.grasp.robust import response as responses
 from continuum_grasp.grasp.robust import search as exchange
 from continuum_grasp.grasp.robust import solve as robust
 from continuum_grasp.grasp.robust.errors import InError
-from continuum_grasp.grasp.robust.response import Responder, Response
+from continuum_grasp.grasp.robust.response import Responder, Response, _reserve
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.solve import _Verdict
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses
+from continuum_grasp.grasp.stations import _slope
 from continuum_grasp.nlp import Budget, SolverStatus
-from continuum_grasp.scene import Robust
+from continuum_grasp.scene import Robust, load
 from tests import certificate_cases as cases
-from tests.grasp_scenes import first_start, make_scene
+from tests.grasp_scenes import CONFIGS, first_start, make_scene
 
 TENSION, FRICTION = (limit for limit in RELAXATIONS if limit.name in ("tension", "friction"))
 SCENE = cases.squeezed_disc()[0]
@@ -507,3 +518,49 @@ COUNTS = [
 @pytest.mark.parametrize(("count", "counted"), [row[1:] for row in COUNTS], ids=[row[0] for row in COUNTS])
 def test_a_step_tries_so_many(count, counted):
     assert counted() == count
+
+
+@pytest.mark.parametrize(
+    ("converged", "reserve", "violations", "deepest", "stands"),
+    [
+        (True, -0.1, [], 0.0, True),
+        (False, 0.1, [], 1e-6, True),
+        (False, 0.1, [], 1e-5, False),
+        (False, 0.1, ["object force balance"], 0.0, False),
+        (False, -0.1, [], 0.0, False),
+        (False, np.nan, [], 0.0, False),
+    ],
+)
+def test_where_a_solver_was_stopped_is_a_posture_if_it_violates_nothing(
+    converged, reserve, violations, deepest, stands
+):
+    """An optimum is one in any case; another point only says that cones are not left, not by how much they are."""
+    attempt = SimpleNamespace(converged=converged, x=np.array([reserve]), violations=violations, numbers=None)
+    near = SimpleNamespace(look=lambda *_: (deepest, {}))
+    solver = SimpleNamespace(problem=SimpleNamespace(x=SimpleNamespace(at={"reserve": slice(0, 1)})), near=near)
+    found = _reserve(solver, load(CONFIGS / "mug_arcs.yaml"), attempt)
+    assert found == (reserve if stands else -np.inf)
+
+
+def test_what_a_model_leaves_out_is_small_up_to_half_a_percent_of_the_shortest_finger():
+    for part in (0.999, 1.001):
+        assert ModelError({"a": 1e-9, "b": part * 0.005 * cases.LENGTH}, cases.LENGTH, 0.0).small is (part < 1.0)
+
+
+def test_the_slope_of_the_least_eigenvalue_leads_to_stability():
+    """A step along it changes the eigenvalue by as much as the slope says, which a difference ten times as long, or as
+    short, does not know so well.
+    """
+    scene = scenes.scene_of("one", 125).changed({"stability": "require"})
+    search = GraspSearch(scene, Budget())
+    search.run()
+    at = next(t for t in search.good if not t.acceptable)
+    slope = _slope(scene, at)
+    step = 3e-6 * slope / np.linalg.norm(slope)
+
+    def eigenvalue(x):
+        moved = type(at.attempt)(**{**vars(at.attempt), "x": x})
+        return certify(scene, at.solver.arrays(scene, moved)).stability.eigenvalue
+
+    change = eigenvalue(at.attempt.x + step) - eigenvalue(at.attempt.x - step)
+    assert change == pytest.approx(2.0 * slope @ step, rel=1e-5)
