@@ -23,6 +23,7 @@ from tests.rti_problems import cart_pole
 TENDONS = ROOT / "configs/simulate/tendon_step.yaml"
 CONTACT = ROOT / "configs/simulate/midpoint_contact.yaml"
 DISC = ROOT / "configs/simulate/swing_against_disc.yaml"
+MUG = ROOT / "configs/simulate/close_on_mug.yaml"
 WITH_FRICTION = {
     "fidelity.family": "arc",
     "fidelity.elements": 2,

@@ -15,6 +15,7 @@ from continuum_grasp.addons.mission import Phases, PlantVariation
 from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.addons.mission.lift import LiftCheck
 from continuum_grasp.addons.mission.plan import PhasePlan
+from continuum_grasp.addons.mission.plant import MissionPlant
 from continuum_grasp.addons.mission.run import MissionRunner
 from continuum_grasp.control import Anomaly, Command, CommandStatus, Health, Sight, Trip
 from continuum_grasp.grasp import optimize_grasp
@@ -161,3 +162,22 @@ def pressed(names, normal, friction):
     """Forces of contacts (T, C), of which nothing else is asked."""
     zero, force = np.zeros_like(normal), np.stack([normal, friction], axis=1)  # normals along x
     return ContactHistory(names, zero, normal, friction, zero, force, np.zeros_like(force))
+
+
+def fails(monkeypatch, since, until=np.inf, *, finger=None, spoilt=lambda y, last: np.full_like(y, np.nan)):
+    """Sensors of a finger by name, or of all, fail from an instant on [s], as ``spoilt`` shows them."""
+    begin, measure, last = MissionPlant.__init__, MissionPlant.measure, {}
+
+    def named(plant, assignment, *rest):
+        begin(plant, assignment, *rest)
+        plant.finger_name = assignment.name
+
+    def measured(plant):
+        y = measure(plant)
+        if not since <= plant.t + 1e-9 < until or finger not in (None, plant.finger_name):
+            last[plant.finger_name] = y
+            return y
+        return spoilt(y, last[plant.finger_name])
+
+    monkeypatch.setattr(MissionPlant, "__init__", named)
+    monkeypatch.setattr(MissionPlant, "measure", measured)

@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.real_time_iteration import RealTimeIteration
 from continuum_grasp.control import ABSENT, Stages
-from continuum_grasp.control.ocp.stages import cost_functions
+from continuum_grasp.control.ocp.stages import Scenarios, cost_functions
 
 LOOSE = (
     "-fassociative-math",
@@ -82,6 +82,12 @@ def random_stages(seed: int, size: tuple[int, ...], **changes) -> Stages:
         "p_nominal": np.ones(1),
     }
     return Stages(**{**given, **changes})
+
+
+def random_scenarios(plants: int, size: tuple[int, ...], weights: np.ndarray, shift: np.ndarray) -> Stages:
+    """Random stages of several plants of one prediction, whose parameters are changed by ``shift``."""
+    spread = Scenarios(weights * plants / weights.sum(), np.ones((plants, 1)), shift)
+    return random_stages(plants, size, scenarios=spread)
 
 
 def _bounds(rng: np.random.Generator, count: int, absent: float) -> tuple[np.ndarray, np.ndarray]:

@@ -1,7 +1,4 @@
-"""What ``new`` prints is typed as it stands, by a shell; from inside: a missing module and another start are put in.
-
-What ``new`` prints is typed as it stands, by a shell, where it was printed; and so is what messages name.
-"""
+"""What ``new`` prints is typed as it stands, by a shell, where it was printed; and so is what messages name."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ import sys
 
 import pytest
 
-from continuum_grasp.base import shell
+from continuum_grasp.base import COMMAND
 from tests.commands import ROOT, environment, run
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="lines are typed into a POSIX shell")
@@ -88,12 +85,12 @@ def test_start_installs_extras_that_there_are(clone):
 @pytest.mark.parametrize("on_path", [True, False])
 def test_an_installed_command_is_named_where_a_shell_finds_it(on_path, tmp_path):
     code = f"#!{sys.executable}\nfrom continuum_grasp.__main__ import main\nmain()\n"
-    program = script(tmp_path / "its bin" / shell.COMMAND, code)
+    program = script(tmp_path / "its bin" / COMMAND, code)
     path = f"{program.parent}{os.pathsep}{os.environ['PATH']}" if on_path else os.environ["PATH"]
-    first = shlex.join([shell.COMMAND if on_path else f"its bin/{shell.COMMAND}", *NEW])
+    first = shlex.join([COMMAND if on_path else f"its bin/{COMMAND}", *NEW])
     lines = advice(typed(first, tmp_path, PATH=path))
     assert shlex.split(lines)[2:] == [
-        shell.COMMAND if on_path else str(program),
+        COMMAND if on_path else str(program),
         "validate",
         "configs/fingers/hand_finger.yaml",
     ]
@@ -107,12 +104,12 @@ def test_a_module_is_named_as_it_was_run(tmp_path):
 
 def test_notebooks_are_opened_by_what_is_installed_before(tmp_path, monkeypatch):
     """Unless jupyterlab is there, the line before installs the extra that has it; start.py does so by itself."""
-    monkeypatch.setattr(shell, "find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "jupyterlab", None)
     printed = run("new", str(tmp_path / "a"), "--notebooks").output.splitlines()
     assert [shlex.split(line)[-2:] for line in printed[-2:]] == [
         ["install", "continuum-grasp[notebook]"],
         ["jupyterlab", "notebooks"],
     ]
-    monkeypatch.setenv(shell.STARTED_BY, json.dumps(["python3", str(tmp_path / "start.py")]))
+    monkeypatch.setenv("CONTINUUM_GRASP_STARTED_BY", json.dumps(["python3", str(tmp_path / "start.py")]))
     printed = run("new", str(tmp_path / "b"), "--notebooks").output.splitlines()
     assert printed[-2:] == [f"  cd {tmp_path / 'b'}", "  python3 ../start.py jupyterlab notebooks"]

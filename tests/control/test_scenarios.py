@@ -1,12 +1,8 @@
-"""Scenarios of several plants; from inside: their changes of parameters are drawn at random.
-
-Scenarios: QPs of several plants with inputs in common, their nonlinear problems, controllers that plan for them.
-"""
+"""Scenarios: QPs of several plants with inputs in common, their nonlinear problems, controllers that plan for them."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -17,11 +13,10 @@ import continuum_grasp as cg
 from benchmarks.real_time_iteration import RealTimeIteration
 from continuum_grasp.base import InputError
 from continuum_grasp.control import Stages, stages_of
-from continuum_grasp.control.ocp.stages import Scenarios
 from continuum_grasp.core import Compiler
 from tests.control_cases import HAND, Reality, hand_scene, swing_scene
 from tests.marks import few
-from tests.rti_cases import QP, SIZES, PlanOf, by_ipopt, change_of_plan, disturb, qp_of, random_stages
+from tests.rti_cases import QP, SIZES, PlanOf, by_ipopt, change_of_plan, disturb, qp_of, random_scenarios
 
 pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
 
@@ -85,8 +80,7 @@ def test_the_qp_is_that_of_all_scenarios_with_equal_first_inputs(size, plants):
     rng = np.random.default_rng(size[0] + plants)
     weights = rng.uniform(0.2, 2.0, plants)
     shift = rng.uniform(-0.3, 0.3, (plants, 1))
-    spread = Scenarios(weights * plants / weights.sum(), np.ones((plants, 1)), shift)
-    rti = RealTimeIteration(replace(random_stages(plants, size), scenarios=spread), lanes=bool(plants % 2))
+    rti = RealTimeIteration(random_scenarios(plants, size, weights, shift), lanes=bool(plants % 2))
     for _ in range(4):
         x0 = disturb(rti, rng)
         problem = joint(rti, x0)

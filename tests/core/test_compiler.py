@@ -15,6 +15,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
+import continuum_grasp as cg
+from continuum_grasp.base import InputError
 from continuum_grasp.core import (
     CompileError,
     Compiler,
@@ -23,7 +25,10 @@ from continuum_grasp.core import (
     compiler,
 )
 from continuum_grasp.core.compiler import longest_function, translation_units
+from continuum_grasp.core.precision import single
 from continuum_grasp.core.source import batch_source, rollout_source, symbol_of
+from continuum_grasp.scene import Finger
+from tests.finger_cases import ROD
 
 needs_compiler = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler")
 
@@ -213,3 +218,28 @@ def test_a_library_that_another_process_has_loaded_serves(tmp_path, monkeypatch)
     known[:] = [False, False]
     with pytest.raises(PermissionError):
         Compiler.find().library(CSource([chain(20)]).of_core("chain"))
+
+
+def test_literals_are_rewritten_by_tokens():
+    source = (
+        '#include <math.h>\n/* 1.5 */ // 2.5\nreal a1e5 = 3.5, b = .5e-3 + 1. - 2e+4;\nchar *s = "4.5"; '
+        "int n = 7, m = 0x1e5; float f = 1.25f; long k = 199901L;"
+    )
+    assert single(source).splitlines()[1:] == [
+        "#include <tgmath.h>",
+        "/* 1.5 */ // 2.5",
+        "real a1e5 = 3.5f, b = .5e-3f + 1.f - 2e+4f;",
+        'char *s = "4.5"; int n = 7, m = 0x1e5; float f = 1.25f; long k = 199901L;',
+    ]
+
+
+@pytest.mark.parametrize("number", ["1e39", "1e-39", "-4e+50"])
+def test_constants_beyond_single_precision_are_refused(number):
+    with pytest.raises(InputError, match=r"beyond single precision.*coarser accuracy"):
+        single(f"a = {number};")
+
+
+def test_models_compute_in_double_alone():
+    model = cg.FingerModel(Finger(rod=ROD), family="arc", elements=2)
+    with pytest.raises(InputError, match=r"precision: models compute in double precision; take export_c"):
+        cg.compile(model, precision="float")

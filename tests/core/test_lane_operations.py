@@ -1,7 +1,4 @@
-"""Operations in vector lanes against numpy and LAPACK; from inside: one elimination.
-
-Operations in vector lanes against numpy, at the edges of their ranges too, and elimination against LAPACK.
-"""
+"""Operations in vector lanes against numpy, at the edges of their ranges too, and elimination against LAPACK."""
 
 from __future__ import annotations
 
@@ -13,7 +10,6 @@ import numpy as np
 import pytest
 
 from continuum_grasp.core import Compiler, CSource
-from continuum_grasp.core.integrators.derivatives import solve
 
 pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
 
@@ -80,26 +76,3 @@ def test_operations_in_lanes_are_those_of_numpy(kind, flags, tmp_path):
     np.testing.assert_array_equal(chosen, np.where(a < b, a, 0.0))
     np.testing.assert_array_equal(is_less, a <= b)
     np.testing.assert_array_equal(sign[ordered], np.sign(a)[ordered])
-
-
-@pytest.mark.parametrize("density", [0.15, 0.4, 1.0])
-def test_elimination_solves_as_lapack_does(density):
-    """Arrow matrices, whose natural order fills in, are among them."""
-    rng = np.random.default_rng(1)
-    for n in (1, 2, 7, 14):
-        pattern = rng.uniform(size=(n, n)) < density
-        pattern[0], pattern[:, 0] = True, True
-        matrix = np.eye(n) + 0.4 / n * rng.normal(size=(n, n)) * pattern
-        right = rng.normal(size=(n, 3)) * (rng.uniform(size=(n, 3)) < 0.6)
-        found = np.array(ca.DM(ca.evalf(solve(ca.sparsify(ca.SX(matrix)), ca.sparsify(ca.SX(right))))))
-        np.testing.assert_allclose(found, np.linalg.solve(matrix, right), rtol=1e-11, atol=1e-13)
-
-
-def test_an_arrow_is_eliminated_without_filling_in():
-    """2 n + 1 products and as many sums solve an arrow whose tip is eliminated last; the natural order takes n^3."""
-    n = 20
-    arrow = ca.diagcat(1, ca.SX.sym("d", n - 1)) * ca.SX.eye(n)
-    arrow[0, :], arrow[:, 0] = ca.SX.sym("r", 1, n), ca.SX.sym("c", n)
-    right = ca.SX.sym("b", n)
-    symbols = ca.symvar(ca.vertcat(ca.vec(arrow), right))
-    assert ca.Function("arrow", symbols, [solve(arrow, right)]).n_instructions() < 15 * n

@@ -29,6 +29,8 @@ from gymnasium.vector import AutoresetMode  # noqa: E402
 
 from continuum_grasp.addons.learning import TASKS, Ended, FingerEnv, FingerVectorEnv  # noqa: E402
 from continuum_grasp.addons.learning.environments import substeps  # noqa: E402
+from continuum_grasp.addons.learning.environments.plants import plants_of  # noqa: E402
+from continuum_grasp.addons.learning.environments.sensing import single_precision, state_bounds  # noqa: E402
 
 FAST = {"plant.fidelity": {"family": "matched_clothoid", "elements": 2}}
 SWEEP = {
@@ -489,3 +491,32 @@ def test_without_gymnasium():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     missing = f"environments need the extra 'gym': {shell.install_line('gym')}"
     assert done.stdout.splitlines() == [str(len(TASKS)), missing, missing]
+
+
+def test_bounds_in_single_precision_are_the_nearest_outside():
+    rng = np.random.default_rng(2)
+    bounds = np.sort(rng.standard_normal((400, 2)) * 10.0 ** rng.uniform(-6.0, 6.0, (400, 1)), axis=1)
+    low, high = single_precision(bounds)
+    assert np.all(low <= bounds[:, 0])
+    assert np.all(high >= bounds[:, 1])
+    infinite = np.float32(np.inf)
+    assert np.all(np.nextafter(low, infinite) > bounds[:, 0])
+    assert np.all(np.nextafter(high, -infinite) < bounds[:, 1])
+
+
+@pytest.mark.parametrize("sides", [[0.005], [0.005, -0.005]])
+def test_tensions_that_lag_beside_chambers_start_at_rest_within_bounds_of_their_own(sides):
+    """Pressures, which are commanded at once here, are no states: each state goes by its name."""
+    chambers = [{"area": 6e-5, "offset": e, "min_pressure": 1e4, "max_pressure": 8e4} for e in sides]
+    coarse = {"family": "clothoid", "elements": 1}
+    changes = {"finger.pressure": chambers, "finger.tendons.time_constant": 0.02, "plant.fidelity": coarse}
+    scene = cg.load("configs/mpc/steady_tip.yaml").changed({**changes, "fidelity": coarse, "estimator": None})
+    plants = plants_of((scene,))
+    model, tension = plants.model, plants.scenes[0].finger.tendons
+    start, bounds = (dict(zip(model.x_names, of, strict=True)) for of in (plants.start[0], state_bounds(plants, 1e3)))
+    most = (tension.max_tension - tension.min_tension) / (np.e * 0.02)
+    for name in ("tension_1", "tension_2"):
+        assert start[f"{name} [N]"] == tension.min_tension
+        assert bounds[f"{name} [N]"].tolist() == [tension.min_tension, tension.max_tension]
+        assert start[f"{name}_rate [N/s]"] == 0.0
+        assert bounds[f"{name}_rate [N/s]"] == pytest.approx([-most, most], rel=1e-12)

@@ -14,10 +14,12 @@ import os
 import re
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import continuum_grasp as cg
 from continuum_grasp.base import InputError
 from continuum_grasp.core import Core, CReal
 from continuum_grasp.export import Code, ModelFields, export_c
@@ -29,7 +31,7 @@ from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene import Finger, Scene, load
 from tests.export_cases import (
     DISC,
-    ROOT,
+    MUG,
     STRICT,
     TENDONS,
     WARNINGS,
@@ -43,7 +45,7 @@ from tests.export_cases import (
 from tests.features import FEATURES, scene_of
 from tests.finger_cases import ROD
 from tests.marks import but
-from tests.rods import after, order
+from tests.rods import ROOT, after, order
 
 NAMES = ("friction", "contact", "tendons")
 WOUND = ("winches", "motor")
@@ -574,3 +576,17 @@ def test_a_model_whose_accelerations_would_be_lost_says_so(tmp_path):
     with pytest.raises(InputError, match="fewer elements"):
         export_c(FingerModel(slender, family="arc", elements=32), tmp_path, what=["kinematics"], real="float")
     export_c(FingerModel(slender, family="arc", elements=8), tmp_path, what=["kinematics"], real="float")
+
+
+@pytest.mark.parametrize("name", ["arcs", "friction", "winches", "motor", "contact", DISC, MUG], ids=str)
+def test_every_argument_has_a_range(name):
+    given = cg.load(name) if not isinstance(name, str) else scene(name)
+    source = source_of(given, CReal.KINDS["double"])
+    own = Subject.of(source.finger, "finger", CReal.KINDS["double"], {}, source.surroundings)
+    touches = ["contact"] if isinstance(name, Path) else []
+    calls = [call for part in ("dynamics", "kinematics", "shape", *touches) for call in PARTS[part](own).calls]
+    fields = [field for call in calls for taken in own.passed_to(call) for field in taken.fields]
+    assert [field.name for field in fields if not (np.isfinite(field.low) and field.low < field.high < np.inf)] == []
+    for field in fields:  # usual values are well within it
+        low, high = field.sampled
+        assert field.low <= low < high <= field.high

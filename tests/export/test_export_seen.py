@@ -1,12 +1,8 @@
-"""Parts of what is seen of a finger, against the models; from inside: calls of each part, before they are C.
-
-Parts of what is seen of a finger: shape, velocities and contact against the models.
-"""
+"""Parts of what is seen of a finger: shape, velocities and contact against the models."""
 
 from __future__ import annotations
 
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,15 +10,8 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp import System
 from continuum_grasp.base import InputError
-from continuum_grasp.core import CReal
 from continuum_grasp.export import export_c
-from continuum_grasp.export.parts import PARTS
-from continuum_grasp.export.source import source_of
-from continuum_grasp.export.subject import Subject
-from tests.export_cases import DISC, needs, scene, shared_library, values
-from tests.rods import ROOT
-
-MUG = ROOT / "configs/simulate/close_on_mug.yaml"
+from tests.export_cases import DISC, MUG, needs, scene, shared_library, values
 
 
 def moving(name):
@@ -142,17 +131,3 @@ def test_what_cannot_be_seen_is_refused(options, message, tmp_path):
     with pytest.raises(InputError, match=message):
         export_c(scene("arcs"), tmp_path, **options)
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("name", ["arcs", "friction", "winches", "motor", "contact", DISC, MUG], ids=str)
-def test_every_argument_has_a_range(name):
-    given = cg.load(name) if not isinstance(name, str) else scene(name)
-    source = source_of(given, CReal.KINDS["double"])
-    own = Subject.of(source.finger, "finger", CReal.KINDS["double"], {}, source.surroundings)
-    touches = ["contact"] if isinstance(name, Path) else []
-    calls = [call for part in ("dynamics", "kinematics", "shape", *touches) for call in PARTS[part](own).calls]
-    fields = [field for call in calls for taken in own.passed_to(call) for field in taken.fields]
-    assert [field.name for field in fields if not (np.isfinite(field.low) and field.low < field.high < np.inf)] == []
-    for field in fields:  # usual values are well within it
-        low, high = field.sampled
-        assert field.low <= low < high <= field.high

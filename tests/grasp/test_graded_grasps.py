@@ -11,7 +11,7 @@ import pytest
 
 from continuum_grasp.base import InputError
 from continuum_grasp.grasp import certify, optimize_grasp
-from continuum_grasp.grasp.certificate.friction import friction_of
+from continuum_grasp.grasp.certificate.friction import friction_of, state_cells
 from continuum_grasp.grasp.changes import FIRST
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.blocks import Columns
@@ -21,6 +21,8 @@ from continuum_grasp.grasp.problem.unit_finger import PRESLIDING, UnitFinger
 from continuum_grasp.grasp.shape import FingerShape, skin
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Curve, load
+from tests import certificate_cases as cases
+from tests.grasp.test_grasp_limits import held
 from tests.marks import few
 
 LENGTH, STIFFNESS, DENSITY = 0.18, 6.11e-3, 0.034
@@ -322,3 +324,14 @@ MANY = {"length": LENGTH, "sections": [section(LENGTH * (k + 1) / 17, STIFFNESS 
 def test_what_grasps_cannot_do_is_refused_by_name(changes, said):
     with pytest.raises(InputError, match=said):
         optimize_grasp(mug(STEP, **changes))
+
+
+def test_dry_friction_of_one_cell_turns_together():
+    scene = held(case=cases.pinched_box)()[0]
+    branches = [{"stiffness": 1.0, "moment": 1e-12}, {"stiffness": 2.0, "moment": 1e-12}]
+    scene = scene.changed({f"fingers.{name}.damping.dry_friction": branches for name in ("a", "b")})
+    cells = [np.flatnonzero(cell).tolist() for cell in state_cells(scene)]
+    tendons, count = scene.setups[0].tendon_friction_states, scene.setups[0].friction_states
+    assert cells[: tendons + 1] == [*([k] for k in range(tendons)), [tendons, tendons + 1]]
+    assert cells[-1] == [2 * count - 2, 2 * count - 1]
+    assert sorted(column for cell in cells for column in cell) == [*range(2 * count)]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ import scipy.stats
 
 from continuum_grasp.addons.identification import Poses, Reading, fit_damped_sine
 from continuum_grasp.addons.identification.blocks import PosesBlock
-from continuum_grasp.addons.identification.inference import infer
+from continuum_grasp.addons.identification.inference import allotted, infer, information
 from continuum_grasp.addons.identification.least_squares import least_squares
 from continuum_grasp.addons.identification.unknowns import read_unknowns
 from continuum_grasp.base import NumericalError, SolverError
@@ -201,3 +202,37 @@ def test_noise_alone_is_no_vibration():
     t = np.arange(0.0, 5.0, 0.01)
     with pytest.raises(SolverError, match="no damped vibration"):
         fit_damped_sine(t, np.random.default_rng(0).standard_normal(t.size))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_experiments_with_the_least_variances_are_chosen(seed):
+    """Against all ways to make four of six experiments on three unknowns, of which the first two count."""
+    rng = np.random.default_rng(seed)
+    each, sizes = rng.standard_normal((6, 2, 3)), np.array([1.0, 0.3, 2.0])
+    known = np.diag([0.1, 0.0, 0.2])
+    found = allotted(information(each, sizes), known, 2, [(np.arange(6), 4)])
+
+    def variance(numbers) -> float:
+        rows = np.concatenate([each[k] for k in numbers]) * sizes
+        return float(np.trace(np.linalg.inv(known + rows.T @ rows + 1e-6 * np.eye(3))[:2, :2]))
+
+    least = min(map(variance, combinations_with_replacement(range(6), 4)))
+    # Exchanges of one experiment end in a minimum of such exchanges: of 2000 random problems 97 % in the least of all.
+    assert variance(np.repeat(np.arange(6), found)) == pytest.approx(least, rel=0.02)
+
+
+def test_a_line_is_measured_at_its_ends():
+    """The A-optimal design of intercept and slope over [-1, 1]: half at either end (A. Atkinson, A. Donev, 1992)."""
+    x = np.linspace(-1.0, 1.0, 21)
+    each = information(np.stack([np.ones(21), x], axis=1)[:, None], np.ones(2))
+    found = allotted(each, np.zeros((2, 2)), 2, [(np.arange(21), 8)])
+    assert found[[0, -1]].tolist() == [4, 4]
+
+
+@pytest.mark.parametrize("slopes", [(1.0, 3.0), (2.0, 2.0), (5.0, 1.0)])
+def test_repeats_make_the_sum_of_variances_least(slopes):
+    """Two experiments that show one unknown each: the sum of 1 / (w m^2) is least for w as the inverse of m."""
+    each = np.array([np.diag([slopes[0] ** 2, 0.0]), np.diag([0.0, slopes[1] ** 2])])
+    found = allotted(each, np.zeros((2, 2)), 2, [(np.arange(2), 120)])
+    inverse = 1.0 / np.array(slopes)
+    assert found / 120 == pytest.approx(inverse / inverse.sum(), abs=1 / 120)

@@ -1,37 +1,14 @@
-"""Missions on plants whose sensors fail: nothing held is dropped; from inside: measurements of the plant are spoilt.
-
-Missions in Python on plants whose sensors fail: nothing is squeezed or lifted blind, nothing held is dropped.
-"""
+"""Missions in Python on plants whose sensors fail: nothing is squeezed or lifted blind, nothing held is dropped."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from continuum_grasp.addons.mission.plant import MissionPlant
 from continuum_grasp.control import Controller
-from tests.mission_cases import carried, runner
+from tests.mission_cases import carried, fails, runner
 
 pytestmark = pytest.mark.deep
-
-
-def fails(monkeypatch, since, until=np.inf, *, finger=None, spoilt=lambda y, last: np.full_like(y, np.nan)):
-    """Sensors of a finger by name, or of all, fail from an instant on [s], as ``spoilt`` shows them."""
-    begin, measure, last = MissionPlant.__init__, MissionPlant.measure, {}
-
-    def named(plant, assignment, *rest):
-        begin(plant, assignment, *rest)
-        plant.finger_name = assignment.name
-
-    def measured(plant):
-        y = measure(plant)
-        if not since <= plant.t + 1e-9 < until or finger not in (None, plant.finger_name):
-            last[plant.finger_name] = y
-            return y
-        return spoilt(y, last[plant.finger_name])
-
-    monkeypatch.setattr(MissionPlant, "__init__", named)
-    monkeypatch.setattr(MissionPlant, "measure", measured)
 
 
 def tension(run, since=0.0, until=np.inf):

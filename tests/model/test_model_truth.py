@@ -14,13 +14,15 @@ import mpmath
 import numpy as np
 import pytest
 
+from continuum_grasp.base import InputError
 from continuum_grasp.model import RANGES, Vec, column, stumpff
 from continuum_grasp.model.chain import Chain, ChainPlace
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.moment_linear import Clothoid
 from continuum_grasp.model.planar import ZERO
-from continuum_grasp.model.quadrature import _ERRORS, collocation
+from continuum_grasp.model.quadrature import _ERRORS, STRICT, collocation, node_count
 from continuum_grasp.model.stumpff_functions import ROUNDING, rotation
+from continuum_grasp.model.tendon_friction import shares
 from continuum_grasp.scene import Damping, PointMass, Tendons
 from tests.finger_cases import (
     EXACT,
@@ -341,3 +343,29 @@ def test_leaving_the_range_is_reported():
     assert evaluate(model.range_use, [0.25, -1.0], [0.0], []) == pytest.approx([0.5, 2.0])
     model = case.model("clothoid", (0.2, 0.4), bending_range=0.5)
     assert evaluate(model.range_use, [2.5, -1.0, 0.0], [0.0], []) == pytest.approx([1.0, 0.8])
+
+
+@pytest.mark.parametrize("accuracy", [1e-6, 1e-10])
+@pytest.mark.parametrize("column", range(len(RANGES)))
+def test_nodes_are_those_of_the_least_range_that_covers_a_bend(column, accuracy):
+    wanted = accuracy if accuracy > STRICT else 0.1 * accuracy
+
+    def enough(at):
+        return next(count for count, errors in _ERRORS.items() if errors[at] <= wanted)
+
+    assert node_count(0.999 * RANGES[column], accuracy) == node_count(RANGES[column], accuracy) == enough(column)
+    if column + 1 < len(RANGES):
+        assert node_count(1.001 * RANGES[column], accuracy) == enough(column + 1)
+    else:
+        with pytest.raises(InputError, match="beyond one turn"):
+            node_count(1.001 * RANGES[column], accuracy)
+
+
+@pytest.mark.parametrize("loss", [0.1, 0.4])
+def test_a_cell_pulls_as_hard_as_its_tension_does_on_average(loss):
+    """The mean of exp(-t) over the cell, and of a second one behind it; on the other side tension rises."""
+    found = shares([0.5 * loss, 0.5 * loss], None, (1.0, -1.0))
+    for side, means in zip((1.0, -1.0), found.mean, strict=True):
+        first = (1.0 - math.exp(-side * loss)) / (side * loss)
+        exact = [first, first * math.exp(-side * loss)]
+        assert [float(mean) for mean in means] == pytest.approx(exact, rel=2e-5)

@@ -1,7 +1,4 @@
-"""Default bending ranges, of what real motions use; from inside: the table of errors by which nodes are counted.
-
-Default bending ranges: what real motions use of them, with few and with many elements.
-"""
+"""Default bending ranges: what real motions use of them, with few and with many elements."""
 
 from __future__ import annotations
 
@@ -11,9 +8,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.base import InputError
-from continuum_grasp.model import RANGES, FingerModel
-from continuum_grasp.model.quadrature import _ERRORS, STRICT, node_count
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import BasePose, Damping, Finger, PointMass, Rod
 
 ROD = Rod(length=0.6, linear_density=0.02, bending_stiffness=0.047)
@@ -80,19 +75,3 @@ def test_clothoids_are_evaluated_beyond_one_turn(reach):
     mass = 0.02 * 0.6 * np.einsum("akm,bkm,m->ab", upto, upto, w)
     found = np.array(model.mass_matrix(q, [0.0] * model.nu, []))
     assert found == pytest.approx(mass, rel=1e-8)
-
-
-@pytest.mark.parametrize("accuracy", [1e-6, 1e-10])
-@pytest.mark.parametrize("column", range(len(RANGES)))
-def test_nodes_are_those_of_the_least_range_that_covers_a_bend(column, accuracy):
-    wanted = accuracy if accuracy > STRICT else 0.1 * accuracy
-
-    def enough(at):
-        return next(count for count, errors in _ERRORS.items() if errors[at] <= wanted)
-
-    assert node_count(0.999 * RANGES[column], accuracy) == node_count(RANGES[column], accuracy) == enough(column)
-    if column + 1 < len(RANGES):
-        assert node_count(1.001 * RANGES[column], accuracy) == enough(column + 1)
-    else:
-        with pytest.raises(InputError, match="beyond one turn"):
-            node_count(1.001 * RANGES[column], accuracy)

@@ -17,7 +17,10 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.rod import natural_frequencies, solve_elastica
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import integrate, refined
+from continuum_grasp.simulation.accuracy.motion import pace, reference_motion
 from continuum_grasp.simulation.accuracy.space import motion_within, translated
+from continuum_grasp.simulation.accuracy.truth import find_truth
+from tests.simulation.accuracy.test_accuracy_report import release
 
 PLACES = 21
 
@@ -153,3 +156,28 @@ def test_what_cannot_be_refined_is_not_known_and_says_so():
     assert "initial.friction_states: belongs to these elements" in found.warnings[-1]
     assert found.pairs()["space error"] == "not measured"
     assert np.isnan(equilibrium(scene).space_error)
+
+
+def test_the_pace_is_that_of_the_classical_method():
+    """Error by the steps falls with their fourth power, so a tolerance 16 times tighter asks for twice the steps."""
+    posed = release().changed({"fidelity.family": "arc", "fidelity.elements": 2})
+    model = cg.FingerModel(posed)
+    steps = [pace(posed, model, tolerance).steps_per_second for tolerance in (1e-7, 1e-7 / 16**2)]
+    assert steps[1] / steps[0] == pytest.approx(4.0, rel=0.35)
+
+
+@pytest.mark.deep
+def test_the_reference_knows_its_error():
+    reference = reference_motion(release(), find_truth(release()))
+    assert 0.0 < reference.error < 1e-5
+
+
+@pytest.mark.deep
+def test_the_reference_is_found_for_stiff_drives_too():
+    """The hand's finger on winches, with friction, against steps of variable length and order."""
+    scene = cg.load("configs/simulate/winch_loop.yaml", ["time.duration=0.1"])
+    reference = reference_motion(scene, find_truth(scene))
+    fidelity = {"family": "clothoid", "elements": 12}
+    timing = {"duration": 0.1, "step": 0.1 / (len(reference.t) - 1), "method": "reference"}
+    fine = cg.simulate(scene.replaced(fidelity=fidelity, time=timing))
+    assert np.abs(fine.tip - reference.tip).max() < 1e-5 * scene.finger.rod.length
