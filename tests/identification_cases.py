@@ -6,6 +6,8 @@ Truths for the tests of identification that no code of the package has produced.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_bvp
@@ -14,8 +16,9 @@ from continuum_grasp.addons.identification import Poses, Reading, TipPath
 from continuum_grasp.addons.identification.blocks import MeasuredBlock
 from continuum_grasp.addons.identification.inference import infer
 from continuum_grasp.addons.identification.numbers import MeasuredColumn, MeasuredSet
+from continuum_grasp.addons.identification.path_block import block_of
 from continuum_grasp.addons.identification.problem import FitProblem
-from continuum_grasp.addons.identification.unknowns import Unknown
+from continuum_grasp.addons.identification.unknowns import Unknown, read_unknowns
 from continuum_grasp.scene import Scene
 from tests.rods import HORIZONTAL, WEIGHT, rod_scene
 
@@ -104,6 +107,12 @@ def path_of(trajectory, scene: Scene, noise: float, rng: np.random.Generator) ->
     """The path of the tip with noise, as measured on a scene."""
     tip = trajectory.tip + noise * rng.standard_normal(trajectory.tip.shape)
     return TipPath(trajectory.t[1:], at_tip(*tip[1:].T), scene=scene, name=str(scene.name))
+
+
+def block_for(scene: Scene, data: Any, names: Sequence[str]) -> tuple[list[Unknown], MeasuredBlock]:
+    """Unknowns by their names, and measurements as they enter the problem of a fit."""
+    unknowns = read_unknowns(scene, names)
+    return unknowns, block_of(scene, data, unknowns)
 
 
 def built_once(block: MeasuredBlock) -> MeasuredBlock:

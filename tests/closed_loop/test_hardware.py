@@ -1,7 +1,4 @@
-"""The loop around a driver that may fail; from inside: its clock is replaced, and a board's lines are written.
-
-The loop around a driver: on a clock of its own, with drivers that fail, and over a pseudo-terminal.
-"""
+"""The loop around a driver: on a clock of its own, with drivers that fail, and over a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -10,6 +7,8 @@ import signal
 import threading
 import time
 import tty
+import zlib
+from time import sleep
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,8 +16,7 @@ import pytest
 
 from continuum_grasp.addons.identification import replay
 from continuum_grasp.base import InputError, Interrupted
-from continuum_grasp.closed_loop import RealTime, SerialBoard, SimulatedBench, drivers, hardware, run_hardware
-from continuum_grasp.closed_loop.drivers import line_of
+from continuum_grasp.closed_loop import RealTime, SerialBoard, SimulatedBench, run_hardware
 from continuum_grasp.control import CommandStatus, Controller, Health
 from continuum_grasp.scene import Camera, Connection, Mounting
 from tests.identification.test_replay import PLANT, SCENE, scene
@@ -88,8 +86,8 @@ class Fake:
 @pytest.fixture
 def clock(monkeypatch):
     made = Clock()
-    for module in (drivers, hardware):
-        monkeypatch.setattr(module, "time", made)
+    monkeypatch.setattr(time, "perf_counter", made.perf_counter)
+    monkeypatch.setattr(time, "sleep", made.sleep)
     return made
 
 
@@ -192,11 +190,11 @@ def test_silence_ends_the_loop(clock, silence):
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs timers of Unix")
 @pytest.mark.parametrize("hanging", ["read", "write"])
 def test_a_driver_that_hangs_is_broken_off(clock, hanging):
-    driver = Fake(lambda: time.sleep(5.0)) if hanging == "read" else Fake()
+    driver = Fake(lambda: sleep(5.0)) if hanging == "read" else Fake()
     if hanging == "write":
         hangs = iter([5.0])
         write = driver.write
-        driver.write = lambda command: (time.sleep(next(hangs, 0.0)), write(command))
+        driver.write = lambda command: (sleep(next(hangs, 0.0)), write(command))
     began = time.monotonic()
     found = ran(Steps(clock, []), driver, watchdog=0.05)
     assert found.ended == "silent"
@@ -270,7 +268,7 @@ def test_a_board_behind_a_serial_line():
         number, rest = 0, b""
         while not stop.is_set():
             values = ",".join("" if np.isnan(one) else f"{one:.6g}" for one in bench.read())
-            line = line_of(f"y,{number},{values}")
+            line = checked(f"y,{number},{values}")
             os.write(ours, line.replace(b"y", b"z") if number % 10 == 9 else line)
             number += 1
             time.sleep(0.008)
@@ -298,6 +296,11 @@ def test_a_board_behind_a_serial_line():
     assert np.isfinite(found.log.y).all(axis=1).sum() > 10
     assert statuses[-1] == "safe_ramp"
     assert PLANT
+
+
+def checked(text: str) -> bytes:
+    """A line of the protocol: text, and its CRC-32."""
+    return f"{text}*{zlib.crc32(text.encode()):08x}\n".encode()
 
 
 def select_ready(end) -> bool:

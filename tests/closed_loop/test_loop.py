@@ -1,7 +1,4 @@
-"""Closed loops: the plant, metrics, whole runs; from inside: bounds are put into runs, and single pictures drawn.
-
-Closed loops: the plant against the simulator and closed forms, metrics by hand, and whole runs.
-"""
+"""Closed loops: the plant against the simulator and closed forms, metrics by hand, and whole runs."""
 
 from __future__ import annotations
 
@@ -25,10 +22,7 @@ from continuum_grasp.closed_loop import (
     missed_setpoints,
     run_closed_loop,
 )
-from continuum_grasp.closed_loop.readings import Bound
-from continuum_grasp.control import Controller, Prediction, stages_of
-from continuum_grasp.control.estimation.model import estimation_of
-from continuum_grasp.plotting import control as plotting
+from continuum_grasp.control import Controller, Estimator, Prediction, stages_of
 from continuum_grasp.scene import (
     ControlScene,
     Damping,
@@ -204,7 +198,7 @@ def test_a_drive_of_first_order_is_one_in_model_controller_and_plant(friction):
     scene = make(finger=FINGER.replaced(tendons=tendons), estimator=ARCS_ESTIMATOR, plant={"fidelity": ARCS})
     prediction, tensions = Prediction(scene), {"tension_1 [N]", "tension_2 [N]"}
     assert not [name for name in prediction.x_names if "moment_rate" in name or "tension_1_rate" in name]
-    assert tensions < set(estimation_of(scene, prediction).measurement_names)
+    assert tensions < set(Estimator(scene).measurement_names)
     pull = {"times": [0.0, 1e-9], "values": [1.0, 31.0], "interpolation": "linear"}
     moving = Scene(
         finger=scene.finger,
@@ -337,6 +331,11 @@ def test_readings_of_a_circular_arc():
     assert readings.backbone(x, u, w, 3)[0] == pytest.approx(np.array([[0.0, 0.0], middle, tip]), abs=1e-12)
 
 
+def bound(name, excess):
+    """A limit of a distance, and by how much it is exceeded [m]."""
+    return replace(run().bounds[0], name=name, unit="m", excess=excess, scale=FINGER.rod.length)
+
+
 def test_metrics_by_hand():
     error = np.zeros((11, 4))
     error[2, :2], error[10, :2] = (3e-3, 4e-3), (0.0, 2e-3)
@@ -351,7 +350,7 @@ def test_metrics_by_hand():
         r_names=("tip_x [m]", "tip_y [m]", "tension_1 [N]", "tension_2 [N]"),
         u_names=("tension_1 [N]", "tension_2 [N]"),
         u_min=np.array([1.0, 1.0]),
-        bounds=(Bound("wall", "m", np.array([-1e-3] * 8 + [2e-3] * 2), 0.18),),
+        bounds=(bound("wall", np.array([-1e-3] * 8 + [2e-3] * 2)),),
         phase_names=("estimate", "feedback"),
         phase_times=np.stack([np.full(10, 1e-5), [*np.linspace(1e-5, 9e-5, 9), 0.02]], axis=1),
         statistics={"controller_code": "optimized"},
@@ -495,7 +494,7 @@ def test_a_bound_that_the_plant_leaves_is_said(share, warned):
     done = run()
     excess = np.full(len(done.t), -0.01)
     excess[7] = share * FINGER.rod.length
-    found = replace(done, bounds=(*done.bounds, Bound("post", "m", excess, FINGER.rod.length)))
+    found = replace(done, bounds=(*done.bounds, bound("post", excess)))
     assert any(word.startswith("post: exceeded by 0.18 mm at 0.07 s") for word in found.warnings) == warned
 
 
@@ -602,18 +601,18 @@ def lines(ax):
 
 def test_pictures_show_the_arrays():
     found = run()
-    path = lines(plotting.plot_control_path(found))
+    path = lines(found.plot(picture="path"))
     assert np.array_equal(path["tip"], found.tip)
     assert path["setpoint"] == pytest.approx(np.array([ON_CURVE] * 2))
-    tracking = lines(plotting.plot_tracking(found))
+    tracking = lines(found.plot(picture="tracking"))
     assert np.array_equal(tracking["tip y"][:, 1], found.tracked[:, 1])
-    error = plotting.plot_tracking_error(found).get_lines()[0].get_ydata()
+    error = found.plot(picture="error").get_lines()[0].get_ydata()
     assert error == pytest.approx(np.linalg.norm(found.tip - ON_CURVE, axis=1))
-    inputs = plotting.plot_inputs(found)
+    inputs = found.plot(picture="inputs")
     assert [np.array_equal(steps.get_data().values, found.u[:, k]) for k, steps in enumerate(inputs.patches)] == [
         True
     ] * 2
-    disturbances = lines(plotting.plot_disturbances(found))
+    disturbances = lines(found.plot(picture="disturbances"))
     assert np.array_equal(disturbances["missing tip moment"][:, 1], found.disturbance[:, 0])
-    bounds = lines(plotting.plot_bounds(found))
+    bounds = lines(found.plot(picture="bounds"))
     assert bounds["input rate (100 %: 600 N/s)"][:, 1] == pytest.approx(found.bounds[1].excess / 6.0)

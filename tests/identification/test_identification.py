@@ -1,7 +1,4 @@
-"""Estimates from shapes at rest and vibrations; from inside: one problem is solved anew for 120 draws of noise.
-
-Estimates from shapes at rest and vibrations, their uncertainty, and what the data cannot see.
-"""
+"""Estimates from shapes at rest and vibrations, their uncertainty, and what the data cannot see."""
 
 from __future__ import annotations
 
@@ -13,8 +10,6 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.addons.identification import Estimate, Poses, Reading
-from continuum_grasp.addons.identification.blocks import PosesBlock
-from continuum_grasp.addons.identification.unknowns import read_unknowns
 from continuum_grasp.base import InputError, SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Fidelity
@@ -25,6 +20,7 @@ from tests.identification_cases import (
     STIFFNESS,
     bare_scene,
     bent,
+    block_for,
     coverage,
     elastica,
     frequency,
@@ -197,9 +193,8 @@ def test_one_wrong_reading_is_named_and_pulls_no_more_where_it_is_left_out():
 def test_intervals_from_poses_cover_the_truth_at_their_rate():
     """120 noisy copies of exact poses; the bounds are 3.3 binomial standard deviations."""
     scene, repeats = loaded_scene(), 120
-    unknowns = read_unknowns(scene, ["bending_stiffness", "clamp_angle"])
-    blocks = [PosesBlock(scene, poses(tip_data(clamp=0.02)), unknowns)]
-    hits = coverage(blocks, unknowns, [STIFFNESS, 0.02], 2e-3, repeats)
+    unknowns, block = block_for(scene, poses(tip_data(clamp=0.02)), ["bending_stiffness", "clamp_angle"])
+    hits = coverage([block], unknowns, [STIFFNESS, 0.02], 2e-3, repeats)
     assert np.abs(hits / repeats - 0.95).max() < 3.3 * math.sqrt(0.95 * 0.05 / repeats)
 
 

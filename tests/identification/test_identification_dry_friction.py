@@ -1,7 +1,4 @@
-"""Dry friction in bending as unknowns; from inside: predictions of one path at given values, without a fit.
-
-Dry friction in bending as unknowns: its states at a start come from the shapes before it.
-"""
+"""Dry friction in bending as unknowns: its states at a start come from the shapes before it."""
 
 from __future__ import annotations
 
@@ -12,10 +9,8 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.addons.identification import Estimate, Reading, TipPath
-from continuum_grasp.addons.identification.path_block import PathBlock
-from continuum_grasp.addons.identification.unknowns import read_unknowns
 from continuum_grasp.scene import Scene
-from tests.identification_cases import slope_error
+from tests.identification_cases import block_for, slope_error
 
 LENGTH, FIRST = 0.3, 12
 PLACES = (0.1, 0.2, LENGTH)
@@ -63,8 +58,7 @@ def path() -> TipPath:
 @pytest.mark.deep
 def test_derivatives_of_motions_through_stops_are_those_of_differences(path):
     scene = hanging()
-    unknowns = read_unknowns(scene, NAMES)
-    block = PathBlock(scene, path, unknowns)
+    unknowns, block = block_for(scene, path, NAMES)
     values = np.array([1.03 * one.start for one in [*unknowns, *block.own]])
     assert slope_error(block, values, np.maximum(np.abs(values), 0.1)).max() < 2e-3
 
@@ -83,8 +77,7 @@ def test_without_the_shapes_before_the_friction_of_the_start_is_wrong(path):
     scene = hanging()
     found = {}
     for name, before in (("with", path.before), ("without", ())):
-        unknowns = read_unknowns(scene, NAMES)
-        block = PathBlock(scene, replace(path, before=before), unknowns)
+        unknowns, block = block_for(scene, replace(path, before=before), NAMES)
         values = np.array([one.start for one in [*unknowns, *block.own]])
         missed = block.predict(values)[0] - block.measured.values.ravel()
         found[name] = float(np.sqrt(np.mean(missed**2)))

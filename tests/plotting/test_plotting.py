@@ -1,7 +1,4 @@
-"""Pictures: what is drawn is what was given; from inside: pictures of motions made here, single arrows and axes.
-
-Pictures: what is drawn is what was given, axes carry units, and nothing global changes.
-"""
+"""Pictures: what is drawn is what was given, axes carry units, and nothing global changes."""
 
 from __future__ import annotations
 
@@ -20,11 +17,9 @@ from PIL import Image
 import continuum_grasp as cg
 from continuum_grasp.base import InputError, SolverError
 from continuum_grasp.plotting import StyledAxes, Z
-from continuum_grasp.plotting import motion as plotting
-from continuum_grasp.plotting.drawing.forces import draw_arrow
 from continuum_grasp.results import MotionResult, save_picture
 from continuum_grasp.scene import Finger, Rod
-from continuum_grasp.simulation import Trajectory
+from continuum_grasp.simulation import Modes, Trajectory
 from tests.commands import python
 
 LENGTH = 0.6
@@ -66,18 +61,20 @@ class Motion(MotionResult):
         return [(shape[1], np.array([0.0, 0.2]), "contact"), (shape[2], np.array([0.4, 0.0]), "load")]
 
 
-def some_modes(count: int = 3, stable: bool = True) -> SimpleNamespace:
+def some_modes(count: int = 3, stable: bool = True) -> Modes:
     s = np.linspace(0.0, 1.0, 40)
     bend = np.stack([np.sin((k + 0.5) * np.pi * s) * s for k in range(count)])
     shapes = np.stack([0 * bend, bend / np.abs(bend).max(axis=1, keepdims=True)], axis=-1)
-    return SimpleNamespace(
+    made = Modes.__new__(Modes)
+    made.__dict__.update(
         frequencies_hz=2.5 * (1 + np.arange(count)) ** 2,
         damping_ratios=np.where(np.arange(count) == 1, np.nan, 0.01),
         backbone=np.column_stack([LENGTH * s, 0 * s]),
         shapes=shapes,
-        stable=stable,
+        equilibrium=SimpleNamespace(stable=stable),
         scene=SimpleNamespace(finger=Finger(rod=ROD)),
     )
+    return made
 
 
 def new_axes(count: int = 1) -> list:
@@ -92,19 +89,18 @@ def motion() -> Motion:
 
 
 PLOTS = {
-    "tip_path": (plotting.plot_tip_path, "x [mm]", "y [mm]"),
-    "coordinates": (plotting.plot_coordinates, "time [s]", "bending angle [rad]"),
-    "energy": (plotting.plot_energy, "time [s]", "energy [J]"),
-    "snapshots": (plotting.plot_snapshots, "x [mm]", "y [mm]"),
+    "tip_path": ("x [mm]", "y [mm]"),
+    "coordinates": ("time [s]", "bending angle [rad]"),
+    "energy": ("time [s]", "energy [J]"),
+    "snapshots": ("x [mm]", "y [mm]"),
 }
 
 
 @pytest.mark.parametrize("name", PLOTS)
 def test_axes_are_labeled_with_units_and_used_where_given(motion: Motion, name: str) -> None:
-    plot, x_label, y_label = PLOTS[name]
     given = new_axes()[0]
-    for ax in (plot(motion), plot(motion, ax=given)):
-        assert (ax.get_xlabel(), ax.get_ylabel()) == (x_label, y_label)
+    for ax in (motion.plot(picture=name), motion.plot(given, picture=name)):
+        assert (ax.get_xlabel(), ax.get_ylabel()) == PLOTS[name]
         assert ax.get_title("left") == "one arc"
     assert ax is given
 
@@ -112,12 +108,12 @@ def test_axes_are_labeled_with_units_and_used_where_given(motion: Motion, name: 
 def test_a_title_given_by_the_user_stays(motion: Motion) -> None:
     ax = new_axes()[0]
     ax.set_title("mine")
-    plotting.plot_energy(motion, ax=ax)
+    motion.plot(picture="energy", ax=ax)
     assert (ax.get_title(), ax.get_title("left")) == ("mine", "")
 
 
 def test_tip_path_is_the_tip(motion: Motion) -> None:
-    path = plotting.plot_tip_path(motion).collections[0]
+    path = motion.plot(picture="tip_path").collections[0]
     segments = np.array(path.get_segments())
     np.testing.assert_allclose(segments[:, 0], motion.tip[:-1], atol=1e-15)
     np.testing.assert_allclose(segments[:, 1], motion.tip[1:], atol=1e-15)
@@ -125,13 +121,13 @@ def test_tip_path_is_the_tip(motion: Motion) -> None:
 
 
 def test_coordinates_are_drawn_with_their_names(motion: Motion) -> None:
-    ax = plotting.plot_coordinates(motion)
+    ax = motion.plot(picture="coordinates")
     np.testing.assert_array_equal([line.get_ydata() for line in ax.lines], motion.x[:, :2].T)
     assert [text.get_text() for text in ax.get_legend().get_texts()] == [r"$\theta_{1}$", r"$\theta_{2}$"]
 
 
 def test_energies_and_their_sum(motion: Motion) -> None:
-    ax = plotting.plot_energy(motion)
+    ax = motion.plot(picture="energy")
     drawn = {line.get_label(): line.get_ydata() for line in ax.lines}
     np.testing.assert_array_equal(drawn["kinetic"], motion.kinetic)
     np.testing.assert_array_equal(drawn["potential"], motion.potential)
@@ -147,7 +143,7 @@ def quivers(ax: object) -> list:
 @pytest.mark.parametrize(("size", "unit", "factor"), [(1.0, "J", 1.0), (1e-3, "mJ", 1e3), (1e-6, "µJ", 1e6)])
 def test_an_axis_counts_in_the_unit_of_its_label(motion: Motion, size: float, unit: str, factor: float) -> None:
     motion.kinetic, motion.potential = size * motion.kinetic, size * motion.potential
-    ax = plotting.plot_energy(motion)
+    ax = motion.plot(picture="energy")
     assert ax.get_ylabel() == f"energy [{unit}]"
     ax.figure.canvas.draw()
     assert not ax.yaxis.get_offset_text().get_text()
@@ -158,7 +154,7 @@ def test_an_axis_counts_in_the_unit_of_its_label(motion: Motion, size: float, un
 
 
 def test_snapshots_draw_finger_forces_masses_and_clamp(motion: Motion) -> None:
-    ax = plotting.plot_snapshots(motion, times=[0.0, 0.25, 1.0])
+    ax = motion.plot(picture="snapshots", times=[0.0, 0.25, 1.0])
     lines = ax.collections[0]
     np.testing.assert_allclose(lines.get_array(), [0.0, 0.25, 1.0])
     np.testing.assert_allclose(np.array(lines.get_segments()), motion.backbone([0, 25, 100], 60), atol=1e-15)
@@ -190,7 +186,7 @@ def test_snapshots_draw_finger_forces_masses_and_clamp(motion: Motion) -> None:
 
 
 def test_snapshots_without_forces_and_masses() -> None:
-    ax = plotting.plot_snapshots(Motion(forces=False, mass=0.0), times=5)
+    ax = Motion(forces=False, mass=0.0).plot(picture="snapshots", times=5)
     assert quivers(ax) == []
     assert ax.get_legend() is None
     assert len(ax.collections[0].get_array()) == 5
@@ -200,7 +196,7 @@ def test_snapshots_are_equally_far_along_the_way_of_the_tip() -> None:
     """A finger that bends within a fifth of the time, back by a half, and stays."""
     motion = Motion(count=1001, forces=False, mass=0.0)
     motion.bend = np.interp(motion.t, [0.0, 0.15, 0.2], [0.02, 0.6, 0.3])
-    drawn = plotting.plot_snapshots(motion, times=7).collections[0].get_array()
+    drawn = motion.plot(picture="snapshots", times=7).collections[0].get_array()
     assert (drawn[0], drawn[-1]) == (0.0, 1.0)
     assert (drawn[:-1] < 0.2).all()
     # The way of the tip is its integrated speed; where the finger rests, it is at the end of it.
@@ -215,46 +211,24 @@ def test_a_load_that_has_faded_is_not_drawn(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(
         motion, "loads_at", lambda k: [(p, f * (1e-16 if k == 100 else 1.0), w) for p, f, w in loads(k)]
     )
-    assert quivers(plotting.plot_snapshots(motion)) == []
+    assert quivers(motion.plot(picture="snapshots")) == []
 
 
 def test_a_finger_that_rests_is_drawn_at_both_ends() -> None:
     motion = Motion(forces=False, mass=0.0)
     motion.bend = np.full_like(motion.t, 0.4)
-    np.testing.assert_array_equal(plotting.plot_snapshots(motion).collections[0].get_array(), [0.0, 1.0])
-
-
-@pytest.mark.parametrize("length", [0.05, 1.0, 4.0, 40.0])
-@pytest.mark.parametrize("turn", [0.0, 2.0])
-def test_an_arrow_points_the_right_way_however_short(length: float, turn: float) -> None:
-    """No pixel of it is before its start, and its end is where the force says, lengths in points."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(2.0, 2.0), dpi=144)
-    canvas = FigureCanvasAgg(figure)
-    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    ax.set(xlim=(-72.0, 72.0), ylim=(-72.0, 72.0))
-    ax.set_axis_off()
-    way = np.array([np.cos(turn), np.sin(turn)])
-    draw_arrow(ax, np.zeros(2), length * way, "black")
-    canvas.draw()
-    dark = np.asarray(canvas.buffer_rgba())[::-1, :, 0] < 128
-    rows, columns = np.nonzero(dark)
-    along = (np.stack([columns, rows], axis=1) + 0.5 - 144.0) / 2.0 @ way
-    assert along.min() > -1.5  # half of the line's width, and a pixel
-    assert along.max() == pytest.approx(max(length, 1.0), abs=1.5)
+    np.testing.assert_array_equal(motion.plot(picture="snapshots").collections[0].get_array(), [0.0, 1.0])
 
 
 @pytest.mark.parametrize("times", [[], [2.0], [-0.1], [float("nan")], 0])
 def test_instants_outside_are_refused(motion: Motion, times: object) -> None:
     with pytest.raises(InputError):
-        plotting.plot_snapshots(motion, times=times)  # type: ignore[arg-type]
+        motion.plot(picture="snapshots", times=times)
 
 
 def test_modes_swing_about_the_equilibrium() -> None:
     modes = some_modes()
-    axes = plotting.plot_modes(modes, amplitude=0.1)
+    axes = modes.plot(amplitude=0.1).axes
     assert len(axes) == 3
     for k, ax in enumerate(axes):
         rest, plus, minus = (np.column_stack(line.get_data()) for line in ax.lines[:3])
@@ -265,16 +239,16 @@ def test_modes_swing_about_the_equilibrium() -> None:
     titles = [ax.get_title() for ax in axes]
     assert titles == [r"mode 1: 2.5 Hz, $\zeta$ = 0.01", "mode 2: 10 Hz", r"mode 3: 22.5 Hz, $\zeta$ = 0.01"]
     assert axes[0].figure.get_suptitle() == ""
-    assert "unstable" in plotting.plot_modes(some_modes(stable=False))[0].figure.get_suptitle()
+    assert "unstable" in some_modes(stable=False).plot().get_suptitle()
 
 
 def test_modes_in_given_axes() -> None:
     given = new_axes(2)
-    assert plotting.plot_modes(some_modes(), ax=given) == given
-    assert plotting.plot_modes(some_modes(), ax=given[0]) == given[:1]
+    some_modes().plot(given)
+    assert [ax.get_title().partition(":")[0] for ax in given] == ["mode 1", "mode 2"]
     for wrong in ({"ax": given, "count": 3}, {"count": 0}, {"count": 4}):
         with pytest.raises(InputError):
-            plotting.plot_modes(some_modes(), **wrong)
+            some_modes().plot(**wrong)
 
 
 def test_files_of_a_simulation(motion: Motion, tmp_path: Path) -> None:
@@ -291,7 +265,7 @@ def test_files_of_a_simulation(motion: Motion, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("suffix", ["pdf", "svg"])
 def test_other_formats(motion: Motion, tmp_path: Path, suffix: str) -> None:
-    file = save_picture(plotting.plot_energy(motion), tmp_path / f"energy.{suffix}")
+    file = save_picture(motion.plot(picture="energy"), tmp_path / f"energy.{suffix}")
     assert file.stat().st_size > 1000
 
 
@@ -410,7 +384,7 @@ import test_plotting as given
 from pathlib import Path
 given.Motion().save_pictures(Path(sys.argv[2]))
 given.Motion().plot(picture="energy")
-given.plotting.plot_modes(given.some_modes())
+given.some_modes().plot()
 given.Motion().animate(Path(sys.argv[2]) / "a.gif", fps=5, width=160)
 assert "matplotlib.pyplot" not in sys.modules, "pyplot keeps global figures"
 assert state() == before, "the global style changed"
@@ -439,7 +413,7 @@ def test_pictures_for_paper_are_as_wide_as_a_column(tmp_path: Path) -> None:
 def test_a_finger_wider_than_a_line_is_drawn_as_thick_as_it_is() -> None:
     run = cg.simulate(cg.load("configs/simulate/tendon_step.yaml", ["time.duration=0.02", "time.step=0.01"]))
     finger = run.scene.finger
-    patches = plotting.plot_snapshots(run, times=[0.0]).patches
+    patches = run.plot(picture="snapshots", times=[0.0]).patches
     (body,) = (patch.get_xy() for patch in patches if patch.get_zorder() == Z.BODY)
     # The straight finger points along +Y.
     assert np.ptp(body[:, 0]) == pytest.approx(2.0 * finger.half_thickness, rel=1e-6)

@@ -13,6 +13,7 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.plotting import Z
 from continuum_grasp.plotting.drawing.bodies import finger_outline, mass_positions, side_path
+from continuum_grasp.plotting.drawing.forces import draw_arrow
 from tests.rods import rod_scene, without_compiler  # noqa: F401
 
 LENGTH = 0.25
@@ -111,3 +112,25 @@ def test_a_motion_shows_thickness_and_tendons():
     ax = plot_snapshots(cg.simulate(scene), times=[0.0, 0.01])
     assert sum(patch.get_zorder() == Z.BODY for patch in ax.patches) == 2
     assert sum(line.get_zorder() == Z.TENDON for line in ax.lines) == 2  # its run, and its end
+
+
+@pytest.mark.parametrize("length", [0.05, 1.0, 4.0, 40.0])
+@pytest.mark.parametrize("turn", [0.0, 2.0])
+def test_an_arrow_points_the_right_way_however_short(length: float, turn: float) -> None:
+    """No pixel of it is before its start, and its end is where the force says, lengths in points."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(2.0, 2.0), dpi=144)
+    canvas = FigureCanvasAgg(figure)
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    ax.set(xlim=(-72.0, 72.0), ylim=(-72.0, 72.0))
+    ax.set_axis_off()
+    way = np.array([np.cos(turn), np.sin(turn)])
+    draw_arrow(ax, np.zeros(2), length * way, "black")
+    canvas.draw()
+    dark = np.asarray(canvas.buffer_rgba())[::-1, :, 0] < 128
+    rows, columns = np.nonzero(dark)
+    along = (np.stack([columns, rows], axis=1) + 0.5 - 144.0) / 2.0 @ way
+    assert along.min() > -1.5  # half of the line's width, and a pixel
+    assert along.max() == pytest.approx(max(length, 1.0), abs=1.5)

@@ -1,7 +1,4 @@
-"""Frequencies, damping ratios and mode shapes by closed forms; from inside: stiffness matrices of nearly no stiffness.
-
-Natural frequencies, damping ratios and mode shapes against closed forms and an independent Ritz method.
-"""
+"""Natural frequencies, damping ratios and mode shapes against closed forms and an independent Ritz method."""
 
 from __future__ import annotations
 
@@ -13,7 +10,6 @@ from numpy.polynomial import Polynomial
 from scipy import linalg, special
 
 from continuum_grasp.simulation import equilibrium, modes
-from continuum_grasp.simulation.vibration import _frequencies
 from tests.closed_forms.rods import beam_pulsations, roots
 from tests.rods import HANGING, NITINOL, UNIT, UPRIGHT, force, order, rod_scene, without_compiler  # noqa: F401
 
@@ -173,12 +169,3 @@ def test_about_an_unstable_equilibrium_one_frequency_is_zero(family):
     assert leaning.stable
     assert np.all(leaning.frequencies_hz > 0.0)
     assert abs(leaning.backbone[-1, 0]) > 0.1
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_frequencies_of_rounding_are_zero_and_slow_ones_are_not(seed):
-    """A body that nothing holds and a slow one beside a fast one, in mixed coordinates."""
-    mixed = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
-    truth = np.array([0.0, 1e-6, 1.0]) / (2.0 * math.pi)
-    found = _frequencies(mixed @ np.diag([1.0, 2.0, 3.0]) @ mixed.T, mixed @ np.diag([0.0, 2e-12, 3.0]) @ mixed.T)
-    assert found == pytest.approx(truth, rel=1e-3, abs=0.0)

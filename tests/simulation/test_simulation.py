@@ -1,13 +1,8 @@
-"""Motions: order, conservation, symmetry and hard cases; from inside: short ones are interrupted after ten steps.
-
-Motions: order, conservation, symmetry, the errors of the design's tables, moving inputs, and hard cases.
-"""
+"""Motions: order, conservation, symmetry, the errors of the design's tables, moving inputs, and hard cases."""
 
 from __future__ import annotations
 
 import math
-import os
-import signal
 import sys
 from functools import cache
 from itertools import pairwise
@@ -16,11 +11,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from continuum_grasp.base import InputError, Interrupted, NumericalError
+from continuum_grasp.base import InputError, NumericalError
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import MomentLoad, Scene, Tendons, load
-from continuum_grasp.simulation import equilibrium, initial_state, integrate, stepping
+from continuum_grasp.simulation import equilibrium, initial_state, integrate
 from tests.marks import but, few
 from tests.rods import (  # noqa: F401
     HANGING,
@@ -387,23 +382,6 @@ def test_too_stiff_for_rk4_is_reported_with_its_result(monkeypatch):
         integrate(nitinol("clothoid", 4, method="rk4", **keys))
     assert caught.value.result.status == "stopped"
     assert integrate(nitinol("clothoid", 4, **keys)).statistics["method"] == "rodas"
-
-
-@pytest.mark.parametrize("method", ["rk4", "rodas", "reference"])
-def test_an_interrupted_motion_comes_with_its_error(method, monkeypatch):
-    monkeypatch.setattr(stepping, "_CHUNK", 10)
-    scene = nitinol(duration=0.1, tip_mass=0.02, method=method)
-
-    def stop(share: float) -> None:
-        if share > 0.45:
-            os.kill(os.getpid(), signal.SIGINT)
-
-    with pytest.raises(Interrupted, match=r"interrupted after t = 0\.0\d+ s of 0\.1 s") as caught:
-        integrate(scene, progress=stop)
-    partial = caught.value.result
-    assert partial.status == "stopped"
-    assert 40 <= len(partial.t) <= 100
-    assert np.array_equal(partial.x, integrate(scene).x[: len(partial.t)])
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -1,7 +1,4 @@
-"""Winches and motors: closed forms, slack and taut; from inside: warnings of tensions that are made here.
-
-Winches and motors: closed forms of what they wind up, energy, slack and taut, stiff cables, what is refused.
-"""
+"""Winches and motors: closed forms of what they wind up, energy, slack and taut, stiff cables, what is refused."""
 
 from __future__ import annotations
 
@@ -15,7 +12,6 @@ import continuum_grasp as cg
 from continuum_grasp.base import InputError
 from continuum_grasp.scene import Tendons
 from continuum_grasp.simulation import equilibrium_under
-from continuum_grasp.simulation.slack import slack_times, tension_warnings
 from tests import control_cases
 from tests.tendon_cases import CABLE, LENGTH, OFFSET, PASSIVE
 
@@ -275,21 +271,6 @@ def test_a_tendon_begins_to_pull_within_a_share_of_what_bends_its_finger_by_one_
     wound[2 * made.n] = -0.9999 * compliance * rod.stiffness / (length * offset) / 16.0
     least = np.array(made.tensions()(wound, np.zeros(made.nu), [])[0]).ravel()[0]
     assert 0.0 < least < 1e-9 * rod.stiffness / (length * offset)
-
-
-def test_times_without_tension_and_what_is_said_of_them():
-    """Slack from the start on, twice in between, and to the end; the limit is passed at one sample."""
-    t = np.arange(7) * 0.1
-    tensions = np.array([[0.0, 2.0], [3.0, 3e-6], [0.0, 2e-5], [3.0, 0.0], [0.0, 60.2], [0.0, 60.5], [1.0, 0.0]])
-    found = [(each.tendon, each.begins, each.ends) for each in slack_times(finger(SERVO), t, tensions)]
-    ones = [(1, t[0], t[1]), (1, t[2], t[3]), (1, t[4], t[6])]
-    twos = [(2, t[1], t[2]), (2, t[3], t[4]), (2, t[6], np.inf)]
-    assert found == [*ones, *twos]
-    first, high, second = tension_warnings(finger(SERVO), t, tensions)
-    assert first == "tendon 1 goes slack at t = 0.2 s: nothing pulls there until t = 0.3 s (2 times in all)"
-    assert high == "tendon 2 exceeds max_tension = 60 N at t = 0.4 s (greatest: 60.5 N)"
-    assert second == "tendon 2 goes slack at t = 0.1 s: nothing pulls there until t = 0.2 s (3 times in all)"
-    assert tension_warnings(finger(SERVO), t[5:], tensions[5:, [0, 1]])[-1].endswith("t = 0.6 s: nothing pulls there")
 
 
 @pytest.mark.parametrize("step", [1e-3, 5e-3])
