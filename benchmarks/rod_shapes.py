@@ -152,12 +152,18 @@ class ShapeRod:
         place = problem.base + problem.length * mesh.to_edges(self.equations.tangents(curvature))[-1]
         return np.array([place.real, place.imag])
 
+    def mass_matrix(self, curvature: Array) -> Array:
+        """Mass matrix (n, n) of the shapes."""
+        basis = self.shapes.basis
+        mass: Array = basis.T @ mass_matrix(self.scene.finger, self.equations, curvature) @ basis
+        return mass
+
     def frequencies(self, curvature: Array, count: int = 2) -> Array:
         """Natural frequencies about an equilibrium [Hz], (count,); NaN where there are fewer shapes."""
         basis, weights, problem = self.shapes.basis, self.equations.mesh.weights, self.equations.problem
         slope = weights[:, None] * self.equations.balance(curvature).slope * (problem.stiffness / problem.length)
         stiffness = basis.T @ (0.5 * (slope + slope.T)) @ basis
-        mass = basis.T @ mass_matrix(self.scene.finger, self.equations, curvature) @ basis
+        mass = self.mass_matrix(curvature)
         squares = eigh(stiffness, 0.5 * (mass + mass.T), eigvals_only=True)
         found = np.full(count, np.nan)
         found[: len(squares)] = np.sqrt(np.maximum(squares[:count], 0.0)) / (2.0 * np.pi)

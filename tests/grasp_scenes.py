@@ -1,13 +1,10 @@
-"""The mug of the shipped scenes in numbers of the tests' own; from inside: a start without any search."""
+"""The mug of the shipped scenes in numbers of the tests' own."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
 
-from continuum_grasp.grasp.finger_map import places_of
-from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.starts.rough import rough_starts
 from continuum_grasp.scene import (
     BasePose,
     Circle,
@@ -145,9 +142,3 @@ HEXAGON = {
 """A short first segment: the tip sweeps over the object within a thousandth of its outline, so that all digits count,
 and the finger bends less than the curves of the scan, which exceed the bending range.
 """
-
-
-def first_start(scene):
-    """A start of the scene's first set of contacts that nearly touches, whether forces balance or not."""
-    mode = contact_modes(scene)[0]
-    return rough_starts(scene, mode, *places_of(scene, mode)[0], 1)[0]

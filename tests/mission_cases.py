@@ -15,8 +15,9 @@ from continuum_grasp.addons.mission import Phases, PlantVariation
 from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.addons.mission.lift import LiftCheck
 from continuum_grasp.addons.mission.plan import PhasePlan
-from continuum_grasp.addons.mission.plant import MissionPlant
+from continuum_grasp.addons.mission.plant import MissionPlant, Timetable
 from continuum_grasp.addons.mission.run import MissionRunner
+from continuum_grasp.addons.mission.scene import Slip
 from continuum_grasp.control import Anomaly, Command, CommandStatus, Health, Sight, Trip
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.scene import load
@@ -68,6 +69,16 @@ def begun(table, stages, plant):
     return found
 
 
+def runner_of(file, changes, grasp):
+    """A mission with a grasp that was found before."""
+    return MissionRunner(assign(load(file, changes), grasp))
+
+
+def plan_by_hand(*names):
+    """The timetable of fingers by hand, before anything happens."""
+    return Timetable(fingers(*names)[0])
+
+
 def fingers(*names, slip=None, most=20.0, standing=0.0, gives=0.0):
     """Fingers by hand that touch with their tips, certified for 4 N each, of which half is needed.
 
@@ -86,7 +97,8 @@ def fingers(*names, slip=None, most=20.0, standing=0.0, gives=0.0):
         contact_names=("finger.tip",), contacts=(), finger=finger, controller=SimpleNamespace(step=STEP)
     )
     asked = SimpleNamespace(normal_force_max=lambda name: most)
-    mission = SimpleNamespace(phases=Phases(lift_share=0.5), turn=None, more_contacts=(), slip=slip, grasp=asked)
+    slips = None if slip is None else Slip.model_validate(slip)
+    mission = SimpleNamespace(phases=Phases(lift_share=0.5), turn=None, more_contacts=(), slip=slips, grasp=asked)
     return [
         SimpleNamespace(
             name=name,

@@ -1,7 +1,4 @@
-"""Every key of every kind of scene, with other values; from inside: documents are changed one key at a time.
-
-Every key of every kind of scene, in scenes that together have all of them, with other values that it can have.
-"""
+"""Every key of every kind of scene, in scenes that together have all of them, with other values that it can have."""
 
 from __future__ import annotations
 
@@ -24,9 +21,7 @@ from continuum_grasp.addons.identification import IdentifyScene
 from continuum_grasp.addons.mission import MissionScene
 from continuum_grasp.addons.planning import PlanScene
 from continuum_grasp.addons.sweeps import Sweep
-from continuum_grasp.scene import ControlScene, Document, GraspScene, KeyPath, Scene
-from continuum_grasp.scene.document import Place as Origin
-from continuum_grasp.scene.document import dotted
+from continuum_grasp.scene import ControlScene, GraspScene, KeyPath, Scene
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 _CORNERS = [[0.02, -0.01], [0.02, 0.03], [-0.02, 0.02]]
@@ -483,11 +478,15 @@ class Place:
     def changed(self, scene: Any, value: Any) -> Any:
         """The scene with another value; entries with dots in their names are replaced with all beside them."""
         if not any("." in str(part) for part in self.path):
-            return scene.changed({dotted(self.path): value})
-        origin = Origin("test")
-        document = Document.at(origin, scene)
-        document.override(self.path, Document.at(origin, value))
-        return scene.changed({str(self.path[0]): document.value[self.path[0]]})
+            words = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in self.path)
+            return scene.changed({"".join(words).removeprefix("."): value})
+        first, *inner, last = self.path
+        whole = scene.model_dump(exclude_unset=True, by_alias=True)[first]
+        within = whole
+        for part in inner:
+            within = within[part]
+        within[last] = value
+        return scene.changed({str(first): whole})
 
 
 @cache

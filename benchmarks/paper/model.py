@@ -20,7 +20,7 @@ from continuum_grasp.model.planar import Rotation
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene import Finger, ForceLoad, Scene
 from continuum_grasp.simulation.accuracy.choice import Errors, errors_of
-from continuum_grasp.simulation.accuracy.truth import Truth
+from continuum_grasp.simulation.accuracy.truth import find_truth
 
 _CLOSED: dict[str, frozenset[str]] = {"closed_printed": DYNAMIC, "closed_corrected": frozenset()}
 _APPENDIX: dict[str, Reading] = {
@@ -187,11 +187,12 @@ def _check(structure: Structure) -> None:
             raise InputError(f"the paper has forces at the contact and the tip only; one is at {load.at} m")
 
 
-def paper_errors(scene: Scene, truth: Truth) -> dict[str, Errors]:
+def paper_errors(scene: Scene) -> dict[str, Errors]:
     """Errors of two exact arcs, and of each variant of the paper's equations, against the exact rod of a scene.
 
     Its ``fidelity`` is of two arcs; forces and masses are at contact and tip alone.
     """
+    truth = find_truth(scene)
     held = scene.model_copy(update={"loads": truth.loads})
     models = {"two arcs": FingerModel(held, input_rates=False)}
     for variant in VARIANTS:

@@ -1,4 +1,4 @@
-"""Estimator and controller of a package; from inside: identifiers made of names, and noise of the test vectors.
+"""Estimator and controller of a package; from inside: identifiers and units of names, and noise of test vectors.
 
 Estimator and controller of a package: the numbers of the Python ones, and everything that may be given to them.
 """
@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from continuum_grasp.addons.fmu.description import base_unit
 from continuum_grasp.base import InputError
 from continuum_grasp.closed_loop import SimulatedBench
 from continuum_grasp.control import CommandStatus, Controller, Estimator
@@ -445,3 +446,20 @@ def test_names_of_a_scene_become_identifiers():
     names = ["wall 1", "wall-1", "Ünter */", "1", "", "x [*/ y]", "tip_x [m]", "rate [N m/s]", "k [1/m/s]"]
     assert identifiers(names) == ["wall_1", "wall_1_2", "nter", "_1", "unnamed", "x", "tip_x", "rate", "k"]
     assert [unit_of(name) for name in names] == ["1"] * 6 + ["m", "N m/s", "1/m/s"]
+
+
+@pytest.mark.parametrize(
+    ("unit", "powers"),
+    [
+        ("N m2", {"kg": 1, "m": 3, "s": -2}),
+        ("1/m/s2", {"m": -1, "s": -2}),
+        ("1/(rad/s)2", {"rad": -2, "s": 2}),
+        ("1", {}),
+        ("N m s/rad", {"kg": 1, "m": 2, "s": -1, "rad": -1}),
+        ("N/", None),
+        ("m per unit of the coordinate", None),
+        ("", None),
+    ],
+)
+def test_units_as_exponents(unit, powers):
+    assert base_unit(unit) == powers

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from grasp_scenes import CONFIGS, first_start, make_scene
+from grasp_scenes import CONFIGS, make_scene
 
 import continuum_grasp
 from continuum_grasp.core import Cache, Compiler
@@ -25,6 +25,7 @@ from continuum_grasp.grasp.problem import equations as problem
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.unit_finger import unit_model
 from continuum_grasp.scene import Box
+from tests.grasp.test_grasp_problem_limits import first_start
 
 needs_compiler = pytest.mark.skipif(Compiler.find() is None, reason="needs a C compiler")
 BOX = Box(shape="box", width=0.08, height=0.06, mass=0.3, position=(0.04, 0.0))

@@ -13,14 +13,17 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 import pytest
-from grasp_scenes import first_start, make_scene
+from grasp_scenes import make_scene
 
 from continuum_grasp import nlp
 from continuum_grasp.grasp import RELAXATIONS, GraspSolverRun
+from continuum_grasp.grasp.finger_map import places_of
+from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import disturbance, limits, points, solver_run, surroundings, values
 from continuum_grasp.grasp.problem.equations import equations, expressions
 from continuum_grasp.grasp.problem.solver_run import allowed_depth, solve_clear
 from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.grasp.starts.rough import rough_starts
 
 NONE = np.zeros(1)
 
@@ -230,3 +233,9 @@ def test_two_places_of_an_element_are_in_different_dips():
     dips = -np.minimum((at - 0.3) ** 2, (at - 0.62) ** 2 + 0.01)[None]
     found = surroundings._deepest(np.tile(dips, (1, 1)), 2)
     assert found[0] == pytest.approx([0.3, 0.62], abs=5e-3)
+
+
+def first_start(scene):
+    """A start of the scene's first set of contacts that nearly touches, whether forces balance or not."""
+    mode = contact_modes(scene)[0]
+    return rough_starts(scene, mode, *places_of(scene, mode)[0], 1)[0]

@@ -42,7 +42,8 @@ from continuum_grasp.grasp.stations import _slope
 from continuum_grasp.nlp import Budget, SolverStatus
 from continuum_grasp.scene import Robust, load
 from tests import certificate_cases as cases
-from tests.grasp_scenes import CONFIGS, first_start, make_scene
+from tests.grasp.test_grasp_problem_limits import first_start
+from tests.grasp_scenes import CONFIGS, make_scene
 
 TENSION, FRICTION = (limit for limit in RELAXATIONS if limit.name in ("tension", "friction"))
 SCENE = cases.squeezed_disc()[0]

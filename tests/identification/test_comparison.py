@@ -1,7 +1,4 @@
-"""Comparisons with measurements written by hand; from inside: columns as they are read, and single panels of pictures.
-
-Comparisons with measurements written by hand: circles, an arc with a mass by scipy, foreign tables.
-"""
+"""Comparisons with measurements written by hand: circles, an arc with a mass by scipy, foreign tables."""
 
 from __future__ import annotations
 
@@ -15,8 +12,6 @@ from typer.testing import CliRunner
 
 import continuum_grasp as cg
 from continuum_grasp.addons.identification import IdentifyScene, Poses, Reading, TipPath, read_data
-from continuum_grasp.addons.identification.periods import columns_of
-from continuum_grasp.addons.identification.pictures import plot_shapes
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
 from continuum_grasp.scene import read_table
@@ -139,7 +134,7 @@ def test_two_markers_of_one_section_are_two_points(moves):
         "distance at 0.2 m, +0.02 m beside",
         "distance at 0.2 m, -0.02 m beside",
     ]
-    assert [len(one.lines) for one in plot_shapes(found)] == [len(found.drawn[0].at) + 2 + 2 * moves]
+    assert [len(one.lines) for one in found.plot(picture="shapes").axes] == [len(found.drawn[0].at) + 2 + 2 * moves]
 
 
 def test_image_coordinates_a_shifted_origin_and_markers_beside_the_backbone(tmp_path):
@@ -323,31 +318,28 @@ def test_a_marker_whose_offset_is_missing_or_in_mm_is_refused(tmp_path, cell, wo
     assert "points.csv:3:12" in str(refused.value)
 
 
-@pytest.mark.parametrize("kind", ["trajectory", "ring_down", "log"])
+@pytest.mark.parametrize("kind", ["trajectory", "ring_down"])
 def test_instants_that_step_back_are_named_by_their_line(tmp_path, kind):
     """Two runs in one file: sorted by time their samples would be mixed."""
     text = "t [s],x,y\n" + "".join(f"{0.01 * k:.2f},0.2,0\n" for k in (*range(20), 9, 20))
     file, further = table(tmp_path, text), {"ring_down": {"signals": ["x"], "window": [0.0, 1.0]}}.get(kind, {})
-    read = partial(columns_of, file, ["x [m]"])
-    if kind != "log":
-        read = partial(cg.compare, described({"kind": kind, **further}), file)
     with pytest.raises(InputError, match=r"points.csv:22:1: column t: 0.09 s is not after 0.19 s"):
-        read()
+        cg.compare(described({"kind": kind, **further}), file)
 
 
-@pytest.mark.parametrize("kind", ["trajectory", "ring_down", "headings", "log"])
-@pytest.mark.parametrize(("heading", "apart", "likely"), [("t", 10.0, "ms"), ("t", 1e4, "us"), ("t", 0.01, None)])
+HEADINGS = [("t", 10.0, "ms"), ("t", 1e4, "us"), ("t", 0.01, None)]
+"""Heading, period, and the unit that is likely."""
+
+
+@pytest.mark.parametrize("kind", ["trajectory", "ring_down", "headings"])
+@pytest.mark.parametrize(("heading", "apart", "likely"), HEADINGS)
 def test_times_without_a_unit_are_asked_for_where_they_are_no_seconds(tmp_path, kind, heading, apart, likely):
     """Before anything is simulated; in every reader of a table with times, with the headings that answer."""
     rows = "".join(f"{apart * k:.6g},0.2,{0.01 * (-1.0) ** k}\n" for k in range(20))
     file = table(tmp_path, f"{heading},x,y\n" + rows)
     further = {"ring_down": {"signals": ["y"], "window": [0.0, 1e9]}}.get(kind, {})
-    if kind == "log":
-        read = partial(columns_of, file, ["x [m]"], 0.01)
-    else:
-        read = partial(
-            read_data, cg.Scene(**ROD) if kind == "headings" else described({"kind": kind, **further}), [file]
-        )
+    asked = cg.Scene(**ROD) if kind == "headings" else described({"kind": kind, **further})
+    read = partial(read_data, asked, [file])
     if likely is None:
         read()
         return
@@ -355,25 +347,10 @@ def test_times_without_a_unit_are_asked_for_where_they_are_no_seconds(tmp_path, 
         read()
 
 
-def test_units_that_are_stated_are_believed_unless_a_controller_contradicts(tmp_path):
+def test_units_that_are_stated_are_believed(tmp_path):
     rows = "".join(f"{10.0 * k:.6g},0.2,0\n" for k in range(20))
     slow = table(tmp_path, "t [s],x,y\n" + rows)
     assert read_data(cg.Scene(**ROD), [slow])[0].t[-1] == 190.0
-    with pytest.raises(InputError, match=r"rows are 10 s apart, read in s, and periods of the controller 0.01 s"):
-        columns_of(slow, ["x [m]"], 0.01)
-    with pytest.raises(InputError, match=r"is t in s\? Write t \[s\]"):
-        columns_of(table(tmp_path, "t [ms],x\n0,1\n0.01,2\n0.02,3\n"), ["x [m]"], 0.01)
-
-
-def test_times_may_be_dates_and_headings_have_units_behind_an_underscore(tmp_path):
-    text = "time,x_mm\n2026-03-10T16:09:57.5,1\n2026-03-10T16:09:57.51,2\n2026-03-10 16:09:58.5,3\n"
-    channels, repeated = columns_of(table(tmp_path, text), ["x [m]"], 0.01)
-    t, x = channels["x [m]"]
-    assert t == pytest.approx([0.0, 0.01, 1.0], abs=1e-9)
-    assert x == pytest.approx([0.001, 0.002, 0.003])
-    assert repeated == 0
-    with pytest.raises(InputError, match=r"points.csv:3:1: column time: expected a date with a time .* got '3'"):
-        columns_of(table(tmp_path, "time,x\n2026-03-10T16:09:57.5,1\n3,2\n"), ["x [m]"])
 
 
 def test_units_stand_in_parentheses_too_but_words_do_not(tmp_path):
@@ -383,21 +360,21 @@ def test_units_stand_in_parentheses_too_but_words_do_not(tmp_path):
 
 
 def test_a_comparison_is_drawn_with_points_on_the_finger():
-    from continuum_grasp.addons.identification.pictures import plot_series, plot_shapes
     from continuum_grasp.plotting import new_figure
 
     tip = np.array([on_arc(m, LENGTH) for m in MOMENTS]).T
     poses = Poses([Reading("x", tip[0]), Reading("y", tip[1] + 0.01)], {"tip_moment": MOMENTS}, [True, True, False])
     found = cg.compare(cg.Scene(**ROD), poses)
-    (ax,) = plot_shapes(found)
+    (ax,) = found.plot(picture="shapes").axes
     dots = [one.get_offsets() for one in ax.collections if one.get_label() in ("measured", "measured, hold-out")]
     assert np.array(np.vstack(dots)) == pytest.approx(tip.T + np.array([0.0, 0.01]), abs=1e-9)
     ends = [line.get_xydata()[-1] for line in ax.lines if len(line.get_xydata()) > 2]
     assert np.array(ends[:3]) == pytest.approx(tip.T, abs=1e-7)
-    labels = [ax.get_ylabel() for ax in plot_series(found)]
+    labels = [ax.get_ylabel() for ax in found.plot(picture="series").axes]
     assert labels == ["x at tip [mm]", "error [mm]", "y at tip [mm]", "error [mm]"]  # in the order of the table
-    (of_most,) = [ax.get_ylabel() for ax in plot_series(found, ax=new_figure().subplots(2, 1))[:1]]
-    assert of_most == "y at tip [mm]"
+    given = new_figure().subplots(2, 1)
+    found.plot(given, picture="series")
+    assert given[0].get_ylabel() == "y at tip [mm]"
 
 
 def test_the_command_compares_and_identify_without_parameters_does_the_same(tmp_path, monkeypatch):

@@ -17,13 +17,14 @@ from typer.testing import CliRunner
 import continuum_grasp as cg
 from continuum_grasp.addons.identification import replay
 from continuum_grasp.addons.identification.calls import calls_of
-from continuum_grasp.addons.identification.periods import Periods, _lagged
+from continuum_grasp.addons.identification.periods import Periods, _lagged, columns_of
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
 from continuum_grasp.closed_loop import run_closed_loop
 from continuum_grasp.scene import ControlScene
 from tests.control_cases import ARCS_ESTIMATOR, ARCS_LOOP
 from tests.declared import assert_declared
+from tests.identification.test_comparison import HEADINGS, table
 from tests.marks import few
 
 TIME = 0.02  # s, of the drives
@@ -306,3 +307,38 @@ def test_a_logger_that_is_faster_than_the_controller_gives_the_last_of_each_peri
     calls = calls_of(t, t, PERIOD)
     assert calls.t == pytest.approx(PERIOD * np.arange(50.0))
     assert calls.last(t, t) == pytest.approx(calls.t)
+
+
+def test_times_may_be_dates_and_headings_have_units_behind_an_underscore(tmp_path):
+    text = "time,x_mm\n2026-03-10T16:09:57.5,1\n2026-03-10T16:09:57.51,2\n2026-03-10 16:09:58.5,3\n"
+    channels, repeated = columns_of(table(tmp_path, text), ["x [m]"], 0.01)
+    t, x = channels["x [m]"]
+    assert t == pytest.approx([0.0, 0.01, 1.0], abs=1e-9)
+    assert x == pytest.approx([0.001, 0.002, 0.003])
+    assert repeated == 0
+    with pytest.raises(InputError, match=r"points.csv:3:1: column time: expected a date with a time .* got '3'"):
+        columns_of(table(tmp_path, "time,x\n2026-03-10T16:09:57.5,1\n3,2\n"), ["x [m]"])
+
+
+def test_instants_of_a_log_that_step_back_are_named_by_their_line(tmp_path):
+    text = "t [s],x,y\n" + "".join(f"{0.01 * k:.2f},0.2,0\n" for k in (*range(20), 9, 20))
+    with pytest.raises(InputError, match=r"points.csv:22:1: column t: 0.09 s is not after 0.19 s"):
+        columns_of(table(tmp_path, text), ["x [m]"])
+
+
+@pytest.mark.parametrize(("heading", "apart", "likely"), HEADINGS)
+def test_times_of_a_log_without_a_unit_are_asked_for_where_they_are_no_seconds(tmp_path, heading, apart, likely):
+    file = table(tmp_path, f"{heading},x,y\n" + "".join(f"{apart * k:.6g},0.2,{(-0.01) ** k}\n" for k in range(20)))
+    if likely is None:
+        assert len(columns_of(file, ["x [m]"], 0.01)[0]["x [m]"][0]) == 20
+        return
+    with pytest.raises(InputError, match=rf"points.csv:1:1: column t: .*is t in {likely}\? Write t \[{likely}\]"):
+        columns_of(file, ["x [m]"], 0.01)
+
+
+def test_units_of_a_log_are_those_of_the_periods_of_its_controller(tmp_path):
+    slow = table(tmp_path, "t [s],x,y\n" + "".join(f"{10.0 * k:.6g},0.2,0\n" for k in range(20)))
+    with pytest.raises(InputError, match=r"rows are 10 s apart, read in s, and periods of the controller 0.01 s"):
+        columns_of(slow, ["x [m]"], 0.01)
+    with pytest.raises(InputError, match=r"is t in s\? Write t \[s\]"):
+        columns_of(table(tmp_path, "t [ms],x\n0,1\n0.01,2\n0.02,3\n"), ["x [m]"], 0.01)

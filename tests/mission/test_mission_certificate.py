@@ -19,7 +19,7 @@ from continuum_grasp.addons.mission import PlantVariation, Trials
 from continuum_grasp.addons.mission.budget import certified_contact
 from continuum_grasp.addons.mission.causes import find_drop
 from continuum_grasp.addons.mission.from_grasp import assign
-from continuum_grasp.addons.mission.plant import Timetable
+from continuum_grasp.addons.mission.plant import Timetable, reserve
 from continuum_grasp.addons.mission.precheck import exceeded, exceeded_by_trials
 from continuum_grasp.addons.mission.record import MissionRecord
 from continuum_grasp.addons.mission.run import variations
@@ -27,7 +27,7 @@ from continuum_grasp.base import SolverError
 from continuum_grasp.cli import app
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.scene import load
-from tests.mission_cases import MUG, planned
+from tests.mission_cases import CERTIFIED, MUG, fingers, planned
 
 GRAVITY = 9.81  # m/s2
 
@@ -226,3 +226,7 @@ def test_a_slippery_mug_is_announced_dropped_and_explained(grasp, tmp_path):
     assert meta["verdict"]["drop"]["slips"][0]["contact"] == first.contact
     assert first.text in (tmp_path / "report.txt").read_text()
     assert "certificate needs 0.45" in (tmp_path / "result.yaml").read_text()
+
+
+def test_a_finger_presses_harder_by_as_much_as_its_contact_may_be_pressed():
+    assert reserve(fingers("finger", most=1.1 * CERTIFIED)[0]) == pytest.approx(0.1)

@@ -16,7 +16,6 @@ from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.addons.mission.lift import LiftCheck
 from continuum_grasp.addons.mission.plan import BLIND, LETS_GO, PhasePlan
 from continuum_grasp.addons.mission.plant import Timetable
-from continuum_grasp.addons.mission.scene import Slip
 from continuum_grasp.base import SolverError
 from continuum_grasp.control import Anomaly, CommandStatus, Health, Sight, Trip
 from continuum_grasp.grasp import optimize_grasp
@@ -129,7 +128,7 @@ def test_what_is_lifted_is_held_by_blind_fingers_and_set_down_in_time(since, nam
     blind = {"sight": Sight.BLIND, "anomaly": Anomaly.BLIND}
     runs = [
         carried_out(
-            fingers(*names, slip=Slip()),
+            fingers(*names, slip={}),
             lambda t, after=after: [CERTIFIED if t < since else after] * len(names),
             seen=lambda t, after=after: blind if t >= since and not after else {},
         )

@@ -1,7 +1,4 @@
-"""What slips is noticed, squeezed and set down; from inside: timetables, and the reserve of a certificate made here.
-
-What slips while it is held: noticed by its height or by contacts that part, squeezed, and set down.
-"""
+"""What slips while it is held: noticed by its height or by contacts that part, squeezed, and set down."""
 
 from __future__ import annotations
 
@@ -11,15 +8,11 @@ import numpy as np
 import pytest
 
 from continuum_grasp.addons.mission import PlantVariation
-from continuum_grasp.addons.mission.from_grasp import assign
-from continuum_grasp.addons.mission.plant import Timetable, reserve
-from continuum_grasp.addons.mission.run import MissionRunner
-from continuum_grasp.addons.mission.scene import Slip
 from continuum_grasp.closed_loop import PlantModel
 from continuum_grasp.control import Sight
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.scene import load
-from tests.mission_cases import CERTIFIED, MUG, QUICK, STEP, carried_out, fingers
+from tests.mission_cases import CERTIFIED, MUG, QUICK, STEP, carried_out, fingers, plan_by_hand, runner_of
 from tests.rods import ROOT
 
 BEGINS = 2.4  # s: sinks or parts from then on, in the hold (1.9 s to 2.9 s)
@@ -35,7 +28,7 @@ def watched(height, *, slip, force=lambda t: CERTIFIED, names=("finger",), **mor
 @pytest.mark.parametrize("names", [("finger",), ("lower", "upper")])
 def test_what_sinks_is_squeezed_within_50_ms(names):
     """As far as drives have more, by all fingers, until the release; what sank before the lift does not count."""
-    slip = Slip(height=1e-4)
+    slip = {"height": 1e-4}
     check, table, wanted, _ = watched(
         lambda t: 0.3 - 2e-3 * min(max(t - BEGINS, 0.0) / 0.1, 1.0) - 5e-3 * (t < 1.0), slip=slip, names=names
     )
@@ -53,8 +46,7 @@ def test_what_sinks_is_squeezed_within_50_ms(names):
 
 
 def test_contacts_are_pressed_no_harder_than_they_may_be():
-    check, _, wanted, _ = watched(lambda t: -1e-3 * (t > BEGINS), slip=Slip(height=1e-4), most=1.1 * CERTIFIED)
-    assert reserve(fingers("finger", most=1.1 * CERTIFIED)[0]) == pytest.approx(0.1)
+    check, _, wanted, _ = watched(lambda t: -1e-3 * (t > BEGINS), slip={"height": 1e-4}, most=1.1 * CERTIFIED)
     assert max(forces[0] for forces in wanted.values()) == pytest.approx(1.1 * CERTIFIED)
     assert check.slipped.firmer == pytest.approx(0.1)
 
@@ -62,7 +54,7 @@ def test_contacts_are_pressed_no_harder_than_they_may_be():
 @pytest.mark.parametrize("names", [("finger",), ("lower", "upper")])
 def test_a_standing_reserve_presses_from_the_lift_on(names):
     """Until the release; what sinks then is set down at once, since there is no more force."""
-    check, table, wanted, _ = watched(lambda t: 0.3, slip=Slip(height=1e-4), names=names, standing=0.2)
+    check, table, wanted, _ = watched(lambda t: 0.3, slip={"height": 1e-4}, names=names, standing=0.2)
     assert check.slipped is None
     for t, forces in wanted.items():
         if table.span("lift").end < t < table.span("release").start:
@@ -70,7 +62,7 @@ def test_a_standing_reserve_presses_from_the_lift_on(names):
         elif table.span("squeeze").end < t < table.span("lift").start:
             assert forces == pytest.approx([CERTIFIED] * len(names))
     assert [*wanted.values()][-1] == pytest.approx([0.0] * len(names), abs=1e-9)
-    check, *_ = watched(lambda t: -0.02 * max(t - BEGINS, 0.0), slip=Slip(height=1e-4), names=names, standing=0.2)
+    check, *_ = watched(lambda t: -0.02 * max(t - BEGINS, 0.0), slip={"height": 1e-4}, names=names, standing=0.2)
     found = check.slipped
     assert (found.noticed, found.firmer) == ("sinks", 0.0)
     assert BEGINS < found.time == found.down <= BEGINS + 0.05
@@ -82,7 +74,7 @@ def test_a_standing_reserve_presses_from_the_lift_on(names):
 def test_noise_alone_is_no_slip(noise, seed):
     """White noise of the declared size in 300 readings, with what contacts give way in the lift, half of the noise."""
     rng = np.random.default_rng(seed)
-    check, *_ = watched(lambda t: noise * rng.standard_normal() - 0.5 * noise * (t > 1.65), slip=Slip(height=noise))
+    check, *_ = watched(lambda t: noise * rng.standard_normal() - 0.5 * noise * (t > 1.65), slip={"height": noise})
     assert check.slipped is None
 
 
@@ -91,7 +83,7 @@ def test_what_creeps_within_the_noise_is_noticed(lost, seed):
     """As much as the noise is large in a second: long before it would sink by 0.5 mm."""
     rng = np.random.default_rng(seed)
     check, *_ = watched(
-        lambda t: 1e-4 * rng.standard_normal() - lost * min(max(t - BEGINS, 0.0), 1.0), slip=Slip(height=1e-4)
+        lambda t: 1e-4 * rng.standard_normal() - lost * min(max(t - BEGINS, 0.0), 1.0), slip={"height": 1e-4}
     )
     assert (check.slipped.noticed, check.slipped.down) == ("sinks", math.inf)
     assert BEGINS < check.slipped.time < BEGINS + 1.5
@@ -99,16 +91,14 @@ def test_what_creeps_within_the_noise_is_noticed(lost, seed):
 
 @pytest.mark.parametrize(("glitches", "noticed"), [(1, False), (2, True)])
 def test_a_single_height_that_is_far_off_is_no_slip(glitches, noticed):
-    check, *_ = watched(
-        lambda t: -0.1 * (BEGINS + 0.005 < t < BEGINS + 0.005 + glitches * STEP), slip=Slip(height=1e-4)
-    )
+    check, *_ = watched(lambda t: -0.1 * (BEGINS + 0.005 < t < BEGINS + 0.005 + glitches * STEP), slip={"height": 1e-4})
     assert (check.slipped is not None) == noticed
 
 
 @pytest.mark.parametrize(("further", "later", "down"), [(2.4e-4, 0.6, True), (1.5e-4, 0.6, False), (1e-3, 0.2, False)])
 def test_what_goes_on_creeping_in_a_firm_grip_is_set_down(further, later, down):
     """A fourth of a millimeter once the grip is firm; what it takes to become firm does not count."""
-    slip = Slip(height=1e-4)
+    slip = {"height": 1e-4}
     check, *_ = watched(
         lambda t: -4e-4 * (t > BEGINS + 0.005) - further * min(max(t - BEGINS - later, 0.0) / 0.1, 1.0), slip=slip
     )
@@ -120,7 +110,7 @@ def test_what_goes_on_creeping_in_a_firm_grip_is_set_down(further, later, down):
 @pytest.mark.parametrize(("lost", "noticed"), [(6e-4, False), (9e-4, True)])
 def test_what_fingers_give_way_along_gravity_is_no_slip(lost, noticed):
     """An object that weighs in the plane sinks while it is pulled."""
-    slip = Slip(height=1e-4)
+    slip = {"height": 1e-4}
     check, *_ = watched(lambda t: -lost * (t > BEGINS), slip=slip, gives=6e-4)
     assert (check.slipped is not None) == noticed
 
@@ -129,7 +119,7 @@ def test_what_fingers_give_way_along_gravity_is_no_slip(lost, noticed):
 def test_what_goes_on_sinking_is_set_down(names):
     """From 2.5 mm on that are lost; table and phases follow, and what pulls then pulls on."""
     began = 2.88  # shortly before the first pull, from 2.9 s to 3.3 s
-    check, table, _, events = watched(lambda t: -0.02 * max(t - began, 0.0), slip=Slip(height=1e-6), names=names)
+    check, table, _, events = watched(lambda t: -0.02 * max(t - began, 0.0), slip={"height": 1e-6}, names=names)
     found = check.slipped
     late = STEP * (len(names) > 1)
     assert found.time == pytest.approx(began + 0.02, abs=1.1 * STEP)
@@ -142,7 +132,7 @@ def test_what_goes_on_sinking_is_set_down(names):
     lowered = next(t for t, name in events if name == "lower")
     assert lowered == pytest.approx(found.down, abs=1e-9)
     assert table.duration == pytest.approx(found.down + 0.3 + 0.8 + 0.2)
-    outside, plan = table.outside(), Timetable(fingers("finger")[0]).outside()
+    outside, plan = table.outside(), plan_by_hand("finger").outside()
     down = found.down + np.array([0.0, 0.15, 0.3])
     assert outside["table_height [m]"](down) == pytest.approx([-0.05, -0.025, 0.0])
     t = np.arange(2.0, 6.0, 0.02) + late
@@ -164,7 +154,7 @@ def test_a_contact_that_parts_is_noticed_by_its_estimate(low, calls, noticed, do
     """Below a tenth of its certified force three times in a row, and set down where that lasts 0.1 s longer."""
     until = BEGINS + (calls + 0.5) * STEP
     check, *_ = watched(
-        lambda t: math.nan, force=lambda t: low if BEGINS + STEP / 2 < t < until else CERTIFIED, slip=Slip()
+        lambda t: math.nan, force=lambda t: low if BEGINS + STEP / 2 < t < until else CERTIFIED, slip={}
     )
     assert (check.slipped is not None) == noticed
     assert (noticed and check.slipped.down < math.inf) == down
@@ -180,7 +170,7 @@ def test_a_contact_that_parts_is_noticed_by_its_estimate(low, calls, noticed, do
 def test_sensors_that_contradict_the_model_still_show_that_a_contact_parts(seen, noticed):
     """What parts may well contradict the model; forces of a tripped controller show nothing."""
     in_hold = carried_out(
-        fingers("finger", slip=Slip()),
+        fingers("finger", slip={}),
         lambda t: [0.3 if t > BEGINS + STEP / 2 else CERTIFIED],
         seen=lambda t: seen if t > 2.0 else {},
     )
@@ -189,7 +179,7 @@ def test_sensors_that_contradict_the_model_still_show_that_a_contact_parts(seen,
 
 def test_without_a_share_no_contact_parts():
     assert (
-        watched(lambda t: math.nan, force=lambda t: CERTIFIED - 4.5 * (t > BEGINS), slip=Slip(parted=0.0))[0].slipped
+        watched(lambda t: math.nan, force=lambda t: CERTIFIED - 4.5 * (t > BEGINS), slip={"parted": 0.0})[0].slipped
         is None
     )
 
@@ -224,7 +214,7 @@ def grasp():
 def test_a_mug_whose_friction_falls_is_squeezed_and_set_down(grasp):
     """By 30 % it creeps while it is pulled, by 60 % it falls: more than friction can carry with the usual forces."""
     own = (), ("slip={height: 0.1 mm}",)
-    usual, answering = (MissionRunner(assign(load(MUG, [*QUICK, *keys]), grasp)) for keys in own)
+    usual, answering = (runner_of(MUG, [*QUICK, *keys], grasp) for keys in own)
     fallen = PlantVariation(friction_fall=0.6)
     dropped, down = usual.run(fallen), answering.run(fallen)
     assert (dropped.verdict.held, dropped.verdict.slipped) == (False, None)

@@ -1,7 +1,4 @@
-"""The paper's own models, against each other; from inside: the truth of a report of accuracy is handed on.
-
-The paper's own models: against the model in 50 digits, against each other, and what their errors do to a motion.
-"""
+"""The paper's own models: against the model in 50 digits, against each other, and what their errors do to a motion."""
 
 from __future__ import annotations
 
@@ -18,7 +15,6 @@ from benchmarks.paper.slips import DYNAMIC, AsPrinted
 from continuum_grasp.base import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import BasePose, Damping, Finger, ForceLoad, MomentLoad, PointMass, Rod, Tendons
-from continuum_grasp.simulation.accuracy.truth import find_truth
 from tests.arc_quadrature import relative
 from tests.errata_page import number, table
 from tests.rods import NITINOL, rod_scene
@@ -170,7 +166,7 @@ def test_the_papers_slips_show_in_the_frequencies():
     scene = rod_scene(
         NITINOL, "arc", 2, fidelity={"bending_range": 3.0}, tip_mass=0.02, time={"duration": 0.3, "step": 0.005}
     )
-    found = {name: one.frequencies[1] for name, one in paper_errors(scene, find_truth(scene)).items()}
+    found = {name: one.frequencies[1] for name, one in paper_errors(scene).items()}
     assert found["closed_corrected"] == pytest.approx(found["two arcs"], rel=1e-6)
     off = {name: abs(found[f"appendix_{name}"] - found["two arcs"]) for name in ("corrected", "printed")}
     assert off["corrected"] < off["printed"]

@@ -1,7 +1,4 @@
-"""The elastica against elliptic integrals and shooting; from inside: the problem and the mesh it is solved on.
-
-The elastica against elliptic integrals, shooting, SciPy's collocation and closed forms; the model against it.
-"""
+"""The elastica against elliptic integrals, shooting, SciPy's collocation and closed forms; the model against it."""
 
 from __future__ import annotations
 
@@ -15,9 +12,7 @@ from scipy import integrate, optimize, special
 
 from continuum_grasp.base import InputError, SolverError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.rod import RodEquations, solve_elastica
-from continuum_grasp.rod.dense_rod import PanelMesh
-from continuum_grasp.rod.dimensionless import read_problem
+from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene import Channel, Curve, ForceLoad, MomentLoad
 from continuum_grasp.simulation import equilibrium, interpolate
 from tests.closed_forms import rods as closed_forms
@@ -372,9 +367,8 @@ def test_the_estimated_error_bounds_the_error(case, tolerance):
 
 @pytest.mark.parametrize("case", ["mixed", "mixed dead", "mixed with friction", "graded", "graded with stops"])
 def test_the_derivative_is_exact_and_symmetric_without_following_loads(case):
-    problem = read_problem(SHOT[case])
-    mesh = PanelMesh(problem.breaks, 5)
-    equations, rng = RodEquations(problem, mesh), np.random.default_rng(1)
+    equations, rng = solve_elastica(SHOT[case]).equations, np.random.default_rng(1)
+    mesh, problem = equations.mesh, equations.problem
     curvature, change = rng.normal(size=(2, mesh.size))
     balance, step = equations.balance(curvature), 1e-5
     sides = [equations.balance(curvature + sign * step * change).missing for sign in (1, -1)]
@@ -397,7 +391,7 @@ def test_sampled_loads_and_inputs_have_their_values_at_time_zero(interpolation, 
     )
     value = interpolate(scene.loads[0].force, [0.0])[0][0]
     moment = interpolate(scene.actuation.tip_moment, [0.0])[0][0]
-    problem = read_problem(scene)
+    problem = solve_elastica(scene).equations.problem
     assert problem.dead == ((1.0, pytest.approx(complex(*value), rel=1e-14)),)
     assert dict(problem.couples).get(1.0, 0.0) == pytest.approx(moment, rel=1e-14)
 
