@@ -3,14 +3,8 @@ from .addon_registry import ConfigurationKind as ConfigurationKind
 from .addon_registry import ExportTarget as ExportTarget
 from .addon_registry import addons as addons
 from .addon_registry import named_value as named_value
+from .arguments import Argument as Argument
 from .arguments import check_arguments as check_arguments
-from .arguments import choice as choice
-from .arguments import instance as instance
-from .arguments import number as number
-from .arguments import real_array as real_array
-from .arguments import shown as shown
-from .arguments import unmasked as unmasked
-from .arguments import whole as whole
 from .arrays import Array as Array
 from .arrays import Indices as Indices
 from .arrays import Numbers as Numbers

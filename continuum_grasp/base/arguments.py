@@ -12,7 +12,7 @@ from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,39 +27,86 @@ GONE = {
 """Arguments that functions had once, and what to write instead."""
 
 
-def choice(key: str, value: Any, allowed: Iterable[Any]) -> Any:
-    """A choice of some words or numbers."""
-    known = tuple(allowed)
-    # Not by ``in``: what compares to an array, as some foreign types do, has no truth.
-    if isinstance(value, str | Integral) and any(value is option or value == option for option in known):
-        return value
-    raise InputError(f"expected one of {', '.join(map(str, known))}, got {shown(value)}", key=key)
+class Argument(NamedTuple):
+    """An argument of a public function, by its name, and what it has to be: the value, else an `InputError`."""
 
+    name: str | None
+    value: Any
 
-def whole(key: str, value: Any, least: int = 1, most: int = 2**31 - 1) -> int:
-    """A whole number of a range, ends included; 1 or more, and one that C can hold, where no other range is given."""
-    if not isinstance(value, Integral) or isinstance(value, bool) or not least <= int(value) <= most:
-        wanted = f", {least} or more" if most == 2**31 - 1 else f" from {least} to {most}"
-        raise InputError(f"expected a whole number{wanted}, got {shown(value)}", key=key)
-    return int(value)
+    def refused(self, expected: str) -> InputError:
+        """The error that says what was expected, and what was given."""
+        return InputError(f"{expected}, got {self.shown()}", key=self.name)
 
+    def shown(self, width: int = 60) -> str:
+        """Return the beginning of the value for a message; its type where that cannot be printed."""
+        try:
+            return f"{self.value!r:.{width}}"
+        except Exception:  # integers of over 4300 digits, and whatever a foreign __repr__ raises
+            return f"a {type(self.value).__name__}"
 
-def number(key: str, value: Any, least: float | None = None, most: float = math.inf) -> float:
-    """A number of a range, ends included; a finite one above zero where no least one is given."""
-    real = _double(value)
-    if least is None and not 0.0 < real < math.inf:
-        raise InputError(f"expected a finite number above 0, got {shown(value)}", key=key)
-    low = 0.0 if least is None else least
-    if not low <= real <= most:
-        raise InputError(f"expected a number from {low:g} to {most:g}, got {shown(value)}", key=key)
-    return real
+    def choice(self, allowed: Iterable[Any]) -> Any:
+        """A choice of some words or numbers."""
+        known, value = tuple(allowed), self.value
+        # Not by ``in``: what compares to an array, as some foreign types do, has no truth.
+        if isinstance(value, str | Integral) and any(value is option or value == option for option in known):
+            return value
+        raise self.refused(f"expected one of {', '.join(map(str, known))}")
 
+    def whole(self, least: int = 1, most: int = 2**31 - 1) -> int:
+        """A whole number of a range, ends included; 1 or more, and one that C can hold, where no other is given."""
+        value = self.value
+        if not isinstance(value, Integral) or isinstance(value, bool) or not least <= int(value) <= most:
+            wanted = f", {least} or more" if most == 2**31 - 1 else f" from {least} to {most}"
+            raise self.refused(f"expected a whole number{wanted}")
+        return int(value)
 
-def instance(key: str, value: Any, *kinds: type) -> Any:
-    """An object of one of some classes."""
-    if not isinstance(value, kinds):
-        raise InputError(f"expected {' or '.join(map(_words, kinds))}, got {shown(value)}", key=key)
-    return value
+    def number(self, least: float | None = None, most: float = math.inf) -> float:
+        """A number of a range, ends included; a finite one above zero where no least one is given."""
+        real = _double(self.value)
+        if least is None and not 0.0 < real < math.inf:
+            raise self.refused("expected a finite number above 0")
+        low = 0.0 if least is None else least
+        if not low <= real <= most:
+            raise self.refused(f"expected a number from {low:g} to {most:g}")
+        return real
+
+    def instance(self, *kinds: type) -> Any:
+        """An object of one of some classes."""
+        if not isinstance(self.value, kinds):
+            raise self.refused(f"expected {' or '.join(map(_words, kinds))}")
+        return self.value
+
+    def unmasked(self) -> NDArray[Any]:
+        """An array in which masked entries are NaN: ``numpy.asarray`` would take the numbers below the mask."""
+        if isinstance(self.value, np.ma.MaskedArray):
+            return np.where(np.ma.getmaskarray(self.value), np.nan, self.value.data)
+        return np.asarray(self.value)
+
+    def array(self, *, finite: bool = False) -> NDArray[np.float64]:
+        """A contiguous array of doubles, NaN where masked; an error for what is no array of real numbers.
+
+        ``finite``: for the first entry that is NaN or infinite, too.
+        """
+        array = self._reals()
+        if finite and not np.isfinite(array).all():
+            at = np.argwhere(~np.isfinite(array))[0]
+            where = f"[{', '.join(map(str, at.tolist()))}]" if at.size else ""
+            raise InputError(f"{self.name}{where}: expected a finite number, got {array[tuple(at)]}")
+        return array
+
+    def _reals(self) -> NDArray[np.float64]:
+        try:
+            array = self.unmasked()
+            if np.iscomplexobj(array):
+                raise InputError("expected real numbers, got complex ones", key=self.name)
+            # numpy would read texts and dates as numbers.
+            if array.dtype.kind in "OUSMm" and not all(isinstance(v, Real) for v in array.ravel().tolist()):
+                raise TypeError
+            return np.ascontiguousarray(array, dtype=float)
+        except InputError:
+            raise
+        except Exception as error:  # whatever the conversion of something foreign raises
+            raise self.refused("expected an array of numbers") from error
 
 
 def _double(value: Any) -> float:
@@ -68,41 +115,6 @@ def _double(value: Any) -> float:
         return float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
     except OverflowError:  # a whole number beyond the doubles
         return math.inf if value > 0 else -math.inf
-
-
-def unmasked(value: ArrayLike) -> NDArray[Any]:
-    """Convert to an array, in which masked entries are NaN: ``numpy.asarray`` would take the numbers below the mask."""
-    if isinstance(value, np.ma.MaskedArray):
-        return np.where(np.ma.getmaskarray(value), np.nan, value.data)
-    return np.asarray(value)
-
-
-def real_array(name: str, value: ArrayLike, *, finite: bool = False) -> NDArray[np.float64]:
-    """A contiguous array of doubles, NaN where masked; InputError for what is no array of real numbers.
-
-    ``finite``: for the first entry that is NaN or infinite, too.
-    """
-    array = _reals(name, value)
-    if finite and not np.isfinite(array).all():
-        at = np.argwhere(~np.isfinite(array))[0]
-        where = f"[{', '.join(map(str, at.tolist()))}]" if at.size else ""
-        raise InputError(f"{name}{where}: expected a finite number, got {array[tuple(at)]}")
-    return array
-
-
-def _reals(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    try:
-        array = unmasked(value)
-        if np.iscomplexobj(array):
-            raise InputError("expected real numbers, got complex ones", key=name)
-        # numpy would read texts and dates as numbers.
-        if array.dtype.kind in "OUSMm" and not all(isinstance(v, Real) for v in array.ravel().tolist()):
-            raise TypeError
-        return np.ascontiguousarray(array, dtype=float)
-    except InputError:
-        raise
-    except Exception as error:  # whatever the conversion of something foreign raises
-        raise InputError(f"expected an array of numbers, got {shown(value)}", key=name) from error
 
 
 def check_arguments(function: Function) -> Function:
@@ -131,19 +143,11 @@ def check_arguments(function: Function) -> Function:
         for name, value in {**bound, **bound.get(more, {})}.items():
             kind = kinds.get(name, Any)
             if not _fits(value, kind):
-                raise InputError(f"expected {_words(kind)}, got {shown(value)}", key=name)
+                raise Argument(name, value).refused(f"expected {_words(kind)}")
         return function(*arguments, **named)
 
     call.checks_arguments = True  # type: ignore[attr-defined]
     return cast(Function, call)
-
-
-def shown(value: Any, width: int = 60) -> str:
-    """Return the beginning of a value for a message; its type where that cannot be printed."""
-    try:
-        return f"{value!r:.{width}}"
-    except Exception:  # integers of over 4300 digits, and whatever a foreign __repr__ raises
-        return f"a {type(value).__name__}"
 
 
 def _annotations(function: Callable[..., Any]) -> dict[str, Any]:

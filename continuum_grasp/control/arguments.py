@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, InputError, real_array, shown, split_unit, unmasked
+from continuum_grasp.base import Argument, Array, InputError, split_unit
 
 
 def named(
@@ -30,7 +30,11 @@ def named(
     unknown = [name for name in value if name not in places]
     missing = [name for name in order if name not in value] if default is None else []
     if unknown or missing:
-        odd = f"there is no {', '.join(map(shown, unknown))}" if unknown else f"{', '.join(missing)} missing"
+        odd = (
+            f"there is no {', '.join(Argument(None, name).shown() for name in unknown)}"
+            if unknown
+            else f"{', '.join(missing)} missing"
+        )
         raise InputError(f"{odd}: expected {', '.join(places) or 'none'}", key=key)
     entries = np.zeros(len(order)) if default is None else np.array(default, dtype=float)
     for name, place in places.items():
@@ -38,7 +42,7 @@ def named(
             try:
                 entries[place] = numbers(value[name])
             except (TypeError, ValueError) as error:
-                raise InputError(f"expected a number, got {shown(value[name])}", key=f"{key}.{name}") from error
+                raise Argument(f"{key}.{name}", value[name]).refused("expected a number") from error
     return entries
 
 
@@ -47,10 +51,10 @@ def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Arr
     try:
         array = numbers(value).ravel()
     except (TypeError, ValueError) as error:
-        raise InputError(f"expected {size} numbers, got {shown(value)}", key=name) from error
+        raise Argument(name, value).refused(f"expected {size} numbers") from error
     if array.size != size:
         raise InputError(f"expected {size} entries, got {array.size}", key=name)
-    return real_array(name, array, finite=True) if check else array
+    return Argument(name, array).array(finite=True) if check else array
 
 
 def numbers(value: ArrayLike) -> Array:
@@ -59,7 +63,7 @@ def numbers(value: ArrayLike) -> Array:
 
     ``TypeError`` or ``ValueError`` where it is ragged, or not an array of real numbers (text and complex ones are not).
     """
-    array = unmasked(value)
+    array = Argument(None, value).unmasked()
     if array.dtype.kind not in "biufO":
         raise TypeError(f"expected real numbers, got {array.dtype}")
     try:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp import __version__
-from continuum_grasp.base import check_arguments, interruptible, number, whole
+from continuum_grasp.base import Argument, check_arguments, interruptible
 from continuum_grasp.control import RtiSolver
 from continuum_grasp.core import CReal
 from continuum_grasp.export.accuracy import OutputError, Report, check_errors, error_bounds
@@ -172,13 +172,13 @@ class PackageOptions:
         if self.what is not None:
             known_parts(self.what)
         if self.error is not None:
-            number("error", self.error)
+            Argument("error", self.error).number()
         if self.step is not None:
-            number("step", self.step)
+            Argument("step", self.step).number()
         # 200: most sections of shape and velocities, each of which is code of its own
-        whole("sections", self.sections, 2, 200)
+        Argument("sections", self.sections).whole(2, 200)
         if self.substeps is not None:
-            whole("substeps", self.substeps, 1, MOST_SUBSTEPS)
+            Argument("substeps", self.substeps).whole(1, MOST_SUBSTEPS)
         prefix_of(self.prefix)
 
 
