@@ -14,7 +14,7 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp import grasp, model, rod, simulation
 from continuum_grasp.addons import identification, sweeps
-from continuum_grasp.base import Argument, ContinuumGraspError, InputError, check_arguments
+from continuum_grasp.base import CheckedArgument, ContinuumGraspError, InputError, check_arguments
 from tests.test_docstrings import PUBLIC
 
 WRONG = {
@@ -159,12 +159,12 @@ def test_arguments_are_checked_without_being_used_up():
 @pytest.mark.parametrize(("value", "taken"), [(5e-324, True), (0.0, False), (-5e-324, False), (1.7e308, True)])
 def test_what_is_above_zero_begins_right_above_it(value, taken):
     if taken:
-        assert Argument("step", value).number() == value
+        assert CheckedArgument("step", value).number() == value
     else:
         with pytest.raises(InputError, match="above 0"):
-            Argument("step", value).number()
+            CheckedArgument("step", value).number()
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_whole_numbers_beyond_the_doubles_keep_their_sign(sign):
-    assert Argument("speed", sign * 10**400).number(-math.inf, math.inf) == sign * math.inf
+    assert CheckedArgument("speed", sign * 10**400).number(-math.inf, math.inf) == sign * math.inf

@@ -3,7 +3,7 @@ from .addon_registry import ConfigurationKind as ConfigurationKind
 from .addon_registry import ExportTarget as ExportTarget
 from .addon_registry import addons as addons
 from .addon_registry import named_value as named_value
-from .arguments import Argument as Argument
+from .arguments import CheckedArgument as CheckedArgument
 from .arguments import check_arguments as check_arguments
 from .arrays import Array as Array
 from .arrays import Indices as Indices

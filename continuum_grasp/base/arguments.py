@@ -27,7 +27,7 @@ GONE = {
 """Arguments that functions had once, and what to write instead."""
 
 
-class Argument(NamedTuple):
+class CheckedArgument(NamedTuple):
     """An argument of a public function, by its name, and what it has to be: the value, else an `InputError`."""
 
     name: str | None
@@ -143,7 +143,7 @@ def check_arguments(function: Function) -> Function:
         for name, value in {**bound, **bound.get(more, {})}.items():
             kind = kinds.get(name, Any)
             if not _fits(value, kind):
-                raise Argument(name, value).refused(f"expected {_words(kind)}")
+                raise CheckedArgument(name, value).refused(f"expected {_words(kind)}")
         return function(*arguments, **named)
 
     call.checks_arguments = True  # type: ignore[attr-defined]

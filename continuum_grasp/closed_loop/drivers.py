@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Argument, Array, InputError, check_arguments, install_line
+from continuum_grasp.base import Array, CheckedArgument, InputError, check_arguments, install_line
 from continuum_grasp.closed_loop.plant import Plant, SharedPlant
 from continuum_grasp.control import Command
 from continuum_grasp.scene import ControlScene, scene_of
@@ -96,7 +96,7 @@ class SerialBoard:
             import serial
         except ImportError:
             raise InputError(f"a serial board needs pyserial: {install_line('serial')}") from None
-        self._readings, self._sent = Argument("readings", readings).whole(), 0
+        self._readings, self._sent = CheckedArgument("readings", readings).whole(), 0
         self._rest, self._number = b"", -1
         self.damaged = self.missed = 0
         try:

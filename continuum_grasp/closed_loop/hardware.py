@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import (
-    Argument,
     Array,
+    CheckedArgument,
     InputError,
     Interrupted,
     check_arguments,
@@ -160,11 +160,11 @@ def run_hardware(
     """
     period = controller.period
     # 1e7: cycles of one run: their log is held in memory, 1 GB; a day at 10 ms
-    duration = Argument("duration", duration).number(most=1e7 * period)
+    duration = CheckedArgument("duration", duration).number(most=1e7 * period)
     if not 0.0 <= spin < period:
         raise InputError(f"expected a time from 0 to the period of {period:g} s, got {spin!r:.60}", key="spin")
-    Argument("soft_start", soft_start).number(0.0, 60.0)
-    Argument("watchdog", watchdog).number(most=60.0)
+    CheckedArgument("soft_start", soft_start).number(0.0, 60.0)
+    CheckedArgument("watchdog", watchdog).number(most=60.0)
     for name in ("read", "write"):
         if not callable(getattr(driver, name, None)):
             raise InputError(f"expected a driver with read() and write(command), which has no {name}", key="driver")

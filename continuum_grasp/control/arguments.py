@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Argument, Array, InputError, split_unit
+from continuum_grasp.base import Array, CheckedArgument, InputError, split_unit
 
 
 def named(
@@ -31,7 +31,7 @@ def named(
     missing = [name for name in order if name not in value] if default is None else []
     if unknown or missing:
         odd = (
-            f"there is no {', '.join(Argument(None, name).shown() for name in unknown)}"
+            f"there is no {', '.join(CheckedArgument(None, name).shown() for name in unknown)}"
             if unknown
             else f"{', '.join(missing)} missing"
         )
@@ -42,7 +42,7 @@ def named(
             try:
                 entries[place] = numbers(value[name])
             except (TypeError, ValueError) as error:
-                raise Argument(f"{key}.{name}", value[name]).refused("expected a number") from error
+                raise CheckedArgument(f"{key}.{name}", value[name]).refused("expected a number") from error
     return entries
 
 
@@ -51,10 +51,10 @@ def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Arr
     try:
         array = numbers(value).ravel()
     except (TypeError, ValueError) as error:
-        raise Argument(name, value).refused(f"expected {size} numbers") from error
+        raise CheckedArgument(name, value).refused(f"expected {size} numbers") from error
     if array.size != size:
         raise InputError(f"expected {size} entries, got {array.size}", key=name)
-    return Argument(name, array).array(finite=True) if check else array
+    return CheckedArgument(name, array).array(finite=True) if check else array
 
 
 def numbers(value: ArrayLike) -> Array:
@@ -63,7 +63,7 @@ def numbers(value: ArrayLike) -> Array:
 
     ``TypeError`` or ``ValueError`` where it is ragged, or not an array of real numbers (text and complex ones are not).
     """
-    array = Argument(None, value).unmasked()
+    array = CheckedArgument(None, value).unmasked()
     if array.dtype.kind not in "biufO":
         raise TypeError(f"expected real numbers, got {array.dtype}")
     try:

@@ -12,7 +12,7 @@ from typing import Any, Self, SupportsIndex
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Argument, Array, InputError, Summarized, check_arguments
+from continuum_grasp.base import Array, CheckedArgument, InputError, Summarized, check_arguments
 from continuum_grasp.control.arguments import named, numbers, vector
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled import Compiled, controller_source
@@ -56,7 +56,7 @@ class CompiledController(Remade, Summarized):
         self.parts, self.stages, self.period, self.precision = parts, s, parts.calls.period, CReal.named(precision).name
         self.measurement_names = parts.measurement_names
         # With an infinite deadline no command is late.
-        self._deadline_ns = 1e9 * (deadline if deadline == math.inf else Argument("deadline", deadline).number())
+        self._deadline_ns = 1e9 * (deadline if deadline == math.inf else CheckedArgument("deadline", deadline).number())
         self._settings = parts.settings_in(self.precision)
         nz, ny = (0, 0) if estimation is None else (estimation.nz, estimation.ny)
         nm = len(self.measurement_names)
@@ -379,7 +379,7 @@ class CompiledController(Remade, Summarized):
             shape, expected = _shape(value), shapes[name]
             if value is None or isinstance(value, Mapping) or shape in expected:
                 continue
-            got = Argument(name, value).shown(80) if shape in (None, ()) else str(shape)
+            got = CheckedArgument(name, value).shown(80) if shape in (None, ()) else str(shape)
             messages.append(f"{self._called.get(name, name)}: expected {' or '.join(map(str, expected))}, got {got}")
         return InputError("a step takes arrays of numbers; " + "; ".join(messages))
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Argument, Array, InputError, check_arguments, split_unit
+from continuum_grasp.base import Array, CheckedArgument, InputError, check_arguments, split_unit
 from continuum_grasp.control.arguments import named, vector
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled_controller import CompiledController
@@ -109,10 +109,10 @@ class RtiSolver(CompiledController):
         counts = {"sqp_iterations": sqp_iterations, "start_iterations": start_iterations}
         counts |= {"start_calls": start_calls, "iterations": iterations}
         calls = ControllerCalls(
-            s.stage if period is None else Argument("period", period).number(),
+            s.stage if period is None else CheckedArgument("period", period).number(),
             self.safe,
             s.stages * s.stage,
-            **{key: Argument(key, count).whole() for key, count in counts.items()},
+            **{key: CheckedArgument(key, count).whole() for key, count in counts.items()},
         )
         if start_calls > start_iterations:
             raise InputError(

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Argument, Array, InputError
+from continuum_grasp.base import Array, CheckedArgument, InputError
 from continuum_grasp.core.code import FunctionCode
 from continuum_grasp.core.source import symbol_of
 from continuum_grasp.model import FingerModel
@@ -114,7 +114,7 @@ class Caller:
             if value is None:
                 rows.append(default)
                 continue
-            array, size = Argument(name, value).array(), default.size
+            array, size = CheckedArgument(name, value).array(), default.size
             if array.ndim == 0 or (array.ndim == 1 and size == 1 and array.size == 1):
                 array = np.full(size, float(array.ravel()[0])) if size == 1 else array.reshape(-1)
             if array.ndim > 2 or (array.shape[-1] != size and not (array.size == 0 and size == 0)):

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Argument, Array, InputError, NumericalError, Summarized, check_arguments
+from continuum_grasp.base import Array, CheckedArgument, InputError, NumericalError, Summarized, check_arguments
 from continuum_grasp.core.batches import Batch
 from continuum_grasp.core.caller import Caller, check_moment, section_check, shaped
 from continuum_grasp.core.code import Backend, FunctionCode
@@ -242,13 +242,13 @@ class Core(Remade, Summarized):
         NumericalError
             If a state is not finite; ``result`` holds the states before it.
         """
-        model, start = self.model, Argument("x0", x0).array(finite=True)
+        model, start = self.model, CheckedArgument("x0", x0).array(finite=True)
         single = start.ndim == 1
         if start.ndim not in (1, 2) or start.shape[-1] != model.nx or not len(start):
             raise InputError(f"x0: expected ({model.nx},) or (count, {model.nx}), got shape {start.shape}")
         start = np.atleast_2d(start)
-        steps, step = Argument("steps", steps).whole(), Argument("step", step).number()
-        substeps = Argument("substeps", substeps).whole()
+        steps, step = CheckedArgument("steps", steps).whole(), CheckedArgument("step", step).number()
+        substeps = CheckedArgument("substeps", substeps).whole()
         rows = 2 * steps * substeps + 1
         inputs = HalfStepSignal.of("u", u, model.nu, rows, None if single else len(start))
         self.check_moment(inputs.rows)

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.base import Argument, Array, InputError
+from continuum_grasp.base import Array, CheckedArgument, InputError
 from continuum_grasp.core.caller import pointer, pointers
 from continuum_grasp.core.code import Backend, FunctionCode
 from continuum_grasp.core.source import rollout_source, rollouts_source, symbol_of
@@ -37,7 +37,7 @@ class HalfStepSignal:
         """Rows over half steps, for one rollout (``count`` None) or for many."""
         if value is None:
             return HalfStepSignal(np.zeros((1, 1, size)), 0, 0)
-        array = Argument(name, value).array(finite=True)
+        array = CheckedArgument(name, value).array(finite=True)
         if array.ndim <= 1:
             return HalfStepSignal(row(name, array, size)[None, None], 0, 0)
         if array.shape == (rows, size) and count == rows:
@@ -187,7 +187,7 @@ def _whole_numbers(array: NDArray[np.int64]) -> ctypes.c_void_p:
 
 def row(name: str, value: ArrayLike, size: int) -> Array:
     """A vector (size,)."""
-    array = Argument(name, value).array(finite=True).reshape(-1)
+    array = CheckedArgument(name, value).array(finite=True).reshape(-1)
     if array.size != size:
         raise InputError(f"{name}: expected {size} entries, got {array.size}")
     return array

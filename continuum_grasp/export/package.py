@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp import __version__
-from continuum_grasp.base import Argument, check_arguments, interruptible
+from continuum_grasp.base import CheckedArgument, check_arguments, interruptible
 from continuum_grasp.control import RtiSolver
 from continuum_grasp.core import CReal
 from continuum_grasp.export.accuracy import OutputError, Report, check_errors, error_bounds
@@ -172,13 +172,13 @@ class PackageOptions:
         if self.what is not None:
             known_parts(self.what)
         if self.error is not None:
-            Argument("error", self.error).number()
+            CheckedArgument("error", self.error).number()
         if self.step is not None:
-            Argument("step", self.step).number()
+            CheckedArgument("step", self.step).number()
         # 200: most sections of shape and velocities, each of which is code of its own
-        Argument("sections", self.sections).whole(2, 200)
+        CheckedArgument("sections", self.sections).whole(2, 200)
         if self.substeps is not None:
-            Argument("substeps", self.substeps).whole(1, MOST_SUBSTEPS)
+            CheckedArgument("substeps", self.substeps).whole(1, MOST_SUBSTEPS)
         prefix_of(self.prefix)
 
 

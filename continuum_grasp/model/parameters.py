@@ -14,7 +14,7 @@ from typing import Any, TypedDict
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.base import Argument, InputError, nearest
+from continuum_grasp.base import CheckedArgument, InputError, nearest
 from continuum_grasp.model.laws import numbers_of as numbers_of_laws
 from continuum_grasp.model.laws.section import POSITIVE, Number, places_of
 from continuum_grasp.model.planar import Scalar
@@ -216,11 +216,11 @@ class Choices:
     def numbers(self, name: str) -> tuple[float, ...] | None:
         if self[name] is None:
             return None
-        numbers = Argument(name, self[name]).array()
+        numbers = CheckedArgument(name, self[name]).array()
         if numbers.ndim != 1 or not np.all(np.isfinite(numbers)):
-            raise Argument(name, self[name]).refused("expected a list of finite numbers")
+            raise CheckedArgument(name, self[name]).refused("expected a list of finite numbers")
         return tuple(numbers.tolist())
 
     @property
     def family(self) -> str | None:
-        return None if self["family"] is None else str(Argument("family", self["family"]).choice(FAMILIES))
+        return None if self["family"] is None else str(CheckedArgument("family", self["family"]).choice(FAMILIES))

@@ -12,7 +12,7 @@ import math
 
 import casadi as ca
 
-from continuum_grasp.base import Argument, check_arguments
+from continuum_grasp.base import CheckedArgument, check_arguments
 from continuum_grasp.model.planar import Rotation, Scalar
 
 ROUNDING = 1.5e-16
@@ -69,9 +69,9 @@ def stumpff(theta: Scalar, angle_range: float, accuracy: float = ROUNDING, top: 
     >>> [float(each) for each in c[:3]]
     [1.0, 1.0, 0.5]
     """
-    Argument("angle_range", angle_range).number()
-    Argument("accuracy", accuracy).number(1e-300, 1.0)
-    Argument("top", top).whole()
+    CheckedArgument("angle_range", angle_range).number()
+    CheckedArgument("accuracy", accuracy).number(1e-300, 1.0)
+    CheckedArgument("top", top).whole()
     x = theta * theta
     c: list[Scalar] = [0.0] * (top + 1)
     for k in (top, top - 1):

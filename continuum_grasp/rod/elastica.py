@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Argument, Array, InputError, SolverError, check_arguments
+from continuum_grasp.base import Array, CheckedArgument, InputError, SolverError, check_arguments
 from continuum_grasp.rod.dimensionless import RodProblem, read_problem
 from continuum_grasp.rod.equations import RodEquations
 from continuum_grasp.rod.equilibrium_path import descend, follow, newton, weakest
@@ -114,7 +114,7 @@ class Elastica:
 
     def _local(self, s: ArrayLike) -> tuple[Array, tuple[int, ...]]:
         """Lengths per L in one row, and the shape in which they came."""
-        at = Argument("s", s).array().reshape(np.shape(s)) / self._problem.length
+        at = CheckedArgument("s", s).array().reshape(np.shape(s)) / self._problem.length
         if not np.all((at >= -1e-12) & (at <= 1.0 + 1e-12)):
             raise InputError(f"s: expected lengths between 0 and {self._problem.length} m")
         return at.ravel(), at.shape
@@ -191,8 +191,8 @@ def solve_elastica(
     >>> bool(abs(rod.tip).max() < 1e-10)
     True
     """
-    tolerance = Argument("tolerance", tolerance).number(1e-13, 1e-2)
-    Argument("side", side).choice((1, -1))
+    tolerance = CheckedArgument("tolerance", tolerance).number(1e-13, 1e-2)
+    CheckedArgument("side", side).choice((1, -1))
     problem = read_problem(scene, extra_loads)
     equations = _first_equations(problem)
     descends = stable and problem.conservative
@@ -259,9 +259,9 @@ def _guessed(equations: RodEquations, guess: Guess) -> Array:
     problem = equations.problem
     if callable(guess):
         places = np.linspace(0.0, 1.0, 257)
-        angles = Argument("guess", guess(places * problem.length)).array()
+        angles = CheckedArgument("guess", guess(places * problem.length)).array()
     else:
-        angles = Argument("guess", guess).array()
+        angles = CheckedArgument("guess", guess).array()
         places = np.linspace(0.0, 1.0, max(angles.size, 2))
     if angles.shape != places.shape or not np.all(np.isfinite(angles)):
         raise InputError(f"guess: expected finite angles at two or more places, got an array of shape {angles.shape}")

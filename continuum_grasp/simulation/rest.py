@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Argument, Array, InputError, SolverError, check_arguments
+from continuum_grasp.base import Array, CheckedArgument, InputError, SolverError, check_arguments
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Actuation, LengthDrive, Load, Scene
@@ -293,10 +293,10 @@ def rest_under(
     friction_states: ArrayLike | None = None,
 ) -> RestingShape:
     """Find the shape at rest under constant input and forces; arguments are those of ``equilibrium_under``."""
-    Argument("side", side).choice((1, -1))
-    Argument("reached_by", reached_by).choice(("pulling", "releasing", "state"))
-    command, forces, p = Argument("u", u).array(), Argument("w", w).array(), np.array(model.p_nominal)
-    start = None if guess is None else Argument("guess", guess).array()
+    CheckedArgument("side", side).choice((1, -1))
+    CheckedArgument("reached_by", reached_by).choice(("pulling", "releasing", "state"))
+    command, forces, p = CheckedArgument("u", u).array(), CheckedArgument("w", w).array(), np.array(model.p_nominal)
+    start = None if guess is None else CheckedArgument("guess", guess).array()
     if start is not None and (start.shape != (model.n,) or not np.all(np.isfinite(start))):
         raise InputError(f"guess: expected {model.n} finite entries, got {start.tolist()}")
     states = np.array(() if friction_states is None else friction_states, dtype=float).ravel()

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.base import Argument, Array, check_arguments, named_value
+from continuum_grasp.base import Array, CheckedArgument, check_arguments, named_value
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel, Memory
 from continuum_grasp.results import Dimension, Picture, Result, Stored
@@ -138,7 +138,7 @@ def modes_of(scene: Scene, *, about: Equilibrium | None = None, points: int = 61
     ratios[moving] = modal_damping[moving] / (2.0 * pulsations[moving])
     pulsations[~moving] = 0.0
     coordinates = np.ascontiguousarray(right.real)
-    s = np.linspace(0.0, model.finger.rod.length, Argument("points", points).whole(2))[:, None]
+    s = np.linspace(0.0, model.finger.rod.length, CheckedArgument("points", points).whole(2))[:, None]
     jacobians = np.asarray(core.batch("jacobian", q, u, s, p))
     shapes = np.einsum("sij,kj->ksi", jacobians, coordinates)
     shapes /= np.linalg.norm(shapes, axis=2).max(axis=1)[:, None, None]

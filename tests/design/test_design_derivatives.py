@@ -15,8 +15,8 @@ from scipy.optimize import root
 import continuum_grasp as cg
 from continuum_grasp.addons.design import Design
 from continuum_grasp.addons.design.evaluation import DesignProblem, Expression
-from continuum_grasp.addons.design.held import HeldGrasp, Stencil
 from continuum_grasp.addons.design.space import design_space_of
+from continuum_grasp.grasp import HeldGrasp, Stencil
 from continuum_grasp.nlp import NLP, Multipliers
 from continuum_grasp.scene import ConfigurationData
 from tests.marks import few

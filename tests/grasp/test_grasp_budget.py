@@ -1,4 +1,4 @@
-"""The verdict of a grasp search counts work; the clock is an emergency stop and says so."""
+"""The verdict of a grasp search counts work, the clock is an emergency stop; from inside: runs are counted."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_a_budget_that_is_too_small_is_no_verdict_and_repeats():
 
 def jump_after(monkeypatch, run):
     """Let the emergency stop come with the so-many-th run of the solver."""
-    from continuum_grasp.grasp import GraspSolverRun
+    from continuum_grasp.grasp.problem.solver_run import GraspSolverRun
 
     count, whole = [0], GraspSolverRun.run
 

@@ -21,7 +21,8 @@ from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.scenes import DRAWN, UNASKED
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.base import SolverError
-from continuum_grasp.grasp import RELAXATIONS, GraspStatus, Reason, optimize_grasp, solve
+from continuum_grasp.grasp import GraspStatus, Reason, optimize_grasp, solve
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, ordered, out_of_reach, part_of
 from continuum_grasp.grasp.reasons.elastic import Repair
 from continuum_grasp.grasp.shape import FingerShape

@@ -18,10 +18,11 @@ from benchmarks import grasp_images as images
 from benchmarks.grasp_images import mirrored
 from benchmarks.grasp_populations import document
 from continuum_grasp.core import Compiler
-from continuum_grasp.grasp import RELAXATIONS, GraspStatus, optimize_grasp, solve
+from continuum_grasp.grasp import GraspStatus, optimize_grasp, solve
 from continuum_grasp.grasp.finger_map import SETTLED, SceneMaps, balance, fill, places_of, rod
 from continuum_grasp.grasp.finger_map.settled import MISSES
 from continuum_grasp.grasp.modes import contact_modes, with_elements
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.reasons.starts import Starts
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.nlp import Budget

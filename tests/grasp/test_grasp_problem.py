@@ -15,13 +15,15 @@ from grasp_scenes import CONFIGS, UPRIGHT, make_scene
 from numpy.testing import assert_allclose
 from scipy.integrate import simpson
 
-from continuum_grasp.grasp import RELAXATIONS, GraspResponse, GraspStart, Resistance, optimize_grasp
+from continuum_grasp.grasp import GraspResponse, Resistance, optimize_grasp
 from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem import points, surroundings, values
 from continuum_grasp.grasp.problem.limits import friction_cone
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS
 from continuum_grasp.grasp.problem.structure import FingerSpec
 from continuum_grasp.grasp.search import GraspSearch
+from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.model import FingerModel, TouchingCircle, surface_of
 from continuum_grasp.model.surfaces.offset_polygon import pieces_of
 from continuum_grasp.nlp import Budget

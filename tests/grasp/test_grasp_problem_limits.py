@@ -16,12 +16,12 @@ import pytest
 from grasp_scenes import make_scene
 
 from continuum_grasp import nlp
-from continuum_grasp.grasp import RELAXATIONS, GraspSolverRun
 from continuum_grasp.grasp.finger_map import places_of
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import disturbance, limits, points, solver_run, surroundings, values
 from continuum_grasp.grasp.problem.equations import equations, expressions
-from continuum_grasp.grasp.problem.solver_run import allowed_depth, solve_clear
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
+from continuum_grasp.grasp.problem.solver_run import GraspSolverRun, allowed_depth, solve_clear
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.rough import rough_starts
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from grasp_scenes import SHAPES, make_scene
 
-from continuum_grasp.grasp import GraspStatus, optimize_grasp, support_contacts
+from continuum_grasp.grasp import GraspStatus, optimize_grasp
 from continuum_grasp.grasp.finger_map import SceneMaps, places_of
 from continuum_grasp.grasp.finger_map.fill import ENTERED, WITHIN
 from continuum_grasp.grasp.finger_map.settled import _finger_start
@@ -21,7 +21,7 @@ from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.points import starting_point
 from continuum_grasp.grasp.problem.solver_run import GraspSolverRun
 from continuum_grasp.grasp.problem.values import contact_features, problem_values
-from continuum_grasp.grasp.starts.supports import nearest_contact, touching_supports
+from continuum_grasp.grasp.starts.supports import nearest_contact, support_contacts, touching_supports
 from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.scene import GraspScene, OffsetPolygon
 from tests.marks import few

@@ -14,17 +14,9 @@ import pytest
 
 from benchmarks.grasp_oracle import scenes
 from continuum_grasp import nlp
-from continuum_grasp.grasp import (
-    RELAXATIONS,
-    ContactStart,
-    GraspResult,
-    JointSolverRun,
-    Reason,
-    certify,
-    changes,
-    stations,
-)
+from continuum_grasp.grasp import GraspResult, Reason, certify, changes, stations
 from continuum_grasp.grasp.certificate.model_error import ModelError
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.reasons import diagnosis
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, is_clear, is_rare, ordered
 from continuum_grasp.grasp.reasons.elastic import Repair, settled
@@ -34,10 +26,12 @@ from continuum_grasp.grasp.robust import response as responses
 from continuum_grasp.grasp.robust import search as exchange
 from continuum_grasp.grasp.robust import solve as robust
 from continuum_grasp.grasp.robust.errors import InError
+from continuum_grasp.grasp.robust.joint import JointSolverRun
 from continuum_grasp.grasp.robust.response import Responder, Response, _reserve
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.solve import _Verdict
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses
+from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.grasp.stations import _slope
 from continuum_grasp.nlp import Budget, SolverStatus
 from continuum_grasp.scene import Robust, load

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.addons.chains.controls import Control, cable_springs, controls_of
 from continuum_grasp.addons.chains.text import written
-from continuum_grasp.base import Argument, Array, InputError, check_arguments
+from continuum_grasp.base import Array, CheckedArgument, InputError, check_arguments
 from continuum_grasp.closed_loop import Links
 from continuum_grasp.core import Core
 from continuum_grasp.export import check_file, title_of
@@ -160,7 +160,7 @@ def export_mjcf(
     listed = _CHAIN.check(scene)
     # 1000: far beyond what MuJoCo steps in useful time: the cost of a step is linear in them, the stable step falls
     # with their square
-    Argument("hinges", hinges).whole(1, 1000)
+    CheckedArgument("hinges", hinges).whole(1, 1000)
     per_arc = FingerModel(resolve_fidelity(scene)[0]).lengths if scene.finger.damping.per_arc else ()
     controls = controls_of(scene)
     if file is not None and scene.time is not None and any(control.varies for control in controls):

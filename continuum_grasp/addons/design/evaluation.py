@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -13,11 +13,10 @@ import numpy as np
 from scipy.optimize import nnls
 
 from continuum_grasp.addons.design.grasps import CaseGrasps, Effort, LostGrasp, fingers_mass
-from continuum_grasp.addons.design.held import Along, Stencil, StructureChanges
 from continuum_grasp.addons.design.scene import names_in
 from continuum_grasp.addons.design.space import DesignSpace
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.grasp import GraspResult
+from continuum_grasp.grasp import GraspResult, Stencil, StructureChanges
 from continuum_grasp.scene import GraspScene
 
 _FUNCTIONS = {"sqrt": ca.sqrt, "exp": ca.exp, "log": ca.log}
@@ -271,7 +270,7 @@ class DesignProblem:
         acting = tuple(row for held in grasps.held.values() for row in held.acting)
         return CaseValues(case, signs, quantities, derivatives, acting)
 
-    def _directions(self, case: str, at: Array, signs: Signs) -> list[Along]:
+    def _directions(self, case: str, at: Array, signs: Signs) -> list[Callable[[float], GraspScene]]:
         """Scenes along each coordinate, and along each tolerated error."""
 
         def moved(step: Array, t: float) -> GraspScene:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.addons.identification.scene import OF_BENDS
-from continuum_grasp.base import Argument, Array, InputError
+from continuum_grasp.base import Array, CheckedArgument, InputError
 from continuum_grasp.scene import Scene
 
 UNIT_OF = {
@@ -208,7 +208,7 @@ class TipPath:
             if self.start != "estimated" or np.shape(self.start_sigma) != (2,):
                 raise InputError("expected two numbers, for a start that is estimated", key=key)
             for deviation in self.start_sigma:
-                Argument(key, deviation).number()
+                CheckedArgument(key, deviation).number()
 
 
 Data = Poses | TipPath
@@ -216,7 +216,7 @@ Data = Poses | TipPath
 
 def column(key: str, values: ArrayLike, count: int | None = None) -> Array:
     """A row of finite numbers, of which there must be ``count``; anything else is an `InputError`."""
-    array = Argument(key, values).array().reshape(np.shape(values))
+    array = CheckedArgument(key, values).array().reshape(np.shape(values))
     if array.ndim != 1 or (count is not None and array.size != count):
         wanted = "a row of numbers" if count is None else f"{count} numbers"
         raise InputError(f"expected {wanted}, got an array of shape {array.shape}", key=key)
@@ -235,7 +235,7 @@ def _check_readings(name: str, readings: Sequence[Reading], count: int | None = 
             message = f"expected one of {', '.join(UNIT_OF)}, got {reading.quantity!r}"
             raise InputError(message, key=f"{name}.measured[{k}].quantity")
         if reading.of is not None:
-            Argument(f"{name}.measured[{k}].of", reading.of).whole()
+            CheckedArgument(f"{name}.measured[{k}].of", reading.of).whole()
         if reading.what in [other.what for other in readings[:k]]:
             raise InputError(f"{reading.what} is given twice: it would count twice", key=f"{name}.measured[{k}]")
         OF_BENDS.check(reading, f"{name}.measured[{k}]", {"since": reading.since is not None})
@@ -243,6 +243,6 @@ def _check_readings(name: str, readings: Sequence[Reading], count: int | None = 
         if reading.quantity == "frequency" and np.any(values <= 0.0):
             raise InputError("expected frequencies above 0 Hz", key=f"{name}.measured[{k}].values")
         if reading.sigma is not None:
-            Argument(f"{name}.measured[{k}].sigma", reading.sigma).number()
+            CheckedArgument(f"{name}.measured[{k}].sigma", reading.sigma).number()
         if np.ndim(reading.offset):
             column(f"{name}.measured[{k}].offset", reading.offset, count)

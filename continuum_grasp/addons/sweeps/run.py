@@ -28,7 +28,7 @@ from continuum_grasp.addons.sweeps.scene import Sweep
 from continuum_grasp.addons.sweeps.table import SweepTable, sweep_table, write_csv
 from continuum_grasp.addons.sweeps.worker import Job, Keep, SceneOutcome, row_of_crash, run_chunk, solve
 from continuum_grasp.base import (
-    Argument,
+    CheckedArgument,
     ContinuumGraspError,
     InputError,
     Interrupted,
@@ -110,7 +110,7 @@ def sweep(
     ['feasible', 'feasible']
     """
     _ANYWHERE.check(None, of={"executor": executor is not None and scheduler is not None})
-    count = None if workers is None else Argument("workers", workers).whole(1, 4096)
+    count = None if workers is None else CheckedArgument("workers", workers).whole(1, 4096)
     plan = SweepPlan.of(config, overrides)
     if plan.variation.kind != "grasp":
         raise InputError(

@@ -7,7 +7,7 @@ from os import PathLike
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Argument, Array, InputError, Summarized, check_arguments, quoted
+from continuum_grasp.base import Array, CheckedArgument, InputError, Summarized, check_arguments, quoted
 from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.compiled import Compiled, estimator_source
 from continuum_grasp.control.estimation.adaptation import AdaptedState
@@ -220,8 +220,10 @@ class Estimator(Remade, Summarized):
             self._measurement[:] = vector("measurement", measurement, self._measurement.size, check=False)
         self._u[:] = vector("u", u, self._u.size)
         self._p[:] = self._nominal if p is None else vector("p", p, self._p.size)
-        self._passed[0] = 1.0 if elapsed is None else Argument("elapsed", elapsed).number(0.0, _LONGEST) / self.period
-        self._age[0] = self.delay if age is None else Argument("age", age).number(0.0, _LONGEST) / self.period
+        self._passed[0] = (
+            1.0 if elapsed is None else CheckedArgument("elapsed", elapsed).number(0.0, _LONGEST) / self.period
+        )
+        self._age[0] = self.delay if age is None else CheckedArgument("age", age).number(0.0, _LONGEST) / self.period
         status, found = self._c.step()
         if status < 0:
             raise InputError("u or p is beyond what the precision can hold")

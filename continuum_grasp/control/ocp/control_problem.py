@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Argument, Array, InputError, Summarized, check_arguments, quoted, split_unit
+from continuum_grasp.base import Array, CheckedArgument, InputError, Summarized, check_arguments, quoted, split_unit
 from continuum_grasp.control.arguments import named, vector
 from continuum_grasp.control.ocp.bounds import ABSENT, HARD, BoundedRows, Row
 from continuum_grasp.control.ocp.cost_terms import Residual
@@ -129,7 +129,7 @@ class ControlProblem(Summarized):
             )
         }
         known = [name for name, integrator in INTEGRATORS.items() if integrator.differentiates]
-        method, stage = Argument("method", method).choice(known), Argument("stage", stage).number()
+        method, stage = CheckedArgument("method", method).choice(known), CheckedArgument("stage", stage).number()
         running, terminal = cost_functions(functions["outputs"], functions["rows"], stage, nt, ns)
         p_names = _names(read.p)
         self.stages = Stages(
@@ -139,9 +139,9 @@ class ControlProblem(Summarized):
             **functions,
             scenarios=None,
             checks_gaps=False,
-            stages=Argument("stages", stages).whole(),
+            stages=CheckedArgument("stages", stages).whole(),
             stage=stage,
-            substeps=Argument("substeps", substeps).whole(),
+            substeps=CheckedArgument("substeps", substeps).whole(),
             method=method,
             nd=read.x.numel(),
             ns=ns,
@@ -284,7 +284,7 @@ def _stacked(key: str, given: Any, what: str, hint: str = "") -> ca.SX:
     try:
         return ca.SX(ca.vertcat(*given)) if isinstance(given, Sequence) else ca.SX(given)
     except (NotImplementedError, TypeError, RuntimeError) as error:
-        raise InputError(f"expected {what}, got {Argument(key, given).shown()}{hint}", key=key) from error
+        raise InputError(f"expected {what}, got {CheckedArgument(key, given).shown()}{hint}", key=key) from error
 
 
 def _symbols(key: str, given: Any) -> ca.SX:
@@ -293,7 +293,7 @@ def _symbols(key: str, given: Any) -> ca.SX:
     if not symbols.numel():
         return ca.SX(0, 1)
     if not (symbols.is_dense() and symbols.is_column() and symbols.is_valid_input()):
-        raise Argument(key, given).refused("expected a column of SX symbols")
+        raise CheckedArgument(key, given).refused("expected a column of SX symbols")
     return symbols
 
 
@@ -305,7 +305,7 @@ def _words(key: str, names: Iterable[Any]) -> None:
     """Refuse names that are none."""
     odd = [name for name in names if not isinstance(name, str) or not name.strip()]
     if odd:
-        raise Argument(key, odd[0]).refused("expected words as names")
+        raise CheckedArgument(key, odd[0]).refused("expected words as names")
 
 
 def _once(key: str, names: Iterable[str]) -> None:
@@ -322,7 +322,7 @@ def _numbered(key: str, size: int) -> tuple[str, ...]:
 def _tuple(kind: Any, key: str, given: Any, expected: str) -> Any:
     """A named tuple from one of its kind or from a plain tuple."""
     if not isinstance(given, tuple | list) or not 2 <= len(given) <= len(kind._fields):
-        raise Argument(key, given).refused(f"expected {expected}")
+        raise CheckedArgument(key, given).refused(f"expected {expected}")
     return kind(*given)
 
 
@@ -350,7 +350,7 @@ def _pair(key: str, given: Any) -> tuple[float, float]:
     try:
         least, greatest = (float(value) for value in given)
     except (TypeError, ValueError) as error:
-        raise Argument(key, given).refused("expected (least, most)") from error
+        raise CheckedArgument(key, given).refused("expected (least, most)") from error
     return _bounds(key, least, greatest)
 
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Argument, Array, InputError
+from continuum_grasp.base import Array, CheckedArgument, InputError
 from continuum_grasp.control.arguments import numbers
 from continuum_grasp.control.ocp.cost_terms import TERMS, Outputs
 from continuum_grasp.scene import CircleReference, Reference, RowSamples, Samples
@@ -45,9 +45,9 @@ def _replacement(key: str, value: Any, width: int, since: float, stage: float, c
     try:
         entries = numbers(value)
     except (TypeError, ValueError):
-        raise Argument(key, value).refused("expected numbers or a function of time") from None
+        raise CheckedArgument(key, value).refused("expected numbers or a function of time") from None
     if check and not np.all(np.isfinite(entries)):
-        raise Argument(key, value).refused("expected finite numbers")
+        raise CheckedArgument(key, value).refused("expected finite numbers")
     if entries.size == width and entries.ndim <= 1:
         return tuple(entries.ravel().tolist())
     if width == 1 and entries.ndim == 1:
@@ -91,7 +91,7 @@ class Setpoints:
                     f"expected some of {known}, which have a weight in controller.cost, got {name!r}", key="functions"
                 )
             if not callable(function):
-                raise Argument(f"functions.{name}", function).refused("expected a function of time")
+                raise CheckedArgument(f"functions.{name}", function).refused("expected a function of time")
             references[name] = function
         blocks: list[tuple[int, _Given | None]] = []
         for term in outputs.terms:
@@ -138,7 +138,7 @@ class Setpoints:
 
         What functions of time return must fit, and with ``check`` be finite.
         """
-        instants = np.atleast_1d(Argument("times", times).array())
+        instants = np.atleast_1d(CheckedArgument("times", times).array())
         return np.hstack([_rows(setpoint, width, instants, check) for width, setpoint in self._blocks])
 
 
@@ -173,8 +173,10 @@ def _called(function: Function, width: int, t: Array, check: bool) -> Array:
         try:
             row = numbers(output).reshape(-1)
         except (TypeError, ValueError):
-            raise Argument(None, output).refused(f"a setpoint at t = {instant:g} s: expected numbers") from None
+            raise CheckedArgument(None, output).refused(f"a setpoint at t = {instant:g} s: expected numbers") from None
         if row.size != width or (check and not np.all(np.isfinite(row))):
-            raise Argument(None, output).refused(f"a setpoint at t = {instant:g} s: expected {width} finite entries")
+            raise CheckedArgument(None, output).refused(
+                f"a setpoint at t = {instant:g} s: expected {width} finite entries"
+            )
         rows[k] = row
     return rows

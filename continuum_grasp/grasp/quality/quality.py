@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.base import Argument, Array
+from continuum_grasp.base import Array, CheckedArgument
 from continuum_grasp.grasp.quality.contact_set import ContactSet, cone_edges, epsilon_l1
 from continuum_grasp.grasp.quality.resistance import Resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
@@ -27,8 +27,8 @@ class Quality:
     arrays: Mapping[str, Any] = field(repr=False)
 
     def __post_init__(self) -> None:
-        Argument("scene", self.scene).instance(GraspScene)
-        Argument("arrays", self.arrays).instance(Mapping)
+        CheckedArgument("scene", self.scene).instance(GraspScene)
+        CheckedArgument("arrays", self.arrays).instance(Mapping)
 
     @property
     def torque_scale(self) -> float:

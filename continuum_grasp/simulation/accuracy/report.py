@@ -12,7 +12,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.base import Argument, ContinuumGraspError, InputError, check_arguments, interruptible, split_unit
+from continuum_grasp.base import (
+    CheckedArgument,
+    ContinuumGraspError,
+    InputError,
+    check_arguments,
+    interruptible,
+    split_unit,
+)
 from continuum_grasp.results import File, Picture, Result, Stored, begin_run, pareto
 from continuum_grasp.scene import Fidelity, Scene, scene_of
 from continuum_grasp.simulation.accuracy.choice import Choice, assess, choices, open_families
@@ -235,7 +242,7 @@ def accuracy_report(
     >>> sorted({row[0] for row in report.choices.rows})
     ['arc', 'clothoid', 'matched_clothoid']
     """
-    if not [Argument("counts", count).whole() for count in counts]:
+    if not [CheckedArgument("counts", count).whole() for count in counts]:
         raise InputError("expected numbers of elements, got none", key="counts")
     bare_scene = scene_of(scene)
     bare_scene.check_for_exact_rod()

@@ -15,7 +15,7 @@ from continuum_grasp.addons.identification.commissioning.bench import Bench, Ben
 from continuum_grasp.addons.identification.experiments import ExperimentPlan, plan_of
 from continuum_grasp.addons.identification.scene import Excitation
 from continuum_grasp.addons.identification.segments import CommandDesign, patterns_of
-from continuum_grasp.base import Argument, Array, InputError, NumericalError, check_arguments
+from continuum_grasp.base import Array, CheckedArgument, InputError, NumericalError, check_arguments
 from continuum_grasp.closed_loop import Plant, Readings, Wiring
 from continuum_grasp.control import ControlLog, Prediction
 from continuum_grasp.scene import Consumer, ControlScene, Mounting, scene_of
@@ -74,7 +74,7 @@ def design_commissioning(
     """
     known = checked(scene)
     bench, period = Bench(known), known.controller.step
-    options = Excitation(duration=Argument("duration", duration).number(), sample=period, reach=reach)
+    options = Excitation(duration=CheckedArgument("duration", duration).number(), sample=period, reach=reach)
     around = bench.model.scene
     design = CommandDesign(around, patterns_of(around), options)
     names = tuple(name for name in names_of(known) if name in (*Wiring.TIP, *bench.names))

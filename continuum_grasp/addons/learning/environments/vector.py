@@ -15,7 +15,7 @@ from continuum_grasp.addons.learning.environments.plants import Plants, plants_o
 from continuum_grasp.addons.learning.environments.sensing import observed_of, sensing_of, single_precision, state_bounds
 from continuum_grasp.addons.learning.environments.substeps import check_stiffness, choose_substeps
 from continuum_grasp.addons.sweeps import Sweep
-from continuum_grasp.base import Argument, Array, InputError, check_arguments, install_line
+from continuum_grasp.base import Array, CheckedArgument, InputError, check_arguments, install_line
 from continuum_grasp.scene import ControlScene
 
 try:
@@ -120,7 +120,7 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         substeps: int | None = None,
         autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
     ) -> None:
-        self.num_envs = Argument("num_envs", num_envs).whole()
+        self.num_envs = CheckedArgument("num_envs", num_envs).whole()
         self._plants: Plants = plants_of(*scenes_of(scene))
         plants, first = self._plants, self._plants.scenes[0]
         self.scenes, self.keys, self.values = plants.scenes, plants.keys, plants.values
@@ -145,7 +145,10 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         self.single_action_space = Box(self._low, self._high, dtype=np.float64)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self.substeps, self.time_error = Argument("substeps", 1 if substeps is None else substeps).whole(), math.nan
+        self.substeps, self.time_error = (
+            CheckedArgument("substeps", 1 if substeps is None else substeps).whole(),
+            math.nan,
+        )
         if substeps is None:
             self.substeps, self.time_error = choose_substeps(plants, self._sensing, self._change, radius)
         # Readings at the start, with the command at rest.

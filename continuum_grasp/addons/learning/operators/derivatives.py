@@ -20,7 +20,7 @@ from typing import Any
 
 import casadi as ca
 
-from continuum_grasp.base import Argument, Array, InputError
+from continuum_grasp.base import Array, CheckedArgument, InputError
 from continuum_grasp.core import Batch, Core, Scan, differentiated_step, step_function, straight_function
 from continuum_grasp.scene import INTEGRATORS
 
@@ -199,7 +199,7 @@ def held_step(model: Any, method: str) -> ca.Function:
     Of methods that are written as calls of straight-line functions their derivatives are, too, so that the dynamics and
     its derivatives are compiled once instead of once per stage, in lanes.
     """
-    Argument("method", method).choice(METHODS)
+    CheckedArgument("method", method).choice(METHODS)
     dynamics = model.forward_dynamics
     sizes = {"x": model.nx, "u": model.nu, "w": model.nw, "p": model.np}
     symbols = {name: ca.MX.sym(name, size) for name, size in sizes.items()}

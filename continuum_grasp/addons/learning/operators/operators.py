@@ -12,7 +12,15 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from continuum_grasp.addons.learning.operators.derivatives import Operator, Recursion, RowFunction, held_step
-from continuum_grasp.base import Argument, Array, InputError, NumericalError, Summarized, check_arguments, install_line
+from continuum_grasp.base import (
+    Array,
+    CheckedArgument,
+    InputError,
+    NumericalError,
+    Summarized,
+    check_arguments,
+    install_line,
+)
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel, Remade, System
 from continuum_grasp.scene import INTEGRATORS
@@ -35,7 +43,7 @@ class Operators(Remade, Summarized, ABC):
         self._toolkit = toolkit(*self.TOOLKIT)
         self._names = type(model).function_names()
         self.model: Any = model
-        self.nonfinite = Argument("nonfinite", nonfinite).choice(("raise", "nan"))
+        self.nonfinite = CheckedArgument("nonfinite", nonfinite).choice(("raise", "nan"))
         self._core = Core(model, compiled=compiled)
         self._points: dict[str, RowFunction] = {}
         self._recursions: dict[str, Recursion] = {}
@@ -161,8 +169,8 @@ class Operators(Remade, Summarized, ABC):
             If a state is not finite, unless ``nonfinite`` is ``nan``.
         """
         model = self.model
-        steps, step = Argument("steps", steps).whole(), Argument("step", step).number()
-        substeps = Argument("substeps", substeps).whole()
+        steps, step = CheckedArgument("steps", steps).whole(), CheckedArgument("step", step).number()
+        substeps = CheckedArgument("substeps", substeps).whole()
         if x0 is None:
             raise InputError("expected an array, got None", key="x0")
         sizes = {"x0": model.nx, "u": model.nu, "w": model.nw, "p": model.np}
@@ -228,7 +236,7 @@ def _check_rollout(core: Core, method: str, raises: bool, arrays: Sequence[Array
     if not raises:
         return
     for name, array in (("x0", x0), ("u", u), ("w", w), ("p", p)):
-        Argument(name, array).array(finite=True)
+        CheckedArgument(name, array).array(finite=True)
     good = np.array(np.isfinite(states).all(axis=2))
     rows = np.flatnonzero(~good.all(axis=1))
     if not rows.size:
@@ -280,4 +288,4 @@ def toolkit(name: str, called: str) -> Any:
 
 def not_an_array(name: str, value: Any, expected: str) -> InputError:
     """The error about what is no array that a toolkit's operators take."""
-    return Argument(name, value).refused(f"expected {expected}")
+    return CheckedArgument(name, value).refused(f"expected {expected}")

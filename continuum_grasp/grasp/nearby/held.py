@@ -18,27 +18,26 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 from scipy.linalg import LinAlgError, LinAlgWarning, lstsq, solve
 
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.grasp import (
-    GraspAttempt,
-    GraspSolverRun,
-    GraspStart,
-    JointSolverRun,
-    support_contacts,
-    tension_weight,
-)
+from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp.problem.solver_run import GraspAttempt, GraspSolverRun
+from continuum_grasp.grasp.problem.values import tension_weight
+from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.starts.supports import support_contacts
+from continuum_grasp.grasp.starts.values import GraspStart
+from continuum_grasp.grasp.values import GraspStatus
 from continuum_grasp.model import Feature
 from continuum_grasp.scene import GraspScene
 
-Along = Callable[[float], GraspScene]
-"""Scenes along a direction of designs, by the distance from here."""
+if TYPE_CHECKING:
+    from continuum_grasp.grasp.robust.joint import JointSolverRun
 
 _REGULAR = 1e-11
 """Added to the Hessian [units of the problem]: directions of separating lines that do not matter have no curvature."""
@@ -67,8 +66,11 @@ class Stencil:
     scenes: tuple[GraspScene, ...]
 
     @classmethod
-    def of(cls, along: Along) -> Stencil:
-        """The first stencil whose scenes make sense: to both sides, else to one; InputError where there is none."""
+    def of(cls, along: Callable[[float], GraspScene]) -> Stencil:
+        """The first stencil whose scenes, by their distance from here, make sense: to both sides, else to one.
+
+        InputError where there is none.
+        """
         failures: list[InputError] = []
         for offsets, weights in _SHAPES:
             try:
@@ -118,6 +120,11 @@ class HeldGrasp:
         """Whether all of the scene's mass is held, so that more might be."""
         return self.quantities["payload"] > 0.98 * self.scene.object.mass
 
+    def result(self, message: str) -> GraspResult:
+        """The grasp as a result, with the mass that it holds."""
+        scene = with_mass(self.scene, self.quantities["payload"]) if self.relaxed else self.scene
+        return GraspResult(scene, GraspStatus.OPTIMAL, message, self.arrays, certify(scene, self.arrays))
+
     @property
     def nominal(self) -> Array:
         """The unknowns of the grasp without errors."""
@@ -126,6 +133,8 @@ class HeldGrasp:
     @property
     def acting(self) -> tuple[tuple[float, ...], ...]:
         """Errors and friction states that decide the grasp, as rows of `continuum_grasp.grasp.robust.errors`."""
+        from continuum_grasp.grasp.robust.joint import JointSolverRun
+
         if not isinstance(self.solver, JointSolverRun):
             return ()
         return tuple(sorted(tuple(error.tolist()) for error in self.solver.acting(self.attempt)))
@@ -144,6 +153,8 @@ class HeldGrasp:
         StructureChanges
             Scenes there have a grasp problem of another structure.
         """
+        if self.relaxed:
+            near = near.change(partial(with_mass, mass=self.scene.object.mass))
         contacts, spec = self.attempt.start.contacts, self.solver.problem.spec
         if not all(spec.fits(scene, contacts) for scene in near.scenes):
             raise StructureChanges("the grasp problem changes its structure here")
@@ -245,3 +256,8 @@ def moved_start(before: GraspScene, after: GraspScene, start: GraspStart) -> Gra
 
 def _finite(bounds: Array) -> Array:
     return np.where(np.isfinite(bounds), bounds, 0.0)
+
+
+def with_mass(scene: GraspScene, mass: float) -> GraspScene:
+    """The scene with an object of another mass [kg]."""
+    return scene.model_copy(update={"object": scene.object.model_copy(update={"mass": mass})})
