@@ -18,7 +18,7 @@ from benchmarks.grasp_oracle.truth import answers
 from benchmarks.grasp_outcomes import CLOSE, Outcome, outcome
 from benchmarks.harness import spread
 from benchmarks.report import REMARK, RESULTS, Report, arguments
-from continuum_grasp.base import cores
+from continuum_grasp.base import ProcessPool
 
 ONE = 1000
 """Answers of one finger that are looked at while the optimizer is worked on; those beyond are fresh."""
@@ -146,7 +146,7 @@ def main() -> None:
         count=(ONE, "most scenes of a kind"),
         seeds=([int], "these seeds alone"),
         efforts=([str], "other efforts too, of one finger", EFFORTS),
-        jobs=(cores(), "processes"),
+        jobs=(ProcessPool.cores(), "processes"),
         folder=(RESULTS, "where to write the reports"),
         remark=REMARK,
     )

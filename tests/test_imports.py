@@ -28,7 +28,7 @@ ALLOWED = {
         "model": "model scene",
         "core": "core model scene results",
         "nlp": "nlp core model scene",
-        "simulation": "simulation rod core model scene results",
+        "simulation": "simulation rod core model scene results plotting",
         "grasp": "grasp nlp rod core model scene results plotting",
         "control": "control nlp simulation core model scene",
         "closed_loop": "closed_loop nlp control simulation core model scene results",

@@ -29,7 +29,6 @@ from .labels import prefixed as prefixed
 from .labels import prefixes as prefixes
 from .labels import quoted as quoted
 from .labels import split_unit as split_unit
-from .labels import table as table
 from .shell import COMMAND as COMMAND
 from .shell import command_line as command_line
 from .shell import command_words as command_words
@@ -38,4 +37,3 @@ from .shell import install_line as install_line
 from .shell import quoted_line as quoted_line
 from .shell import tool_words as tool_words
 from .workers import ProcessPool as ProcessPool
-from .workers import cores as cores

@@ -82,7 +82,7 @@ class Summarized:
         return {}
 
     def __repr__(self) -> str:
-        return table(*self._summary())
+        return self.listed(*self._summary())
 
     def _repr_html_(self) -> str:
         from html import escape
@@ -93,6 +93,12 @@ class Summarized:
             for name, text in rows.items()
         )
         return f"<div><b>{escape(head)}</b><table>{cells}</table>{self._picture_html()}</div>"
+
+    @staticmethod
+    def listed(head: str, rows: Mapping[str, str]) -> str:
+        """Names and values below a line, so many at most."""
+        lines = [clipped(f"  {line}") for line in columns(list(rows.items()), (0, 1))]
+        return "\n".join([head, *lines[:_ROWS], *(["  ..."] if len(lines) > _ROWS else [])])
 
     def _shown_pairs(self) -> Mapping[str, str]:
         return self.pairs()
@@ -109,12 +115,6 @@ class Summarized:
             return kind, {"no summary": clipped(f"{type(error).__name__}: {error}")}
         # 600: characters of a value on a page, which breaks lines: a warning with its advice fits
         return clipped(f"{kind} {head}".strip()), {name: clipped(text, 600) for name, text in rows.items()}
-
-
-def table(head: str, rows: Mapping[str, str]) -> str:
-    """Names and values below a line, so many at most."""
-    lines = [clipped(f"  {line}") for line in columns(list(rows.items()), (0, 1))]
-    return "\n".join([head, *lines[:_ROWS], *(["  ..."] if len(lines) > _ROWS else [])])
 
 
 def columns(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> list[str]:

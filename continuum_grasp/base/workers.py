@@ -43,6 +43,11 @@ class ProcessPool:
         self._started: list[_Worker | None] = [None] * count
         self._prepared = (self._watched, start, arguments)
 
+    @staticmethod
+    def cores() -> int:
+        """Processor cores that this process may use."""
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
     def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Submit a task to an idle worker; one that died is replaced."""
         k = next(k for k, worker in enumerate(self._started) if worker is None or worker.busy.done())
@@ -90,11 +95,6 @@ class ProcessPool:
                 worker.pool.shutdown(wait=True, cancel_futures=True)
         self._alive.close()
         self._watched.close()
-
-
-def cores() -> int:
-    """Processor cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _prepare(watched: Connection, start: Callable[..., None] | None, arguments: tuple[Any, ...]) -> None:

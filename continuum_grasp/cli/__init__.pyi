@@ -4,4 +4,3 @@ from .options import OF_RUNS as OF_RUNS
 from .options import option as option
 from .options import verb as verb
 from .output import Output as Output
-from .progress import Progress as Progress

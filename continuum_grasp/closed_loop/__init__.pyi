@@ -13,7 +13,6 @@ from .readings import Readings as Readings
 from .result import ControlRun as ControlRun
 from .run import FingerLoop as FingerLoop
 from .run import run_closed_loop as run_closed_loop
-from .run import run_fingers as run_fingers
 from .shared_object import SharedModel as SharedModel
 from .tracking import missed_setpoints as missed_setpoints
 from .wiring import Wiring as Wiring

@@ -14,9 +14,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, named_value, split_unit
+from continuum_grasp.base import Array, named_value
 from continuum_grasp.control import Outputs, Prediction, Quantities
-from continuum_grasp.model import Memory, Remade, System, column, element_lengths, lag_names, lag_rates
+from continuum_grasp.model import Lag, Memory, Remade, System, column, element_lengths
 from continuum_grasp.scene import (
     FAMILIES,
     INTEGRATORS,
@@ -111,7 +111,7 @@ class PlantModel(Remade):
         self.object_parameters = ("object_mass", "friction_factor") if varies else tuple(object_parameters)
         self.system = self._system()
         self.u_names = tuple(self.system.u_names[: len(finger.input_keys)])
-        lagging = [lag_names(*split_unit(name), self._order) for name in self.u_names[: self._lags]]
+        lagging = [Lag(self._order).names(name) for name in self.u_names[: self._lags]]
         self.x_names = (*self.system.x_names, *(name for names in zip(*lagging, strict=True) for name in names))
         self.w_names = (*self.system.w_names, *([self.FALL] if falls else []))
         self.nx, self.nu, self.nw = len(self.x_names), len(self.u_names), len(self.w_names)
@@ -212,7 +212,7 @@ class PlantModel(Remade):
         if self._lag is None:
             return ca.SX(0, 1)
         states = ca.vertsplit(self._x[self.system.nx :], self._lags)
-        return column(lag_rates(states, self._u[: self._lags], self._time))
+        return column(Lag.rates(states, self._u[: self._lags], self._time))
 
     @cached_property
     def acting(self) -> ca.SX:

@@ -120,7 +120,7 @@ def run_closed_loop(
     tried = Plant(scene, model, control.period) if plant is None else plant
     rows = Setpoints.of(Outputs.of(scene.controller.cost, model), scene.reference, functions).rows
     loop = FingerLoop(scene, control, tried, rows)
-    (run,), error = run_fingers([loop], scene.duration, progress, began=began)
+    (run,), error = FingerLoop.run_together([loop], scene.duration, progress, began=began)
     if error is not None:
         error.result = run
         raise error
@@ -148,41 +148,41 @@ class FingerLoop(NamedTuple):
     rows: Callable[[Array], Array]
     phases: LoopPhases | None = None
 
+    @staticmethod
+    @interruptible()
+    def run_together(
+        loops: Sequence[FingerLoop],
+        duration: float,
+        progress: Callable[[float], None] | None = None,
+        *,
+        joint: SharedModel | None = None,
+        began: float | None = None,
+    ) -> tuple[list[ControlRun], NumericalError | Interrupted | None]:
+        """Let controllers of equal periods move their plants for a time [s], each by its own setpoints.
 
-@interruptible()
-def run_fingers(
-    loops: Sequence[FingerLoop],
-    duration: float,
-    progress: Callable[[float], None] | None = None,
-    *,
-    joint: SharedModel | None = None,
-    began: float | None = None,
-) -> tuple[list[ControlRun], NumericalError | Interrupted | None]:
-    """Let controllers of equal periods move their plants for a time [s], each by its own setpoints.
-
-    Returns the run of each finger, and what stopped them if anything did, which is not raised. ``joint`` has the
-    equations of plants that move together, where they exist already; ``began`` is when the making of what is given
-    began, by ``perf_counter`` [s].
-    """
-    started = perf_counter() if began is None else began
-    shared = SharedPlant([loop.plant for loop in loops], joint)
-    for loop in loops:
-        loop.control.reset(u=loop.plant.model.rest_input)
-    count = round(duration / loops[0].control.period)
-    code = shared.prepare(count)
-    made_s = perf_counter() - started
-    steps: list[list[_Step]] = []
-    first = [(loop.plant.t, loop.plant.x) for loop in loops]
-    error = _loop(loops, shared, steps, count, progress or (lambda share: None))
-    with interrupts_held(quietly=True) as pressed:
-        known = [_result(loop, first[k], [of[k] for of in steps], error is None) for k, loop in enumerate(loops)]
-        runs = []
-        for run, off in zip(known, _plant_errors(shared, known), strict=True):
-            of_plant = {"plant_code": str(code), "plant_error_m": off, "made_s": made_s}
-            runs.append(replace(run, statistics={**run.statistics, **of_plant}))
-    if pressed() and error is None:
-        error = Interrupted("interrupted after the end of the run")
-    return runs, error
+        Returns the run of each finger, and what stopped them if anything did, which is not raised. ``joint`` has the
+        equations of plants that move together, where they exist already; ``began`` is when the making of what is given
+        began, by ``perf_counter`` [s].
+        """
+        started = perf_counter() if began is None else began
+        shared = SharedPlant([loop.plant for loop in loops], joint)
+        for loop in loops:
+            loop.control.reset(u=loop.plant.model.rest_input)
+        count = round(duration / loops[0].control.period)
+        code = shared.prepare(count)
+        made_s = perf_counter() - started
+        steps: list[list[_Step]] = []
+        first = [(loop.plant.t, loop.plant.x) for loop in loops]
+        error = _loop(loops, shared, steps, count, progress or (lambda share: None))
+        with interrupts_held(quietly=True) as pressed:
+            known = [_result(loop, first[k], [of[k] for of in steps], error is None) for k, loop in enumerate(loops)]
+            runs = []
+            for run, off in zip(known, _plant_errors(shared, known), strict=True):
+                of_plant = {"plant_code": str(code), "plant_error_m": off, "made_s": made_s}
+                runs.append(replace(run, statistics={**run.statistics, **of_plant}))
+        if pressed() and error is None:
+            error = Interrupted("interrupted after the end of the run")
+        return runs, error
 
 
 def _loop(

@@ -89,6 +89,8 @@ class ControlParts:
 
     changeable: ClassVar[tuple[Changeable, ...]] = CHANGEABLE
     reported: ClassVar[tuple[Reported, ...]] = REPORTED
+    diagnosis: ClassVar[tuple[Reported, ...]] = tuple(number for number in REPORTED if number.exported)
+    """Numbers of the last call of a controller, by their names ``exported``."""
 
     stages: Stages
     calls: ControllerCalls

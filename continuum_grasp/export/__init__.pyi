@@ -1,7 +1,5 @@
-from .build import check_tools as check_tools
+from .build import WebAssembly as WebAssembly
 from .build import strict_flags as strict_flags
-from .build import wasm_module as wasm_module
-from .control.loop import DIAGNOSIS as DIAGNOSIS
 from .control.loop import ExportedPhases as ExportedPhases
 from .fields import Field as Field
 from .fields import fill as fill

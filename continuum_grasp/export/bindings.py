@@ -6,7 +6,7 @@ import json
 import math
 from pprint import pformat
 
-from continuum_grasp.export.control.loop import DIAGNOSIS
+from continuum_grasp.control import ControlParts
 from continuum_grasp.export.control.source import ANOMALIES
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.part import Call, Stateful
@@ -21,7 +21,7 @@ def _interface(contents: Contents) -> dict[str, object]:
     words = contents.words
     structs = {s.name: [[f.name, list(f.shape), "real", f.unit] for f in s.fields] for s in contents.structs}
     if any(function.types[0] == "controller" for function in contents.stateful):
-        structs["diagnosis"] = [[number.exported, [], number.kind, number.text] for number in DIAGNOSIS]
+        structs["diagnosis"] = [[number.exported, [], number.kind, number.text] for number in ControlParts.diagnosis]
     return {
         "real": contents.subject.real.name,
         "abi": int(words["abi"][:-1], 16),

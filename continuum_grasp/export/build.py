@@ -72,26 +72,35 @@ _WASM = ("--target=wasm32", "-nostdlib", "-std=c99", "-O2", "-ffp-contract=off",
 _LINKED = ("-Wl,--no-entry", "-Wl,--strip-all")
 
 
-def wasm_module(files: Mapping[str, str], exports: Sequence[str]) -> bytes:
-    """A module of C files and headers by their names, with functions that it exports; from the cache where it is there.
+class WebAssembly:
+    """Modules of WebAssembly, and the programs that make them."""
 
-    Sources are compiled side by side, on all processors.
-    """
-    files = {**files, **{name: fill(f"wasm/{name}", {}) for name in ("string.h", "string.c")}}
-    linked = [*_LINKED, *(f"-Wl,--export={name}" for name in exports)]
-    version = f"{shutil.which('clang')} {version_of('clang')}"
+    @staticmethod
+    def check_tools(needed: str) -> None:
+        """Refuse where a program is missing; ``needed`` says what they are for, with braces in their place."""
+        check_tools(("clang", "wasm-ld"), needed, "clang lld")
 
-    def build(work: Path) -> Path:
-        write_files(work, files)
-        sources = [name for name in files if name.endswith(".c")]
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(lambda name: clang(work, "-I.", "-c", name, "-o", f"{name}.o"), sources))
-        clang(work, *linked, *(f"{name}.o" for name in sources), "-o", "module.wasm")
-        (work / "module.wasm").chmod(0o600)
-        return work / "module.wasm"
+    @staticmethod
+    def module(files: Mapping[str, str], exports: Sequence[str]) -> bytes:
+        """A module of C files and headers by their names, with functions that it exports; cached.
 
-    identity = "\0".join([version, *_WASM, *linked, *(part for item in sorted(files.items()) for part in item)])
-    return Cache(suffix=".wasm").entry(identity, build, version).read_bytes()
+        Sources are compiled side by side, on all processors.
+        """
+        files = {**files, **{name: fill(f"wasm/{name}", {}) for name in ("string.h", "string.c")}}
+        linked = [*_LINKED, *(f"-Wl,--export={name}" for name in exports)]
+        version = f"{shutil.which('clang')} {version_of('clang')}"
+
+        def build(work: Path) -> Path:
+            write_files(work, files)
+            sources = [name for name in files if name.endswith(".c")]
+            with ThreadPoolExecutor(os.cpu_count()) as pool:
+                list(pool.map(lambda name: clang(work, "-I.", "-c", name, "-o", f"{name}.o"), sources))
+            clang(work, *linked, *(f"{name}.o" for name in sources), "-o", "module.wasm")
+            (work / "module.wasm").chmod(0o600)
+            return work / "module.wasm"
+
+        identity = "\0".join([version, *_WASM, *linked, *(part for item in sorted(files.items()) for part in item)])
+        return Cache(suffix=".wasm").entry(identity, build, version).read_bytes()
 
 
 def clang(folder: Path, *arguments: str) -> str:

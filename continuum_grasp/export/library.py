@@ -15,7 +15,7 @@ from continuum_grasp.control import Stages
 from continuum_grasp.core import CReal
 from continuum_grasp.export.accuracy import Report
 from continuum_grasp.export.bindings import wasm_exports, wasm_files
-from continuum_grasp.export.build import clang, wasm_module, write_files
+from continuum_grasp.export.build import WebAssembly, clang, write_files
 from continuum_grasp.export.control.loop import ExportedPhases, Loop
 from continuum_grasp.export.fields import Field
 from continuum_grasp.export.layer import Contents, add_sizes, library_files
@@ -108,7 +108,7 @@ class WasmController:
 
     def module(self) -> bytes:
         """Compile it."""
-        return wasm_module(self._files, ["__heap_base", *wasm_exports(self._contents)])
+        return WebAssembly.module(self._files, ["__heap_base", *wasm_exports(self._contents)])
 
     @cached_property
     def plan(self) -> tuple[int, int]:

@@ -1,5 +1,4 @@
-from .actuation import lag_names as lag_names
-from .actuation import lag_rates as lag_rates
+from .actuation import Lag as Lag
 from .cables import soft as soft
 from .contact_law import TouchLaw as TouchLaw
 from .contacts import Contacts as Contacts

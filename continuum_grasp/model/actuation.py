@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
+from continuum_grasp.base import split_unit
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene import Channel, Finger
 
@@ -34,18 +35,25 @@ class InputLayout:
         return [f"{name}{word} [{unit}{per}]" for word, per in derivatives for name, unit in entries]
 
 
-def lag_names(name: str, unit: str, order: int) -> list[str]:
-    return [f"{name} [{unit}]", f"{name}_rate [{unit}/s]"][:order]
+class Lag(NamedTuple):
+    """A lag behind commands, of first order, or a critically damped one of second order."""
 
+    order: int
 
-def lag_rates(states: Sequence[Any], commanded: Any, time_constant: Any) -> list[Any]:
-    """Rates of the states of a lag, of first order, or a critically damped one of second order; none without it."""
-    if time_constant is None or not states:
-        return []
-    pole, (value, *rates) = 1.0 / time_constant, states
-    if not rates:
-        return [pole * (commanded - value)]
-    return [*rates, pole**2 * (commanded - value) - 2.0 * pole * rates[0]]
+    def names(self, label: str) -> list[str]:
+        """Names of its states, by the label of what it drives, ``"name [unit]"``."""
+        name, unit = split_unit(label)
+        return [f"{name} [{unit}]", f"{name}_rate [{unit}/s]"][: self.order]
+
+    @staticmethod
+    def rates(states: Sequence[Any], commanded: Any, time_constant: Any) -> list[Any]:
+        """Rates of its states; none without it."""
+        if time_constant is None or not states:
+            return []
+        pole, (value, *rates) = 1.0 / time_constant, states
+        if not rates:
+            return [pole * (commanded - value)]
+        return [*rates, pole**2 * (commanded - value) - 2.0 * pole * rates[0]]
 
 
 @dataclass(frozen=True)

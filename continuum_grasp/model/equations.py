@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.model.acting import Acting
-from continuum_grasp.model.actuation import Drive, lag_rates
+from continuum_grasp.model.actuation import Drive, Lag
 from continuum_grasp.model.chain import Chain, ChainPlace, Load
 from continuum_grasp.model.contacts import Contacts
 from continuum_grasp.model.family import RodProperties
@@ -84,7 +84,7 @@ class Equations:
         for source, [(asked, _), *_] in zip(self._structure.sources, self.amplitudes, strict=True):
             states = list(islice(lag_states, source.lags))
             time = self._par["drive_time_constant"] if runtime else source.time_constant
-            lagging.append((states, lag_rates(states, asked, time)))
+            lagging.append((states, Lag.rates(states, asked, time)))
         return lagging
 
     @cached_property

@@ -13,7 +13,7 @@ from typing import TypedDict
 import numpy as np
 
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.model.actuation import InputLayout, MomentSource, lag_names
+from continuum_grasp.model.actuation import InputLayout, Lag, MomentSource
 from continuum_grasp.model.chain import ChainPlace
 from continuum_grasp.model.family import Family, Mesh
 from continuum_grasp.model.laws import laws_of
@@ -474,5 +474,5 @@ class Structure:
             if source.lags and (source.tendon is not None or source.chamber):
                 # A tension or a pressure of its own: that of an input.
                 _, name, unit, *_ = self.finger.inputs[np.flatnonzero(source.arms)[0]]
-            names += lag_names(name, unit, source.lags)
+            names += Lag(source.lags).names(f"{name} [{unit}]")
         return names

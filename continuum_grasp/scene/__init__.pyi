@@ -26,7 +26,6 @@ from .cost import Weight as Weight
 from .document import Document as Document
 from .document import KeyPath as KeyPath
 from .document import refuse_what_is_no_file as refuse_what_is_no_file
-from .drives import DriveLaw as DriveLaw
 from .drives import LengthDrive as LengthDrive
 from .drives import MotorDrive as MotorDrive
 from .drives import Pull as Pull
@@ -124,10 +123,8 @@ from .units import Unit as Unit
 from .units import to_si as to_si
 from .value import SAME as SAME
 from .value import Configuration as Configuration
-from .value import Distance as Distance
 from .value import Duration as Duration
 from .value import Extent as Extent
-from .value import Friction as Friction
 from .value import Interval as Interval
 from .value import Length as Length
 from .value import ListOf as ListOf

@@ -24,7 +24,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from continuum_grasp.base import InputError, table
+from continuum_grasp.base import InputError, Summarized
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.units import Unit
 
@@ -177,7 +177,7 @@ class Value(BaseModel):
         text = _written(self)
         if len(text) <= _SHORT:
             return text
-        return table(type(self).__name__, {name: _written(value) for name, value in self.stated().items()})
+        return Summarized.listed(type(self).__name__, {name: _written(value) for name, value in self.stated().items()})
 
     __str__ = __repr__
 

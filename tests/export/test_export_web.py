@@ -23,7 +23,7 @@ from continuum_grasp.addons.web.plant import PUSHED, plant_of_loop, plant_of_sce
 from continuum_grasp.addons.web.record import loop_record, trajectory_record
 from continuum_grasp.base import InputError
 from continuum_grasp.closed_loop import Plant
-from continuum_grasp.export import wasm_module
+from continuum_grasp.export import WebAssembly
 from continuum_grasp.results import MotionResult
 from tests.export_cases import loop_scene, needs
 
@@ -148,7 +148,7 @@ def test_a_hand_pushes_where_it_is(release, tmp_path):
 def test_the_same_bits_in_webassembly(tmp_path):
     plant = plant_of_scene(cg.load("configs/simulate/close_on_mug.yaml"))
     library, arrays = native(plant, tmp_path)
-    (tmp_path / "plant.wasm").write_bytes(wasm_module({"plant.c": plant.source}, plant_exports(plant)))
+    (tmp_path / "plant.wasm").write_bytes(WebAssembly.module({"plant.c": plant.source}, plant_exports(plant)))
     (tmp_path / "run.mjs").write_text(
         """
 import { readFile } from "node:fs/promises";

@@ -80,7 +80,7 @@ def test_pulled_and_released_tendons_are_those_of_the_free_rod(friction, way):
     other = TendonFriction(setup, mirrored, -cells.states)
     np.testing.assert_allclose(other.shares(-OFFSET, shape.joints), cells.shares(OFFSET, shape.joints), rtol=1e-12)
     # Wound up: the path and the elongation, the integral of T / EA = theta EI / (e EA).
-    wound = WoundTendons(setup, setup.drive, shape, np.array([tension, 0.0]), cells).wound[0]
+    wound = WoundTendons(setup, shape, np.array([tension, 0.0]), cells).wound[0]
     assert wound == pytest.approx(bend * (OFFSET + EI / (OFFSET * AXIAL)) + tension / SERIES, rel=2e-4)
     if way > 0.0 and friction == 0.1:
         assert wound == pytest.approx(13.8255721e-3, rel=2e-4)
@@ -121,7 +121,7 @@ def wound(drive, tensions, rod=None, bends=(0.5 * BEND, 0.5 * BEND)):
     values = {"finger": {"q": np.array(bends), "tensions": tensions}}
     scene, arrays = cases.apart(cases.make_finger(rod=rod, tendons=tendons), values, family="arc")
     (setup,) = scene.setups
-    return WoundTendons(setup, setup.drive, FingerShape(setup, arrays), np.array(tensions), None)
+    return WoundTendons(setup, FingerShape(setup, arrays), np.array(tensions), None)
 
 
 GEAR = {"backlash": 0.02, "gear_stiffness": 5.0}

@@ -9,12 +9,13 @@ from typing import Any
 
 from continuum_grasp.addons.fmu.variable import UnitContents, Variable, count, variables_of
 from continuum_grasp.addons.mission import AssignedMission, MissionRun
-from continuum_grasp.export import DIAGNOSIS, Field, Library, PackageOptions, strict_flags
+from continuum_grasp.control import ControlParts
+from continuum_grasp.export import Field, Library, PackageOptions, strict_flags
 from continuum_grasp.scene import ControlScene
 
-_COUNTS = [number.exported for number in DIAGNOSIS if number.kind != "real"]
-_REALS = [number.exported for number in DIAGNOSIS if number.kind == "real"]
-_TEXTS = {number.exported: number.text for number in DIAGNOSIS}
+_COUNTS = [number.exported for number in ControlParts.diagnosis if number.kind != "real"]
+_REALS = [number.exported for number in ControlParts.diagnosis if number.kind == "real"]
+_TEXTS = {number.exported: number.text for number in ControlParts.diagnosis}
 _EVENTS = {
     "release": "above 0.5: let the object go, lowered first where it was lifted",
     "abort": "above 0.5: open at once, wherever the object is",

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from continuum_grasp.addons.identification.comparison import Predicted
     from continuum_grasp.addons.identification.experiments import ExperimentPlan
     from continuum_grasp.addons.identification.fit import Fit
-    from continuum_grasp.cli import Progress
     from continuum_grasp.scene import FingerScene, Scene
 
 
@@ -156,7 +155,7 @@ def _written(scene: FingerScene, folder: Path, config: Path) -> Path:
     return write_text(yaml_text({"schema_version": 1, **plain}, exact=True), folder / f"{config.stem}_identified.yaml")
 
 
-def show_plan(design: Callable[[Progress], ExperimentPlan], output: Output) -> ExperimentPlan:
+def show_plan(design: Callable[[Callable[[float], None]], ExperimentPlan], output: Output) -> ExperimentPlan:
     """Design experiments that show unknowns, save and print them."""
     plan, files = output.run("designing", design)
     output.warn(plan.warnings)

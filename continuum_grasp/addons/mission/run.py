@@ -23,11 +23,10 @@ from continuum_grasp.base import (
     Interrupted,
     ProcessPool,
     check_arguments,
-    cores,
     interruptible,
     interrupts_held,
 )
-from continuum_grasp.closed_loop import FingerLoop, SharedModel, run_fingers
+from continuum_grasp.closed_loop import FingerLoop, SharedModel
 from continuum_grasp.control import Controller
 from continuum_grasp.grasp import GraspResult
 from continuum_grasp.scene import scene_of
@@ -110,7 +109,8 @@ class MissionRunner:
             plant = MissionPlant(assignment, check.timetable, control.prediction, asked, model)
             plan = check.schedule(k, control.stages)
             loops.append(FingerLoop(assignment.control, control, plant, plan.rows, plan))
-        runs, error = run_fingers(loops, plan.duration, progress, joint=self._shared)  # all last equally long
+        # All last equally long.
+        runs, error = FingerLoop.run_together(loops, plan.duration, progress, joint=self._shared)
         # Ctrl-C at the very end: the verdict is whole, and comes with the exception.
         with interrupts_held(quietly=True) as pressed:
             by_finger = zip(self.assignments, runs, strict=True)
@@ -203,7 +203,7 @@ def run_trials(
     """
     mission = scene_of(scene, MissionScene)
     drawn = variations(mission.trials)
-    count = min(cores() if jobs is None else jobs, len(drawn))
+    count = min(ProcessPool.cores() if jobs is None else jobs, len(drawn))
     if count < 1:
         raise InputError(f"expected one process at least, got {jobs}", key="jobs")
     assignments = assign(mission, grasp)

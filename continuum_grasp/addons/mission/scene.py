@@ -14,11 +14,9 @@ from continuum_grasp.scene import (
     Configuration,
     Consumer,
     ContactLaw,
-    Distance,
     Duration,
     EstimatorSettings,
     Extent,
-    Friction,
     GraspScene,
     Horizon,
     Length,
@@ -185,7 +183,7 @@ class Trials(Value):
     friction_fall: Annotated[float, Field(ge=0.0, lt=1.0, examples=[0.3, "30 %"]), Unit("1")] = 0.0
     """Share by which friction between finger, object and supports falls in the middle of the hold, on all plants
     [1]."""
-    position: Distance = 0.001
+    position: Annotated[NonNegative, Unit("m")] = 0.001
     """Range of each coordinate of where the object stands [m]."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the random numbers; equal seeds give equal plants."""
@@ -249,9 +247,9 @@ class MissionScene(Configuration):
     """Greatest tension of the drives [N], where the grasp keeps some in reserve; None: that of the grasp."""
     object_mass: Annotated[Positive, Unit("kg")] | None = None
     """Mass of the object in the plant [kg]; None: that of the grasp."""
-    table_friction: Friction = 0.3
+    table_friction: Annotated[NonNegative, Unit("1"), Field(examples=[0.5])] = 0.3
     """Friction coefficient between the object and the table on which it stands until it is held [1]."""
-    table_friction_radius: Annotated[Distance, Field(examples=[0.02, "20 mm"])] = 0.0
+    table_friction_radius: Annotated[NonNegative, Unit("m"), Field(examples=[0.02, "20 mm"])] = 0.0
     """Greatest moment of the table's friction against turning, per its greatest friction force [m]; see
     ``table.friction_radius`` of closed loops. 0: the object turns freely on the table."""
     turn: Turn | None = None

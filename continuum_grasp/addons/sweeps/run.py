@@ -35,7 +35,6 @@ from continuum_grasp.base import (
     ProcessPool,
     SolverError,
     check_arguments,
-    cores,
     interruptible,
 )
 from continuum_grasp.results import begin_run
@@ -274,7 +273,7 @@ def _pool(executor: Executor | None, scheduler: str | None, count: int | None) -
     if scheduler is not None:
         return dask_pool(scheduler)
     if executor is None:
-        return nullcontext(ProcessPool(count or cores()))
+        return nullcontext(ProcessPool(count or ProcessPool.cores()))
     # Executors of the standard library have their number under this name.
-    known = count or getattr(executor, "_max_workers", None) or cores()
+    known = count or getattr(executor, "_max_workers", None) or ProcessPool.cores()
     return nullcontext(ExecutorPool(executor, lambda: known))

@@ -23,7 +23,7 @@ from continuum_grasp.addons.web.record import RecordedStates, loop_record, round
 from continuum_grasp.base import Array, InputError, check_arguments, interruptible, split_unit
 from continuum_grasp.closed_loop import ControlRun, PlantModel, Sensors
 from continuum_grasp.control import Stages
-from continuum_grasp.export import ModelFields, WasmController, check_file, check_tools, fill, wasm_module
+from continuum_grasp.export import ModelFields, WasmController, WebAssembly, check_file, fill
 from continuum_grasp.model import System
 from continuum_grasp.results import write_text
 from continuum_grasp.scene import ControlScene, Finger, Scene, Tendon, scene_of
@@ -128,7 +128,7 @@ def page_of(
 
     ``plant_model`` is the plant of a closed loop where it is not the scene's, ``mission`` what the controller does.
     """
-    check_tools(("clang", "wasm-ld"), _NEEDED, "clang lld")
+    WebAssembly.check_tools(_NEEDED)
     modules: dict[str, Future[bytes]] = {}
     stages, controller, wrapper = None, None, ""
     with ThreadPoolExecutor() as pool:
@@ -141,7 +141,7 @@ def page_of(
             controller = _controller(scene, wasm, sensors) | {"mission": _mission(wasm, mission, plant)}
         else:
             plant = plant_of_scene(scene)
-        modules["plant"] = pool.submit(wasm_module, {"plant.c": plant.source}, plant_exports(plant))
+        modules["plant"] = pool.submit(WebAssembly.module, {"plant.c": plant.source}, plant_exports(plant))
         played = None if record is None else record(plant, stages)
         if controller is not None and played is not None and played.reference is not None:
             controller["reference"] |= {"dt": played.dt, "rows": played.reference}

@@ -14,7 +14,7 @@ from continuum_grasp.control.ocp.control_problem import ControlProblem
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.stages import Scenarios, Stages
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.scene import INTEGRATORS, ControllerSettings, ControlScene
+from continuum_grasp.scene import INTEGRATORS, ControlScene
 
 _TARGET = 1.5
 """Product of substep and fastest rate [1]: RK4 is stable up to 2.6 to 2.8, and the rate is that of sampled shapes
@@ -109,7 +109,7 @@ def problem_of(scene: ControlScene, model: Prediction) -> ControlProblem:
     plants = scenarios_of(scene, model)
     nominal = np.array(model.p_nominal)
     parameters = [nominal] if plants is None else list(plants.scale * nominal + plants.shift)
-    method, substeps = _integration(scene.controller, model, least, greatest, parameters)
+    method, substeps = _integration(scene, model, least, greatest, parameters)
     return ControlProblem(
         states=model.x,
         inputs=model.u,
@@ -129,12 +129,12 @@ def problem_of(scene: ControlScene, model: Prediction) -> ControlProblem:
 
 
 def _integration(
-    asked: ControllerSettings, model: Prediction, u_min: Array, u_max: Array, parameters: list[Array]
+    scene: ControlScene, model: Prediction, u_min: Array, u_max: Array, parameters: list[Array]
 ) -> tuple[str, int]:
     """Choose method and steps per stage; where the scene has ``auto`` from the stiffness, the greatest of all
     parameters (np). Rounding adds no step.
     """
-    horizon = asked.horizon
+    asked, horizon = scene.controller, scene.controller.horizon
     # An implicit step per control period: what its user takes as short beside the finger's motion.
     per_stage = math.ceil(horizon.stage / asked.step - 1e-9)
     # Longest implicit step in which no contact closes, from touching to a firm press, within one stage of it.

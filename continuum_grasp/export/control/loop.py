@@ -25,9 +25,6 @@ from continuum_grasp.export.control.kernels import Adapter, adapters_of
 from continuum_grasp.export.fields import Field, Struct, identifiers, unit_of
 from continuum_grasp.scene import ControlScene
 
-DIAGNOSIS = tuple(number for number in ControlParts.reported if number.exported)
-"""Numbers of the last call of a controller, by their names ``exported``."""
-
 
 class ExportedPhases(NamedTuple):
     """Phases of a finger's mission.

@@ -14,10 +14,11 @@ from numpy.typing import ArrayLike
 from continuum_grasp import __version__
 from continuum_grasp.control import (
     Anomaly,
+    ControlParts,
     template,
 )
 from continuum_grasp.core import TOKEN, CReal, CSource
-from continuum_grasp.export.control.loop import DIAGNOSIS, Loop
+from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import each_once, fill, identifiers
 from continuum_grasp.export.strict_math import c_source
 
@@ -229,7 +230,8 @@ class _Writer:
             "setpoints": [*enumerate(loop.reference.fields)],
             "disturbances": loop.start.size - loop.stages.nd,
             "diagnosis": [
-                (f"{p}_real" if n.kind == "real" else n.kind, n.exported, n.text, n.place) for n in DIAGNOSIS
+                (f"{p}_real" if n.kind == "real" else n.kind, n.exported, n.text, n.place)
+                for n in ControlParts.diagnosis
             ],
             "width": self.real.width,
             "missing": self.real.bit_pattern(quiet_nan),

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.friction import TendonFriction, cell_nodes, friction_of
 from continuum_grasp.grasp.shape import FingerShape
-from continuum_grasp.scene import DriveLaw, FingerSetup, MotorDrive
+from continuum_grasp.scene import FingerSetup, MotorDrive
 
 LEAST_PULL = 1e-6
 """Tension above which a tendon counts as in tension, per greatest tension."""
@@ -38,9 +38,11 @@ class WoundTendons:
     """The two tendons of a finger and the drives that wind them up; tensions (2,) are at the drives [N]."""
 
     def __init__(
-        self, setup: FingerSetup, law: DriveLaw, shape: FingerShape, tensions: Array, friction: TendonFriction | None
+        self, setup: FingerSetup, shape: FingerShape, tensions: Array, friction: TendonFriction | None
     ) -> None:
-        self.law, self.tensions, self._most = law, tensions, setup.tendons.max_tension
+        if setup.drive is None:
+            raise ValueError(f"{setup.name} has no drives that wind up its tendons")
+        self.law, self.tensions, self._most = setup.drive, tensions, setup.tendons.max_tension
         self._shape, self._friction = shape, friction
 
     @cached_property
@@ -161,8 +163,8 @@ class StoredFinger:
         self.tensions, self.base = (np.asarray(arrays[f"{self.name}.{k}"], dtype=float) for k in ("tensions", "base"))
         # Of states that are stored, or of pulling from the straight finger on; None without friction.
         self.friction, self.dry = friction_of(setup, self.shape, arrays.get(f"{self.name}.friction_states"))
-        law = setup.drive
-        self.wound = None if law is None else WoundTendons(setup, law, self.shape, self.tensions, self.friction)
+        winds = setup.drive is not None
+        self.wound = WoundTendons(setup, self.shape, self.tensions, self.friction) if winds else None
 
 
 def _softened(length: Array, onset: float) -> Array:

@@ -95,7 +95,7 @@ class AccuracyReport(Result):
         File("accuracy.json", "continuum_grasp.simulation.accuracy.report:AccuracyReport.table_json"),
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
-        Picture("accuracy", "continuum_grasp.plotting.accuracy:plot_accuracy", panels=True),
+        Picture("accuracy", "continuum_grasp.simulation.accuracy.pictures:plot_accuracy", panels=True),
     )
 
     scene: Scene

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.addons.learning.environments.plants import Plants
-from continuum_grasp.base import Array, InputError, split_unit
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.control import UNLIMITED, measurement_range
 from continuum_grasp.core import Compiler, CSource, Template
-from continuum_grasp.model import lag_names
+from continuum_grasp.model import Lag
 
 STATE = "state"
 """Sensor that reads the whole state of the plant, exactly and at once."""
@@ -229,6 +229,6 @@ def state_bounds(plants: Plants, radius: float) -> Array:
     for name, least, most in zip(model.u_names, *scenes[0].input_limits, strict=True):
         # Of a critically damped lag of time T under commands that jump: range / (e T), at most.
         rate = (most - least) / (math.e * fastest)
-        ranges |= zip(lag_names(*split_unit(name), 2), ((least, most), (-rate, rate)), strict=True)
+        ranges |= zip(Lag(2).names(name), ((least, most), (-rate, rate)), strict=True)
     bounds[system.nx :] = np.reshape([ranges[name] for name in model.x_names[system.nx :]], (-1, 2))
     return bounds

@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.plotting.drawing.style import Color
-from continuum_grasp.plotting.drawing.styled_axes import StyledAxes, new_figure
+from continuum_grasp.plotting import Color, StyledAxes, new_figure
 from continuum_grasp.scene import FAMILIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from continuum_grasp.simulation import AccuracyReport
+    from continuum_grasp.simulation.accuracy.report import AccuracyReport
 
 _LOOKS = ((Color.BLUE, "o"), (Color.GREEN, "s"), (Color.ORANGE, "D"), (Color.INK, "^"))
 """Color and marker of the families, in the order of their table."""
