@@ -26,7 +26,7 @@ from benchmarks.grasp_oracle.search import Search
 from benchmarks.grasp_outcomes import solved
 from benchmarks.harness import spread
 from benchmarks.report import Report, begun
-from continuum_grasp.base import cores
+from continuum_grasp.base import ProcessPool
 from continuum_grasp.scene import GraspScene
 
 EQUAL, LITTLE, WORSE = 1e-6, 1e-6, 1e-2
@@ -146,7 +146,7 @@ def main() -> None:
         effort=(["normal"], "quick, normal, thorough"),
         images=(tuple(IMAGES), ""),
         rows=(Path, "record to go on with; by default one in the folder"),
-        jobs=(cores(), "processes"),
+        jobs=(ProcessPool.cores(), "processes"),
     )
     counts = dict.fromkeys(asked.kind, asked.count)
     if asked.population is not None:
