@@ -27,7 +27,7 @@ from benchmarks.grasp_oracle.rod import trace
 from benchmarks.grasp_oracle.scenes import digest, scene_of
 from benchmarks.grasp_oracle.search import Search
 from benchmarks.report import arguments
-from continuum_grasp.base import ProcessPool, cores
+from continuum_grasp.base import ProcessPool
 
 FOLDER = Path(__file__).with_name("answers")
 SAVED = 20.0
@@ -133,7 +133,7 @@ def main() -> None:
         __doc__,
         kind=(..., "", sorted({*KINDS, *SHAPES})),
         count=(int, "answers of the kind; what is stored"),
-        jobs=(cores(), "processes"),
+        jobs=(ProcessPool.cores(), "processes"),
     )
     if asked.kind in KINDS:
         add(asked.kind, asked.count or KINDS[asked.kind][1], asked.jobs)

@@ -7,13 +7,13 @@ from .accuracy.report import accuracy_report as accuracy_report
 from .accuracy.space import refined as refined
 from .contacts import ContactHistory as ContactHistory
 from .initial import initial_state as initial_state
+from .linearized import poles as poles
 from .replay import scene_under as scene_under
 from .run import integrate as integrate
 from .signals import Signals as Signals
 from .signals import interpolate as interpolate
 from .slack import SlackTime as SlackTime
 from .slack import TensionLimit as TensionLimit
-from .spectrum import poles as poles
 from .spectrum import spectral_radius as spectral_radius
 from .static_shape import Equilibrium as Equilibrium
 from .statics import equilibrium_path as equilibrium_path

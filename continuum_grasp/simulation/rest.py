@@ -22,8 +22,8 @@ from continuum_grasp.base import Array, CheckedArgument, InputError, SolverError
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Actuation, LengthDrive, Load, Scene
+from continuum_grasp.simulation.linearized import damping_matrix, in_mass_metric, poles
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric, poles
 
 LOST = 3.0
 """Multiple of the declared bending range beyond which the model means nothing."""

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Iterator
 from itertools import chain, product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.base import Array
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel, System
+from continuum_grasp.simulation.linearized import damping_matrix, slope_matrix
 
 _EVEN, _EXTREME = 12, 6
 """States that are spread evenly over a motion, and those of greatest force or fastest friction [1]."""
@@ -116,7 +116,7 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array, qd: Arra
             mass, stiffness = core.mass_matrix(shape, u, p), core.statics(shape, u, w, p)[1]
             usable = np.all(np.isfinite(mass)) and np.linalg.cond(mass) * np.finfo(float).eps <= 1.0
             damping = damping_matrix(core, shape, u, p, rates)
-            yield _slope(mass, stiffness, damping) if usable else np.full_like(mass, np.inf)
+            yield slope_matrix(mass, stiffness, damping) if usable else np.full_like(mass, np.inf)
 
     return float(max([_radius(slopes()), *(1.0 / lag for lag in lags)]))
 
@@ -160,29 +160,3 @@ def grows(core: Core, method: str, q: Array, u: Array, w: Array, p: Array, step:
         if np.abs(np.linalg.eigvals(factors)).max() > (1.0 + _ROUGH) * true:
             return True
     return False
-
-
-def poles(mass: Array, stiffness: Array, damping: Array) -> NDArray[np.inexact]:
-    """Eigenvalues (2 n,) [1/s] of the linearized motion M qdd + D qd + K q = 0."""
-    return np.linalg.eigvals(_slope(mass, stiffness, damping))
-
-
-def _slope(mass: Array, stiffness: Array, damping: Array) -> Array:
-    """Matrix A of the motion d(q, qd)/dt = A (q, qd)."""
-    lower = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
-    return np.vstack([np.hstack([np.zeros_like(mass), np.eye(len(mass))]), lower])
-
-
-def in_mass_metric(mass: Array, stiffness: Array) -> tuple[Array, Array, bool]:
-    """Root R with R M R' = 1, the stiffness R K R', and whether that is symmetric."""
-    root = np.linalg.inv(np.linalg.cholesky(mass))
-    scaled = root @ stiffness @ root.T
-    # Following loads and tendon friction make it unsymmetric, by far more than rounding.
-    return root, scaled, bool(np.abs(scaled - scaled.T).max() <= 1e-9 * np.abs(scaled).max())
-
-
-def damping_matrix(core: Core, q: Array, u: Array, p: Array, qd: Array | None = None) -> Array:
-    """Damping forces per rate of the coordinates (n, n) at rates qd (n,), zero where not given."""
-    x = np.zeros(core.model.nx)
-    x[: 2 * len(q)] = np.concatenate([q, np.zeros_like(q) if qd is None else qd])
-    return np.asarray(core.internal(x, u, p)[2])

@@ -22,8 +22,8 @@ from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel, Memory
 from continuum_grasp.results import Dimension, Picture, Result, Stored
 from continuum_grasp.scene import Scene
+from continuum_grasp.simulation.linearized import damping_matrix, in_mass_metric
 from continuum_grasp.simulation.slack import least_pull
-from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric
 from continuum_grasp.simulation.static_shape import Equilibrium
 from continuum_grasp.simulation.statics import equilibrium_of
 
