@@ -12,9 +12,9 @@ from continuum_grasp.base import Array
 from continuum_grasp.control import Controller
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.estimation.noise import ranges_of
-from continuum_grasp.core import Backend, CSource
+from continuum_grasp.core import CSource
 from continuum_grasp.core.caller import Caller
-from continuum_grasp.core.code import FunctionCode
+from continuum_grasp.core.code import Backend, FunctionCode
 
 FINER = 2
 """Runge-Kutta steps of the plant for one of the controller's model."""

@@ -23,7 +23,6 @@ from .interrupt import listening_for_interrupts as listening_for_interrupts
 from .labels import Summarized as Summarized
 from .labels import amount_text as amount_text
 from .labels import clipped as clipped
-from .labels import columns as columns
 from .labels import nearest as nearest
 from .labels import prefixed as prefixed
 from .labels import prefixes as prefixes

@@ -6,7 +6,7 @@ import inspect
 import math
 import re
 from collections import abc
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import wraps
 from numbers import Integral, Real
 from os import PathLike
@@ -52,6 +52,16 @@ class CheckedArgument(NamedTuple):
             return value
         raise self.refused(f"expected one of {', '.join(map(str, known))}")
 
+    def some_of(self, known: Collection[str], kind: str) -> list[str]:
+        """Names of a kind, each known and given once, one at least."""
+        names = list(self.value)
+        for name in names:
+            if name not in known:
+                raise CheckedArgument(self.name, name).refused(f"expected some of {', '.join(known)}")
+        if not names or len(set(names)) < len(names):
+            raise InputError(f"expected one {kind} or more, each once, got {names}", key=self.name)
+        return names
+
     def whole(self, least: int = 1, most: int = 2**31 - 1) -> int:
         """A whole number of a range, ends included; 1 or more, and one that C can hold, where no other is given."""
         value = self.value
@@ -82,6 +92,31 @@ class CheckedArgument(NamedTuple):
             return np.where(np.ma.getmaskarray(self.value), np.nan, self.value.data)
         return np.asarray(self.value)
 
+    def doubles(self) -> NDArray[np.float64]:
+        """Copy in double precision, NaN where masked; what no double can hold becomes infinite, so that checks of
+        ranges see it.
+
+        ``TypeError`` or ``ValueError`` where it is ragged, or no array of real numbers (text and complex ones are not).
+        """
+        array = self.unmasked()
+        if array.dtype.kind not in "biufO":
+            raise TypeError(f"expected real numbers, got {array.dtype}")
+        try:
+            with np.errstate(over="ignore"):
+                return array.astype(float)
+        except OverflowError:  # a Python integer or fraction beyond 1.8e308
+            return np.array([_nearest(number) for number in array.ravel().tolist()]).reshape(array.shape)
+
+    def vector(self, size: int, *, check: bool = True) -> NDArray[np.float64]:
+        """A vector of a size; ``check``: a finite one."""
+        try:
+            array = self.doubles().ravel()
+        except (TypeError, ValueError) as error:
+            raise self.refused(f"expected {size} numbers") from error
+        if array.size != size:
+            raise InputError(f"expected {size} entries, got {array.size}", key=self.name)
+        return CheckedArgument(self.name, array).array(finite=True) if check else array
+
     def array(self, *, finite: bool = False) -> NDArray[np.float64]:
         """A contiguous array of doubles, NaN where masked; an error for what is no array of real numbers.
 
@@ -107,6 +142,14 @@ class CheckedArgument(NamedTuple):
             raise
         except Exception as error:  # whatever the conversion of something foreign raises
             raise self.refused("expected an array of numbers") from error
+
+
+def _nearest(value: Any) -> float:
+    """A number in double precision, infinite beyond."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.copysign(math.inf, 1 if value > 0 else -1)
 
 
 def _double(value: Any) -> float:

@@ -97,8 +97,15 @@ class Summarized:
     @staticmethod
     def listed(head: str, rows: Mapping[str, str]) -> str:
         """Names and values below a line, so many at most."""
-        lines = [clipped(f"  {line}") for line in columns(list(rows.items()), (0, 1))]
+        lines = [clipped(f"  {line}") for line in Summarized.aligned(list(rows.items()), (0, 1))]
         return "\n".join([head, *lines[:_ROWS], *(["  ..."] if len(lines) > _ROWS else [])])
+
+    @staticmethod
+    def aligned(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> list[str]:
+        """Lines of a table, its columns two spaces apart and to the right, but for those to the ``left``."""
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        formats = [f"{{:{'<' if k in left else '>'}{width}}}" for k, width in enumerate(widths)]
+        return ["  ".join(each.format(cell) for each, cell in zip(formats, row, strict=True)).rstrip() for row in rows]
 
     def _shown_pairs(self) -> Mapping[str, str]:
         return self.pairs()
@@ -115,13 +122,6 @@ class Summarized:
             return kind, {"no summary": clipped(f"{type(error).__name__}: {error}")}
         # 600: characters of a value on a page, which breaks lines: a warning with its advice fits
         return clipped(f"{kind} {head}".strip()), {name: clipped(text, 600) for name, text in rows.items()}
-
-
-def columns(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> list[str]:
-    """Lines of a table, its columns two spaces apart and to the right, but for those to the ``left``."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    formats = [f"{{:{'<' if k in left else '>'}{width}}}" for k, width in enumerate(widths)]
-    return ["  ".join(each.format(cell) for each, cell in zip(formats, row, strict=True)).rstrip() for row in rows]
 
 
 def clipped(text: str, most: int = _LINE) -> str:

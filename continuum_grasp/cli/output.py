@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar, cast
 
 import typer
 
-from continuum_grasp.base import InputError, Interrupted, NumericalError, columns, interrupts_held
+from continuum_grasp.base import InputError, Interrupted, NumericalError, Summarized, interrupts_held
 from continuum_grasp.cli.progress import Progress, shown
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ class Output:
 
     def table(self, *lines: Sequence[str], left: Collection[int] = ()) -> None:
         """Print a heading and rows in columns, to the right, but for those to the ``left``."""
-        for line in columns(lines, left):
+        for line in Summarized.aligned(lines, left):
             self.say(line)
 
     def statistics(self, statistics: Mapping[str, Any]) -> None:

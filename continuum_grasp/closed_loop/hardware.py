@@ -30,7 +30,6 @@ from continuum_grasp.control import (
     ControlLog,
     Health,
     spread,
-    vector,
 )
 from continuum_grasp.scene import Initial
 
@@ -205,7 +204,7 @@ def _first(controller: Controller, start: ArrayLike | Command | None) -> Array:
         if x.size != controller.prediction.nx or u.size != rest.size:
             raise InputError("the controller before has another model: give the input that acts", key="start")
     else:
-        u = vector("start", start, rest.size)
+        u = CheckedArgument("start", start).vector(rest.size)
         x = controller.prediction.start_state(Initial(pose="equilibrium"), u.tolist())
     controller.reset(state=x, u=u)
     return u
@@ -283,7 +282,7 @@ class _Loop:
         self.arm(False)
         if reading is None:
             return None
-        read = vector("read()", reading, len(self.controller.measurement_names), check=False)
+        read = CheckedArgument("read()", reading).vector(len(self.controller.measurement_names), check=False)
         return read if self._wired is None else self._wired.readings.back(read)
 
     def _send(self, command: Command, u: Array, status: CommandStatus | None = None) -> None:

@@ -8,7 +8,6 @@ from continuum_grasp.base import Array, NumericalError
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.core import (
-    Backend,
     CodeKind,
     HalfStepSignal,
     Rollouts,
@@ -25,7 +24,7 @@ class Integration(Remade):
 
     def __init__(self, model: PlantModel | SharedModel, method: str) -> None:
         self._model = model
-        self.run = Rollouts(step_function(model, method), Backend(what="the plant"))
+        self.run = Rollouts(step_function(model, method), what="the plant")
 
     def prepare(self, steps: float) -> CodeKind:
         """Compile the steps, if so many pay for it; return the kind of their code."""

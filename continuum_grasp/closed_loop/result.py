@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.base import Array, amount_text, columns, split_unit
+from continuum_grasp.base import Array, amount_text, split_unit
 from continuum_grasp.closed_loop.readings import Bound, Metrics, PhaseTimes, Readings, violation_of
 from continuum_grasp.closed_loop.tracking import Tracked, amount, missed_setpoints, rms, tracked_groups, tracking_of
 from continuum_grasp.control import Adapted, ControlLog, spread
@@ -384,7 +384,7 @@ class ControlRun(MotionResult):
         time = f"{self.t[-1]:g} s in {len(self.u)} periods of {1e3 * self.period:g} ms"
         pairs = metrics.pairs() | {name: str(value) for name, value in self.adapted.items()} | {"code": self.code}
         head = [self.name or "closed loop", f"{self.outcome}: {time}", ""]
-        return "\n".join([*head, *columns(metrics.rows()), "", *columns(list(pairs.items()), (0, 1)), ""])
+        return "\n".join([*head, *self.aligned(metrics.rows()), "", *self.aligned(list(pairs.items()), (0, 1)), ""])
 
 
 _GOOD = frozenset(("solved", "iteration_limit", "row_violated"))

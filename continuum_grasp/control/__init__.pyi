@@ -1,4 +1,3 @@
-from .arguments import vector as vector
 from .command import Command as Command
 from .compiled import Compiled as Compiled
 from .controller import Controller as Controller

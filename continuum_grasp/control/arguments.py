@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
@@ -40,41 +39,7 @@ def named(
     for name, place in places.items():
         if name in value:
             try:
-                entries[place] = numbers(value[name])
+                entries[place] = CheckedArgument(name, value[name]).doubles()
             except (TypeError, ValueError) as error:
                 raise CheckedArgument(f"{key}.{name}", value[name]).refused("expected a number") from error
     return entries
-
-
-def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Array:
-    """Convert to a vector of a size; ``check``: a finite one."""
-    try:
-        array = numbers(value).ravel()
-    except (TypeError, ValueError) as error:
-        raise CheckedArgument(name, value).refused(f"expected {size} numbers") from error
-    if array.size != size:
-        raise InputError(f"expected {size} entries, got {array.size}", key=name)
-    return CheckedArgument(name, array).array(finite=True) if check else array
-
-
-def numbers(value: ArrayLike) -> Array:
-    """Copy in double precision, NaN where masked; what no double can hold becomes infinite, so that checks of ranges
-    see it.
-
-    ``TypeError`` or ``ValueError`` where it is ragged, or not an array of real numbers (text and complex ones are not).
-    """
-    array = CheckedArgument(None, value).unmasked()
-    if array.dtype.kind not in "biufO":
-        raise TypeError(f"expected real numbers, got {array.dtype}")
-    try:
-        with np.errstate(over="ignore"):
-            return array.astype(float)
-    except OverflowError:  # a Python integer or fraction beyond 1.8e308
-        return np.array([_double(number) for number in array.ravel().tolist()]).reshape(array.shape)
-
-
-def _double(value: Any) -> float:
-    try:
-        return float(value)
-    except OverflowError:
-        return math.copysign(math.inf, 1 if value > 0 else -1)

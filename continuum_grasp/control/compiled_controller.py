@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, CheckedArgument, InputError, Summarized, check_arguments
-from continuum_grasp.control.arguments import named, numbers, vector
+from continuum_grasp.control.arguments import named
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled import Compiled, controller_source
 from continuum_grasp.control.members import CHANGEABLE, REPORTED
@@ -112,7 +112,7 @@ class CompiledController(Remade, Summarized):
                 self._put("measurement", self._measurement, measurement)
             self._put("p", self._p, self.stages.p_nominal if p is None else p)
             self._follow_clock(time)
-            self._age[0] = -1.0 if age is None else numbers(age).item()
+            self._age[0] = -1.0 if age is None else CheckedArgument(None, age).doubles().item()
             if reference is None:
                 rows: Any = self._scheduled()
             elif isinstance(reference, Mapping):
@@ -122,7 +122,7 @@ class CompiledController(Remade, Summarized):
             else:
                 rows = reference
             _copy(self._setpoints, rows, np.ndim(rows) == 1 and np.size(rows) == self.stages.nr)
-            flags = _LATE if (self._late if late is None else numbers(late).item()) else 0
+            flags = _LATE if (self._late if late is None else CheckedArgument(None, late).doubles().item()) else 0
             if applied is not None:
                 self._put("applied", self._applied, applied)
                 flags |= _APPLIED
@@ -154,7 +154,7 @@ class CompiledController(Remade, Summarized):
         if time is None:
             self._time = math.nan
             return
-        now = numbers(time).item()
+        now = CheckedArgument(None, time).doubles().item()
         if not math.isfinite(now):
             self._elapsed[0], self._time = 0.0, math.nan
             return
@@ -208,7 +208,7 @@ class CompiledController(Remade, Summarized):
             if isinstance(setting, Mapping):
                 names, groups = getattr(self.stages, f"{of[name]}_names"), self.cost_terms if of[name] == "r" else {}
                 setting = named(name, setting, names, changed[f"rti.{name}"], groups)
-            value = vector(name, setting, getattr(self.stages, name).size)
+            value = CheckedArgument(name, setting).vector(getattr(self.stages, name).size)
             if name[:2] not in ("u_", "c_") and np.any(value < 0.0):
                 raise InputError(f"expected no negative entry, got {value.tolist()}", key=name)
             # The safe ramp and the supervisor's scales are those of the nominal limits.
@@ -402,14 +402,14 @@ def _check_sendable(key: str, value: Any) -> None:
 def _shape(value: Any) -> tuple[int, ...] | None:
     """Shape of an argument; None where it is ragged, or no array of numbers."""
     try:
-        return numbers(value).shape
+        return CheckedArgument(None, value).doubles().shape
     except (ValueError, TypeError):
         return None
 
 
 def _copy(to: Array, value: ArrayLike, spread: bool = False) -> None:
     """Copy an array of the same shape, or ``spread`` one of another over all entries."""
-    array = value if type(value) is np.ndarray and value.dtype == float else numbers(value)
+    array = value if type(value) is np.ndarray and value.dtype == float else CheckedArgument(None, value).doubles()
     if array.shape != to.shape and not spread:
         raise ValueError
     to[:] = array

@@ -10,8 +10,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import InputError, check_arguments, quoted
-from continuum_grasp.control.arguments import vector
+from continuum_grasp.base import CheckedArgument, InputError, check_arguments, quoted
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled_controller import CompiledController
 from continuum_grasp.control.ocp.cost_terms import Outputs
@@ -145,8 +144,8 @@ class Controller(CompiledController):
         InputError
             If something has another size or is not finite, or u is beyond what drives can have.
         """
-        x = vector("state", self.first if state is None else state, self.prediction.nx)
-        before = vector("u", self.scene.rest_input if u is None else u, self.stages.nu)
+        x = CheckedArgument("state", self.first if state is None else state).vector(self.prediction.nx)
+        before = CheckedArgument("u", self.scene.rest_input if u is None else u).vector(self.stages.nu)
         least, most = self.parts.ranges.applied.T
         for name, value, low, high in zip(self.stages.u_names, before, least, most, strict=True):
             if not low <= value <= high:

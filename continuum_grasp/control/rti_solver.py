@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, CheckedArgument, InputError, check_arguments, split_unit
-from continuum_grasp.control.arguments import named, vector
+from continuum_grasp.control.arguments import named
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled_controller import CompiledController
 from continuum_grasp.control.ocp.control_problem import ControlProblem
@@ -153,7 +153,7 @@ class RtiSolver(CompiledController):
             If something has another size or other names, or is not finite.
         """
         initial_input = named("u", u, self.stages.u_names) if isinstance(u, Mapping) else self.safe if u is None else u
-        before = vector("u", initial_input, self.stages.nu)
+        before = CheckedArgument("u", initial_input).vector(self.stages.nu)
         self._start(np.zeros(self.stages.nd), before)
         if guess is not None:
             self._c.give("cg_guess", *self._guessed(guess, before))
@@ -168,9 +168,8 @@ class RtiSolver(CompiledController):
             if name not in courses:
                 raise InputError(f"expected some of {', '.join(courses)}, got {name!r:.60}", key="guess")
             course = courses[name]
-            course[:] = vector(
-                f"guess.{name}", np.full(course.size, value) if np.ndim(value) == 0 else value, course.size
-            )
+            values = np.full(course.size, value) if np.ndim(value) == 0 else value
+            course[:] = CheckedArgument(f"guess.{name}", values).vector(course.size)
         x[:, s.nd :] = np.vstack([before, u])[:, : s.nx - s.nd]
         return x.ravel(), u.ravel()
 

@@ -83,6 +83,15 @@ class Compiler:
         why = "; ".join(str(why) for _, why in _tried())
         return f"no C compiler: CC={named}: {why} (nothing else is tried while CC is set)"
 
+    @staticmethod
+    def said_by(
+        line: Sequence[str], folder: Path | None = None, seconds: float = _TIMEOUT
+    ) -> subprocess.CompletedProcess[str]:
+        """Run a program to its end and read what it says, in whatever encoding the system's messages are."""
+        return subprocess.run(
+            line, cwd=folder, capture_output=True, encoding="utf-8", errors="replace", timeout=seconds, check=False
+        )
+
     def is_known(self, source: str, *, quick: bool | None = None) -> bool:
         """Whether the library of a C source is in the cache."""
         quick = quick_compile() if quick is None else quick
@@ -171,7 +180,7 @@ class Compiler:
     def run(self, arguments: Sequence[str], folder: Path | None = None) -> None:
         """Run the compiler, in a folder; CompileError if it fails, OSError where the disk is full."""
         try:
-            done = said_by([*self.command, *arguments], folder)
+            done = Compiler.said_by([*self.command, *arguments], folder)
         except (OSError, subprocess.TimeoutExpired) as error:
             raise CompileError(f"{shlex.join(self.command)}: {error}") from error
         if done.returncode != 0:
@@ -219,7 +228,7 @@ def _describe(command: tuple[str, ...], path: str) -> Compiler | str:
     line = [*command, "--version"]
     asked = shlex.join(line)
     try:
-        done = said_by(line, seconds=_ASKING)
+        done = Compiler.said_by(line, seconds=_ASKING)
     except (OSError, ValueError, subprocess.TimeoutExpired) as error:
         return " ".join(f"{asked}: {error}".split())
     if done.returncode != 0 or not done.stdout:
@@ -232,7 +241,8 @@ def _describe(command: tuple[str, ...], path: str) -> Compiler | str:
 def _takes(command: tuple[str, ...], flag: str) -> bool:
     """Whether the compiler takes a flag: clang before 15 refuses ``-march=native`` on Apple's processors."""
     with suppress(OSError, subprocess.TimeoutExpired):
-        return said_by([*command, flag, "-fsyntax-only", "-x", "c", os.devnull], seconds=_ASKING).returncode == 0
+        line = [*command, flag, "-fsyntax-only", "-x", "c", os.devnull]
+        return Compiler.said_by(line, seconds=_ASKING).returncode == 0
     return False
 
 
@@ -241,15 +251,6 @@ def split(line: str) -> list[str]:
     if os.name != "nt":
         return shlex.split(line)
     return [word.strip("\"'") for word in shlex.split(line, posix=False)]
-
-
-def said_by(
-    line: Sequence[str], folder: Path | None = None, seconds: float = _TIMEOUT
-) -> subprocess.CompletedProcess[str]:
-    """Run a program to its end and read what it says, in whatever encoding the system's messages are."""
-    return subprocess.run(
-        line, cwd=folder, capture_output=True, encoding="utf-8", errors="replace", timeout=seconds, check=False
-    )
 
 
 @cache

@@ -17,6 +17,12 @@ class CReal:
 
     KINDS: ClassVar[dict[str, CReal]]
     """Both types by name."""
+    TOKEN: ClassVar[re.Pattern[str]] = re.compile(
+        r"(?P<comment>/\*.*?\*/|//[^\n]*)|(?P<text>\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*')|(?P<name>[A-Za-z_]\w*)"
+        r"|(?P<number>(?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?![\w.])|\d\w*",
+        re.DOTALL,
+    )
+    """C tokens in which digits may stand: comments, texts, names, real numbers without a suffix, all other numbers."""
 
     name: str
     dtype: Any
@@ -94,19 +100,11 @@ CReal.KINDS = {
 }
 
 
-TOKEN = re.compile(
-    r"(?P<comment>/\*.*?\*/|//[^\n]*)|(?P<text>\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*')|(?P<name>[A-Za-z_]\w*)"
-    r"|(?P<number>(?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?![\w.])|\d\w*",
-    re.DOTALL,
-)
-"""C tokens in which digits may stand: comments, texts, names, real numbers without a suffix, all other numbers."""
-
-
 def single(source: str) -> str:
     """C that CasADi generated, with ``float`` as its real type, literals of that type, and its mathematical functions.
 
     Setting ``casadi_real`` alone would leave every literal and every call of the library in double precision.
     """
     real = CReal.KINDS["float"]
-    tokens = TOKEN.sub(lambda m: real.written(float(m["number"]), m["number"]) if m["number"] else m[0], source)
+    tokens = CReal.TOKEN.sub(lambda m: real.written(float(m["number"]), m["number"]) if m["number"] else m[0], source)
     return "#define casadi_real float\n" + tokens.replace("#include <math.h>", "#include <tgmath.h>")

@@ -57,7 +57,16 @@ class HalfStepSignal:
 class Rollouts:
     """Many steps from one state, or from many, in one call."""
 
-    def __init__(self, step: ca.Function, backend: Backend, single: bool = True) -> None:
+    def __init__(
+        self,
+        step: ca.Function,
+        backend: Backend | None = None,
+        single: bool = True,
+        *,
+        compiled: bool = True,
+        what: str = "the model",
+    ) -> None:
+        backend = backend or Backend(compiled, what)
         self._step = step
         self._single = single
         self._chains: dict[int, ca.Function] = {}

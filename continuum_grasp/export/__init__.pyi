@@ -18,6 +18,5 @@ from .parts.seen import ContactFields as ContactFields
 from .parts.seen import SeenKernels as SeenKernels
 from .ranges import ModelFields as ModelFields
 from .source import ExportedLoop as ExportedLoop
-from .source import chosen as chosen
 from .source import prefix_of as prefix_of
 from .source import title_of as title_of

@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 
 from continuum_grasp.base import InputError, SolverError
-from continuum_grasp.core import Cache, Compiler, said_by
+from continuum_grasp.core import Cache, Compiler
 from continuum_grasp.export.fields import fill
 
 FLAGS = {
@@ -105,7 +105,7 @@ class WebAssembly:
 
 def clang(folder: Path, *arguments: str) -> str:
     """Run clang for WebAssembly in a folder and return its output; SolverError if it fails."""
-    done = said_by(["clang", *_WASM, *arguments], folder)
+    done = Compiler.said_by(["clang", *_WASM, *arguments], folder)
     if done.returncode != 0:
         raise SolverError("clang could not make WebAssembly", status="failed", advice=done.stderr[-2000:])
     return done.stdout
@@ -124,5 +124,5 @@ def check_tools(names: Sequence[str], needed: str, packages: str) -> None:
 @cache
 def version_of(program: str) -> str:
     """First line of what a program says of its version, or its name."""
-    done = said_by([program, "--version"])
+    done = Compiler.said_by([program, "--version"])
     return done.stdout.splitlines()[0] if done.stdout else program

@@ -11,10 +11,10 @@ from pathlib import Path
 import casadi as ca
 
 from continuum_grasp import __version__
-from continuum_grasp.base import check_arguments, interruptible
+from continuum_grasp.base import CheckedArgument, check_arguments, interruptible
 from continuum_grasp.core import CReal
 from continuum_grasp.export.manifest import Package, model_description, write_package
-from continuum_grasp.export.source import Given, chosen, source_of
+from continuum_grasp.export.source import Given, source_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.results import check_folder
 
@@ -91,7 +91,7 @@ def export_casadi(given: Given, folder: str | os.PathLike[str], *, what: Sequenc
 def functions_of(what: Sequence[str] | None = None) -> list[str]:
     """Functions of a model by their names, all where none is named; InputError for a name of none."""
     known = FingerModel.function_names()
-    return list(known) if what is None else chosen(what, known, "function", "what")
+    return list(known) if what is None else CheckedArgument("what", what).some_of(known, "function")
 
 
 def _stored(function: ca.Function) -> str:

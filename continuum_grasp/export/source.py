@@ -5,11 +5,11 @@ from __future__ import annotations
 import keyword
 import os
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
-from continuum_grasp.base import InputError, named_value
+from continuum_grasp.base import CheckedArgument, InputError, named_value
 from continuum_grasp.control import Controller, Estimator, Prediction, RtiSolver, Stages
 from continuum_grasp.core import CReal
 from continuum_grasp.export.control.loop import ExportedPhases
@@ -214,15 +214,4 @@ def known_parts(what: Sequence[str]) -> list[str]:
     what = [what] if isinstance(what, str) else what
     if "metadata" in what:
         raise InputError("names, units and ranges of all fields are in MANIFEST.json: leave metadata out", key="what")
-    return chosen(what, PARTS, "part", "what")
-
-
-def chosen(given: Sequence[str], known: Collection[str], kind: str, key: str) -> list[str]:
-    """Names of a kind, each known and given once, one at least; InputError otherwise."""
-    names = list(given)
-    for name in names:
-        if name not in known:
-            raise InputError(f"expected some of {', '.join(known)}, got {name!r:.60}", key=key)
-    if not names or len(set(names)) < len(names):
-        raise InputError(f"expected one {kind} or more, each once, got {names}", key=key)
-    return names
+    return CheckedArgument("what", what).some_of(PARTS, "part")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp.base import InputError, SolverError
-from continuum_grasp.core import CReal, said_by
+from continuum_grasp.core import Compiler, CReal
 from continuum_grasp.export.build import check_tools, version_of, write_files
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.subject import Subject
@@ -68,7 +68,7 @@ def measure(files: Mapping[str, str], target: str) -> dict[str, Any]:
         write_files(Path(work), files)
         line = ["sh", f"{work}/examples/baremetal/run.sh", core]
         try:
-            done = said_by(line, seconds=_TIMEOUT)
+            done = Compiler.said_by(line, seconds=_TIMEOUT)
         except subprocess.TimeoutExpired:
             what = (
                 f"the package did not end on {core} within {_TIMEOUT:g} s, under an emulator that counts instructions"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from continuum_grasp.base import amount_text, columns, prefixes
+from continuum_grasp.base import Summarized, amount_text, prefixes
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.results import yaml_text
 
@@ -61,7 +61,8 @@ def result_text(result: GraspResult) -> str:
     for part in parts(result, quality=result.certificate is not None):
         lines += ["", f"{part.title}. {part.lead}" if part.lead else part.title]
         left = {*range(len(part.rows[0]))} - {*part.numbers}
-        lines += [f"  {line}" for line in columns([part.head, *part.rows] if any(part.head) else part.rows, left)]
+        rows = [part.head, *part.rows] if any(part.head) else part.rows
+        lines += [f"  {line}" for line in Summarized.aligned(rows, left)]
         for note in part.notes:
             lines += textwrap.wrap(note, 108, initial_indent="    ", subsequent_indent="    ", break_on_hyphens=False)
     advice = further_advice(result)

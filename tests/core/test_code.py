@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from continuum_grasp.core import (
-    Backend,
     Batch,
     CodeKind,
     Compiler,
@@ -18,7 +17,7 @@ from continuum_grasp.core import (
     Rollouts,
 )
 from continuum_grasp.core.caller import Caller
-from continuum_grasp.core.code import FunctionCode, Size
+from continuum_grasp.core.code import Backend, FunctionCode, Size
 from continuum_grasp.core.source import batch_source
 
 needs_compiler = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler")
@@ -126,7 +125,7 @@ def test_interpreted_and_compiled_rollouts_are_equal_to_rounding(name):
     signals = (HalfStepSignal(np.array([[[0.2]]]), 0, 0), HalfStepSignal(np.zeros((1, 1, 1)), 0, 0))
     kinds, states = [], []
     for calls in (0.0, np.inf):
-        rollouts = Rollouts(step, Backend())
+        rollouts = Rollouts(step)
         rollouts.code.expect(calls)
         states.append(rollouts(start, 50, 2, 0.01, *signals, np.zeros(1))[0])
         kinds.append(rollouts.code.kind)

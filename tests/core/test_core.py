@@ -22,7 +22,6 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.base import InputError, NumericalError
 from continuum_grasp.core import (
-    Backend,
     CompileError,
     Compiler,
     Scan,
@@ -32,6 +31,7 @@ from continuum_grasp.core import (
     step_function,
 )
 from continuum_grasp.core.cache import cache_folder
+from continuum_grasp.core.code import Backend
 from continuum_grasp.core.integrators.derivatives import solve
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import INTEGRATORS, Finger, PointMass, Tendons

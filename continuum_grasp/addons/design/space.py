@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from continuum_grasp.addons.design.scene import Design, DesignVariable, Tolerance
-from continuum_grasp.addons.sweeps import Follow, SceneKeys, VariedKey, fault_kinds
+from continuum_grasp.addons.sweeps import Follow, SceneKeys, VariedKey
 from continuum_grasp.base import InputError
 from continuum_grasp.scene import ConfigurationData, Consumer, Document, GraspScene, KeyPath
 
@@ -118,7 +118,7 @@ def _case(keys: SceneKeys[Design], name: str, changes: Mapping[str, Any]) -> Con
         document.validated(GraspScene)
     except InputError as error:
         # Where every key is right on its own but the scene makes no sense, the variables may repair it.
-        if fault_kinds(error) != {"value_error"}:
+        if keys.fault_kinds(error) != {"value_error"}:
             raise error from None
     document.value = keys.shape.in_si((), document.value, document.value)
     return document

@@ -25,11 +25,10 @@ from continuum_grasp.addons.fmu.description import model_description
 from continuum_grasp.addons.fmu.plant import finger_unit, loop_plant_unit
 from continuum_grasp.addons.fmu.variable import UnitContents
 from continuum_grasp.addons.mission import AssignedMission, MissionRun, MissionScene
-from continuum_grasp.base import InputError, check_arguments, interruptible
+from continuum_grasp.base import CheckedArgument, InputError, check_arguments, interruptible
 from continuum_grasp.core import CompileError, Compiler, Template
 from continuum_grasp.export import (
     check_file,
-    chosen,
     fill,
     prefix_of,
     strict_flags,
@@ -183,10 +182,10 @@ def units_of(
     InputError where options do not fit the scene, and where a file is in the way that no export wrote.
     """
     identifier = prefix_of(name)
-    versions = chosen([fmi] if isinstance(fmi, str) else fmi, VERSIONS, "version", "fmi")
+    versions = CheckedArgument("fmi", [fmi] if isinstance(fmi, str) else fmi).some_of(VERSIONS, "version")
     has = WHAT[:1] if isinstance(scene, Scene) else WHAT[1:] if isinstance(scene, _MISSIONS) else WHAT
     asked = has if what is None else [what] if isinstance(what, str) else what
-    kinds = chosen(asked, WHAT, "part", "what")
+    kinds = CheckedArgument("what", asked).some_of(WHAT, "part")
     given_options: dict[str, Any] = {f"what={kind}": "what" for kind in kinds}
     given_options |= {key: bool(options.get(key)) for key in ("step", "ranges", "substeps")}
     given_options |= {"preview": preview, "finger": finger is not None}

@@ -21,7 +21,7 @@ from continuum_grasp.addons.identification.observation import MeasuredStart, che
 from continuum_grasp.addons.identification.rows import Chained, Dual, RestShapes, runtime_names, set_by, symbols
 from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.base import Array, InputError, NumericalError, split_unit
-from continuum_grasp.core import Backend, Core, HalfStepSignal, Rollouts, step_function
+from continuum_grasp.core import Core, HalfStepSignal, Rollouts, step_function
 from continuum_grasp.model import FingerModel, Memory, Parameters
 from continuum_grasp.scene import INTEGRATORS, Scene
 from continuum_grasp.simulation import (
@@ -108,7 +108,7 @@ class PathBlock(MeasuredBlock):
         y = observed(model, readings, x[: model.n], model.acting_input(x, u, p), p, drives)
         self._read = self._with_slopes("readings", y, x, u, w, p).map(self._t.size)
         rate = self._with_slopes("variational", model.forward_dynamics(x, u, w, p), x, u, w, p)
-        self._run = Rollouts(step_function(SimpleNamespace(forward_dynamics=rate), "rk4"), Backend())
+        self._run = Rollouts(step_function(SimpleNamespace(forward_dynamics=rate), "rk4"))
         self._core = Core(model, compiled=False)
         # shapes at the start; and parameters, steps per second, and these steps
         self.followed = None if self._shape is None else self._shape.start, None

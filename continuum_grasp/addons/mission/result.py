@@ -18,7 +18,7 @@ from continuum_grasp.addons.mission.plant import Span
 from continuum_grasp.addons.mission.precheck import Exceeded, exceeded
 from continuum_grasp.addons.mission.record import MissionRecord
 from continuum_grasp.addons.mission.verdict import MissionVerdict, force_estimate, judge
-from continuum_grasp.base import Array, InputError, amount_text, columns
+from continuum_grasp.base import Array, InputError, amount_text
 from continuum_grasp.closed_loop import ControlRun
 from continuum_grasp.control import Stages
 from continuum_grasp.results import (
@@ -255,10 +255,10 @@ class MissionRun(MissionRecord, MotionResult):
 
     def report(self) -> str:
         """Verdict, phases and the closed loop's table as text."""
-        lines = [self.name or "mission", "", *columns(list(self.verdict.pairs().items()), (0, 1)), ""]
+        lines = [self.name or "mission", "", *self.aligned(list(self.verdict.pairs().items()), (0, 1)), ""]
         if self.exceeded:
             lines += ["beyond the certificate:", *(f"  {number.text}" for number in self.exceeded), ""]
-        lines += columns(self.rows(), range(5))
+        lines += self.aligned(self.rows(), range(5))
         for name, run in self.fingers.items():
             lines += ["", *([] if self.run is not None else [f"finger {name}"]), run.report()]
         return "\n".join(lines)

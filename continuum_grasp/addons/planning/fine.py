@@ -17,7 +17,7 @@ from continuum_grasp.addons.planning.result import Deviation, MotionPlan, PlanSt
 from continuum_grasp.addons.planning.scene import PlanScene
 from continuum_grasp.base import Array, NumericalError
 from continuum_grasp.control import Prediction
-from continuum_grasp.core import Backend, HalfStepSignal, Rollouts, step_function
+from continuum_grasp.core import HalfStepSignal, Rollouts, step_function
 from continuum_grasp.scene import INTEGRATORS
 
 PARTS = 64
@@ -113,7 +113,7 @@ def _rollout(model: Prediction, method: str, steps: int) -> Rollouts:
         scaled = slowed(model.x * units, *inputs[1:], part) / units
         implicit = ca.Function("implicit", [*inputs, part], [ca.cse(scaled)], [*names, "part"], ["k"])
         functions.implicit = lambda: implicit
-    rollouts = Rollouts(step_function(functions, method), Backend())
+    rollouts = Rollouts(step_function(functions, method))
     rollouts.code.expect(steps)
     return rollouts
 

@@ -11,5 +11,4 @@ from .table import sweep_table as sweep_table
 from .variation import SceneKeys as SceneKeys
 from .variation import VariedKey as VariedKey
 from .variation import base_scene as base_scene
-from .variation import fault_kinds as fault_kinds
 from .variation import read_sweep as read_sweep

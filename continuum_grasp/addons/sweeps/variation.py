@@ -84,17 +84,6 @@ def variation_of(data: ConfigurationData) -> Variation:
     return Variation(sweep, scene.kind, scene.base.value, tuple(axes), tuple(draws), scene.ties)
 
 
-def fault_kinds(error: InputError) -> set[str]:
-    """Kinds of the faults that validation found, in pydantic's words: ``value_error`` of checks of several keys.
-
-    Empty where the error is not one of validation.
-    """
-    found = error.__cause__
-    if not isinstance(found, ValidationError):
-        return set()
-    return {fault["type"] for fault in found.errors(include_url=False, include_context=False)}
-
-
 class SceneKeys(Generic[Config]):
     """The scene that a configuration of a class names, one of ``kinds``, and the keys that it varies of it."""
 
@@ -127,11 +116,22 @@ class SceneKeys(Generic[Config]):
             try:
                 tried.validated(self.model)
             except InputError as error:
-                kinds = fault_kinds(error)
+                kinds = self.fault_kinds(error)
                 # Checks of the whole scene fail single runs; for a key that follows, all but its existence does.
                 if kinds - {"value_error"} if not only_key else "extra_forbidden" in kinds:
                     raise
         return VariedKey(key, path, self.unit(path), way, tuple(converted))
+
+    @staticmethod
+    def fault_kinds(error: InputError) -> set[str]:
+        """Kinds of the faults that validation found, in pydantic's words: ``value_error`` of checks of several keys.
+
+        Empty where the error is not one of validation.
+        """
+        found = error.__cause__
+        if not isinstance(found, ValidationError):
+            return set()
+        return {fault["type"] for fault in found.errors(include_url=False, include_context=False)}
 
     def change(self, where: KeyPath, key: str, value: Any) -> tuple[KeyPath, Document]:
         """A key of the scene with a value, at its place in the sweep."""

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, CheckedArgument, InputError, Summarized, check_arguments, quoted
-from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.compiled import Compiled, estimator_source
 from continuum_grasp.control.estimation.adaptation import AdaptedState
 from continuum_grasp.control.parts import ControlParts
@@ -174,8 +173,9 @@ class Estimator(Remade, Summarized):
             If something has another size or is not finite.
         """
         z = np.zeros(len(self.names))
-        z[: self.prediction.nx] = vector("state", self.first if state is None else state, self.prediction.nx)
-        before = vector("u", self.scene.rest_input if u is None else u, self.prediction.nu)
+        given = self.first if state is None else state
+        z[: self.prediction.nx] = CheckedArgument("state", given).vector(self.prediction.nx)
+        before = CheckedArgument("u", self.scene.rest_input if u is None else u).vector(self.prediction.nu)
         self._c.give("cg_start", z, before)
 
     @check_arguments
@@ -217,9 +217,10 @@ class Estimator(Remade, Summarized):
         if measurement is None:
             self._measurement[:] = np.nan
         else:
-            self._measurement[:] = vector("measurement", measurement, self._measurement.size, check=False)
-        self._u[:] = vector("u", u, self._u.size)
-        self._p[:] = self._nominal if p is None else vector("p", p, self._p.size)
+            size = self._measurement.size
+            self._measurement[:] = CheckedArgument("measurement", measurement).vector(size, check=False)
+        self._u[:] = CheckedArgument("u", u).vector(self._u.size)
+        self._p[:] = self._nominal if p is None else CheckedArgument("p", p).vector(self._p.size)
         self._passed[0] = (
             1.0 if elapsed is None else CheckedArgument("elapsed", elapsed).number(0.0, _LONGEST) / self.period
         )

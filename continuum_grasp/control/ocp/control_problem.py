@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, CheckedArgument, InputError, Summarized, check_arguments, quoted, split_unit
-from continuum_grasp.control.arguments import named, vector
+from continuum_grasp.control.arguments import named
 from continuum_grasp.control.ocp.bounds import ABSENT, HARD, BoundedRows, Row
 from continuum_grasp.control.ocp.cost_terms import Residual
 from continuum_grasp.control.ocp.stages import Stages, cost_functions, step_function
@@ -161,7 +161,7 @@ class ControlProblem(Summarized):
             terminal_weights=np.concatenate(
                 [np.zeros(size[key]) if term.final is None else term.final for key, term in tracked.items()]
             ),
-            p_nominal=vector("nominal", named("nominal", nominal or {}, p_names), len(p_names)),
+            p_nominal=CheckedArgument("nominal", named("nominal", nominal or {}, p_names)).vector(len(p_names)),
         )
         self.cost_names = tuple(size.items())
 
@@ -328,7 +328,8 @@ def _tuple(kind: Any, key: str, given: Any, expected: str) -> Any:
 
 def _per_entry(key: str, given: ArrayLike, size: int, *, check: bool = True) -> Array:
     """Numbers per entry, from one for all or from as many."""
-    return vector(key, np.full(size, given) if np.ndim(given) == 0 else given, size, check=check)
+    each = np.full(size, given) if np.ndim(given) == 0 else given
+    return CheckedArgument(key, each).vector(size, check=check)
 
 
 def _weights(key: str, given: ArrayLike, size: int) -> Array:
@@ -357,7 +358,7 @@ def _pair(key: str, given: Any) -> tuple[float, float]:
 def _penalty(key: str, given: Any) -> Penalty:
     if given is None or isinstance(given, Penalty):
         return HARD if given is None else given
-    linear, quadratic = vector(f"{key}.penalty", given, 2).tolist()
+    linear, quadratic = CheckedArgument(f"{key}.penalty", given).vector(2).tolist()
     if min(linear, quadratic) < 0.0:
         raise InputError(f"expected no negative penalty weight, got {given!r}", key=key)
     return Penalty(linear=linear, quadratic=quadratic)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, CheckedArgument, InputError
-from continuum_grasp.control.arguments import numbers
 from continuum_grasp.control.ocp.cost_terms import TERMS, Outputs
 from continuum_grasp.scene import CircleReference, Reference, RowSamples, Samples
 from continuum_grasp.simulation import interpolate
@@ -43,7 +42,7 @@ def _replacement(key: str, value: Any, width: int, since: float, stage: float, c
         function: Function = value
         return function
     try:
-        entries = numbers(value)
+        entries = CheckedArgument(None, value).doubles()
     except (TypeError, ValueError):
         raise CheckedArgument(key, value).refused("expected numbers or a function of time") from None
     if check and not np.all(np.isfinite(entries)):
@@ -171,7 +170,7 @@ def _called(function: Function, width: int, t: Array, check: bool) -> Array:
     for k, instant in enumerate(t.tolist()):
         output = function(instant)
         try:
-            row = numbers(output).reshape(-1)
+            row = CheckedArgument(None, output).doubles().reshape(-1)
         except (TypeError, ValueError):
             raise CheckedArgument(None, output).refused(f"a setpoint at t = {instant:g} s: expected numbers") from None
         if row.size != width or (check and not np.all(np.isfinite(row))):

@@ -17,7 +17,7 @@ from continuum_grasp.control import (
     ControlParts,
     template,
 )
-from continuum_grasp.core import TOKEN, CReal, CSource
+from continuum_grasp.core import CReal, CSource
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import each_once, fill, identifiers
 from continuum_grasp.export.strict_math import c_source
@@ -68,7 +68,7 @@ def renamed(source: str, prefix: str, real: str, functions: Collection[str] = ()
             return f"{prefix}_call_{match[0]}"
         return _NAME.sub(of_package, match[0])
 
-    return TOKEN.sub(changed, _INCLUDE.sub("", source))
+    return CReal.TOKEN.sub(changed, _INCLUDE.sub("", source))
 
 
 def without_prototypes(header: str) -> tuple[str, str]:

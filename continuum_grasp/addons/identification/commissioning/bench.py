@@ -20,7 +20,7 @@ from continuum_grasp.addons.identification.numbers import MeasuredColumn, Measur
 from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown, read_unknowns
 from continuum_grasp.base import Array, NumericalError, split_unit
 from continuum_grasp.closed_loop import PlantModel, Wiring
-from continuum_grasp.core import Backend, HalfStepSignal, Rollouts, step_function
+from continuum_grasp.core import HalfStepSignal, Rollouts, step_function
 from continuum_grasp.scene import INTEGRATORS, Camera, Connection, ControlScene, Mounting, PlantDifferences
 
 CAMERA = ("camera_x", "camera_y", "camera_angle", "camera_scale")
@@ -97,7 +97,7 @@ class Bench:
         x, _, u, _, *others = inputs
         # a command that jumps between two steps acts in the second one alone
         held = ca.Function("held_" + step.name(), inputs, step.call([x, u, u, u, *others]), step.name_in(), ["xn"])
-        self._run = Rollouts(held, Backend(compiled, "the bench"))
+        self._run = Rollouts(held, compiled=compiled, what="the bench")
         x, u, w, p = self.model.symbols
         rate = self.model.forward_dynamics(x, u, w, p)
         self._rate = ca.Function("rate", [x, u, w, p], [rate, ca.jacobian(rate, x)])
