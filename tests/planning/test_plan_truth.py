@@ -215,6 +215,25 @@ def test_a_press_counts_by_what_another_integrator_finds(shape, side):
 
 
 @pytest.mark.deep
+def test_a_press_that_is_held_stays():
+    """LSODA, after the end under the last input: the force is as it was asked for."""
+    law = {"stiffness": 2e3, "friction": 0.4, "slip_speed": 0.01, "rounding": 3e-4}
+    found = plan(
+        pressing(1.0, "hexagon").replaced(
+            contact_law=law, goal={"end": "held", "contact_force": {"value": [0.08], "weight": 1e6}}
+        )
+    )
+    assert found.status in ("optimal", "feasible")
+    model, u = found.prediction, found.u[-1]
+
+    def rate(t, x):
+        return np.array(model.dynamics(x, u, model.p_nominal)).ravel()
+
+    x = solve_ivp(rate, (0.0, 0.3), found.x[-1], "LSODA", rtol=1e-8, atol=1e-10).y[:, -1]
+    assert float(model.contact_force(x, u, model.p_nominal)) == pytest.approx(0.08, rel=0.1)
+
+
+@pytest.mark.deep
 def test_an_object_in_the_way_is_named():
     """A tip that is to go where the disc is, which no weight and no limit brings there."""
     through = {"tip": {"value": (0.1, 0.185), "weight": 1e5}, "end": "still"}

@@ -86,8 +86,7 @@ def lever(problem: PlanProblem, attempt: Attempt) -> str:
     motion, path = problem.motion, problem.path(attempt.x)
     force, model = motion.scene.goal.contact_force, motion.prediction
     pressed = _pressed(model, path)
-    # 0.1: share of a force from which on a contact presses
-    if force is not None and any(force.value) and np.all(pressed < 0.1 * np.max(force.value)):
+    if does_not_press(problem, attempt):
         return (
             "the finger does not press where it is to: move object or base, give the input wider limits "
             f"({motion.scene.limit_keys}) or more time, or start from a plan that touches (warm)"
@@ -102,6 +101,15 @@ def lever(problem: PlanProblem, attempt: Attempt) -> str:
     blocked = force is None and bool(np.any(pressed > 0.0))
     way = ["the object is in the way, on which the finger presses: move it or the goal"] * blocked
     return "; or ".join([*way, *texts])
+
+
+def does_not_press(problem: PlanProblem, attempt: Attempt) -> bool:
+    """Whether contacts that are to press do not at the end, none of them."""
+    force, path = problem.motion.scene.goal.contact_force, problem.path(attempt.x)
+    if force is None or not any(force.value):
+        return False
+    # 0.1: share of a force from which on a contact presses
+    return bool(np.all(_pressed(problem.motion.prediction, path) < 0.1 * np.max(force.value)))
 
 
 def _pressed(model: Prediction, path: Path) -> Array:

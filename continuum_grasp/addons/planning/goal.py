@@ -26,6 +26,11 @@ _SETTLED = 1e4
 """Weight of rest of a finger whose tendons have friction and may stick [units of the problem]: what is asked exactly of
 friction that turns around leads to steps of micrometers. Only the drives are at rest exactly."""
 
+_PRESSED = 1e-4
+"""Weight of accelerations of a finger that presses and comes into balance by itself [units of the problem]: stiff
+contacts change them within micrometers, and where the goal is to have none, IPOPT did not come back from half of the
+starts that press (``python -m benchmarks.bench_plans --count 0``)."""
+
 
 @dataclass(frozen=True)
 class GoalPart:
@@ -88,8 +93,9 @@ class GoalPart:
         return derived("goal_cost", z, d, 0.5 * ca.dot(scaled, scaled), exact=motion.exact, squared=scaled)
 
 
-def goal_parts(motion: PlannedMotion, settles: bool) -> list[GoalPart]:
-    """The aims of a scene; ``settles``: the finger comes to rest by itself after its drives.
+def goal_parts(motion: PlannedMotion, settles: bool, presses: bool) -> list[GoalPart]:
+    """The aims of a scene; ``settles``: the finger comes to rest by itself after its drives; ``presses``: one without
+    rates that is held comes into balance by itself.
 
     One with a wrong number of entries raises an InputError.
     """
@@ -142,8 +148,10 @@ def goal_parts(motion: PlannedMotion, settles: bool) -> list[GoalPart]:
             value, scale = model.dynamics(x, u, p)[chosen], scale / motion.first_duration
             if motion.scene.transcription == "single_shooting":
                 scale = scale * _stiffness(motion)
-        weighted = [settles and k < 2 * model.system.n for k in chosen]
-        for rows, weight in ((np.flatnonzero(~np.array(weighted)), None), (np.flatnonzero(weighted), _SETTLED)):
+        n = model.system.n
+        weighted = [k < 2 * n and (settles or (presses and k >= n)) for k in chosen]
+        soft = _SETTLED if settles else _PRESSED
+        for rows, weight in ((np.flatnonzero(~np.array(weighted)), None), (np.flatnonzero(weighted), soft)):
             if not rows.size:
                 continue
             names, zero, selected = tuple(all_names[chosen][rows].tolist()), np.zeros(rows.size), value[rows.tolist()]

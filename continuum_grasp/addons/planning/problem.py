@@ -48,10 +48,10 @@ class PlanProblem:
     """Unknowns, constraints and objective of a plan from a state x0 (nx).
 
     Where it is ``relaxed``, the distance from the goal is minimized in place of the objective, and hard bounds have a
-    penalty. Where ``one_way`` is None, tendons with friction may slide to and fro. ``before`` (1, nu) are columns of
-    the input before the motion begins, ``inputs`` (N + 1, nu) those of the inputs at the nodes; the last one is held
-    after the end. Collocation has a polynomial on each of so many equal elements of every interval as ``counts`` (N)
-    states; None: one.
+    penalty. One that ``presses`` ends without rates, and comes into balance afterwards. Where ``one_way`` is None,
+    tendons with friction may slide to and fro. ``before`` (1, nu) are columns of the input before the motion begins,
+    ``inputs`` (N + 1, nu) those of the inputs at the nodes; the last one is held after the end. Collocation has a
+    polynomial on each of so many equal elements of every interval as ``counts`` (N) states; None: one.
     """
 
     def __init__(
@@ -62,10 +62,12 @@ class PlanProblem:
         relaxed: bool = False,
         one_way: OneWay | None = None,
         counts: Indices | None = None,
+        presses: bool = False,
     ) -> None:
-        self.motion, self.relaxed, self.one_way = motion, relaxed, one_way
+        self.motion, self.relaxed, self.one_way, self.presses = motion, relaxed, one_way, presses
         self._counts = np.ones(motion.scene.intervals, dtype=np.int64) if counts is None else counts
-        self.goal = goal_parts(motion, settles=one_way is None and bool(motion.friction_states))
+        settles = one_way is None and bool(motion.friction_states)
+        self.goal = goal_parts(motion, settles, presses)
         self._first = np.array(x0)
         if one_way is not None and one_way.given:
             stuck = self._first[motion.friction_states]

@@ -78,7 +78,8 @@ class PlanSearch:
 
     ``warm`` is a plan from which to begin, ``near`` a posture near which the last one is sought. ``attempts`` and
     ``relaxed`` are what was tried, by name, at the problem and at the relaxed one that seeks the least distance from
-    the goal; ``diagnosis`` is what stops the nearest one of these.
+    the goal; ``diagnosis`` is what stops the nearest one of these. ``can_press``: a motion under slow inputs presses at
+    all contacts that are to press.
     """
 
     def __init__(self, scene: PlanScene, warm: MotionPlan | None = None, near: Posture | None = None) -> None:
@@ -87,7 +88,7 @@ class PlanSearch:
         self.relaxed: list[tuple[str, Attempt]] = []
         self.best: Attempt | None = None
         self.diagnosis: Diagnosis | None = None
-        self.interrupted = False
+        self.interrupted, self.can_press = False, False
         self.motion = PlannedMotion(scene)
         # 1e-5: violation below which constraints count as satisfied where inputs alone are unknowns: a micrometer of a
         # finger of 1 m, and rates of 1e-5 of their range
@@ -165,7 +166,7 @@ class PlanSearch:
             if (counts == problem.grid.counts).all():
                 return
             self.budget.left *= problem.assembly.size  # iterations take longer
-            finer = PlanProblem(motion, self.x0, counts=counts)
+            finer = PlanProblem(motion, self.x0, counts=counts, presses=problem.presses)
             self.budget.left //= finer.assembly.size
             # A bound that did not count before may lead elsewhere; else the plan is there already.
             barriers = (_NEAR, _AT_PLAN) if left.any() else (_AT_PLAN, _NEAR)
@@ -262,6 +263,10 @@ class PlanSearch:
             if self.over and self.attempts:
                 return
             planned = self._try(name, self._usual.start(path), barrier, most=most) or self.best is not None
+            if not (planned or self.over) and self._pressed is not None:
+                planned = self._try(
+                    f"{name}, comes into balance", self._pressed.start(path), barrier, problem=self._pressed
+                )
             if not (planned or contact) and self._approach(name, path, barrier):
                 return
             if contact and self.best is not None and not self._misses(self.best):
@@ -269,7 +274,7 @@ class PlanSearch:
                     return
                 most = _SECOND * self.best.iterations
         for start in self._paths() if contact and self.best is None else ():
-            if self._approach(*start) or self.best is not None:
+            if self._approach(*start) or (self.best is not None and not self._misses(self.best)):
                 return
 
     def _paths(self) -> Iterator[tuple[str, Path, float | None]]:
@@ -359,13 +364,14 @@ class PlanSearch:
         return postures[0] if self.scene.goal.contact_force is None else self._pressing(postures)
 
     def _pressing(self, postures: list[Posture]) -> Posture:
-        """The first posture, if the finger presses as it is to under inputs that go there; else, of where it goes while
+        """The first posture, if inputs that go there press as the goal asks; else, of where the finger goes while
         inputs rise to their limits, what is nearest to the forces.
 
         Least squares may end on the far side of the object, or short of balance; a plan that begins where nothing
         touches stays there, since forces have no slopes.
         """
         aim = np.array(self.scene.goal.targets["contact_force"])
+        part = next(part for part in self._usual.goal if part.key == "goal.contact_force")
         direct = smooth_path(self.motion, self.x0, self.first, postures[0], share=_SHARES[0])
         ends = list[tuple[int, float, float, int, Posture]]()
         for path in (direct, *self._ramps(postures)):
@@ -373,9 +379,13 @@ class PlanSearch:
                 states = simulated(self.scene, self.motion.prediction, path, self.x0, 1)
                 chosen = slice(-1, None) if not ends else slice(1, None)
                 ends += self._presses(states[chosen], path.u[chosen], aim, len(ends))
-                if len(ends) == 1 and not ends[0][0]:
-                    return postures[0]
-        return min(ends)[-1] if ends else postures[0]
+                if len(ends) == 1 and ends[0][2] <= float(np.max(part.tolerance * part.scale)):
+                    break
+        if not ends:
+            return postures[0]
+        loose, *_, nearest = min(ends)
+        self.can_press = not loose
+        return nearest
 
     def _ramps(self, postures: list[Posture]) -> Iterator[Path]:
         """Inputs that rise to their limits, each alone and towards postures, without states."""
@@ -455,6 +465,13 @@ class PlanSearch:
                     attempt = self._solver.solve(assembly.nlp, start, budget)
         self.interrupted |= pressed()
         return attempt
+
+    @cached_property
+    def _pressed(self) -> PlanProblem | None:
+        """Problem of a finger that presses without rates and comes into balance after the end, for one to be held."""
+        goal = self.scene.goal
+        held = goal.end == "held" and goal.contact_force is not None and self.scene.transcription == "collocation"
+        return PlanProblem(self.motion, self.x0, presses=True) if held else None
 
     @cached_property
     def _near_goal(self) -> PlanProblem:

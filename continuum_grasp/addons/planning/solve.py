@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.addons.planning.diagnosis import lever, missed_goals
+from continuum_grasp.addons.planning.diagnosis import does_not_press, lever, missed_goals
 from continuum_grasp.addons.planning.fine import checked
 from continuum_grasp.addons.planning.guess import closing
 from continuum_grasp.addons.planning.result import MotionPlan, PlanStatus, qualified
@@ -121,6 +121,11 @@ def _result(search: PlanSearch) -> MotionPlan:
             status, _, advice, _ = _unfinished(search)
             message = f"no plan was found: {_stopped(search, attempt)}; the motion there misses {' and '.join(missed)}"
             violated = tuple(missed)
+        elif missed and search.can_press and does_not_press(problem, attempt):
+            # The solver left the object, where a weight has no slope: the goal is not what cannot be met.
+            status, _, advice, _ = _unfinished(search)
+            message = "no plan was found: the solver came to a motion that does not press, and slow inputs do press"
+            violated = tuple(missed)
         elif missed:
             status, message = PlanStatus.GOAL_MISSED, qualified(message, "a goal is missed")
             advice = lever(problem, attempt)
@@ -164,6 +169,8 @@ def _success(search: PlanSearch, attempt: Attempt) -> tuple[PlanStatus, str]:
     if search.budget.cut:
         left = f"{_cut(search)} before the search was complete"
         return PlanStatus.FEASIBLE, qualified("all constraints are satisfied at the nodes", left)
+    if search.problem.presses:
+        return PlanStatus.FEASIBLE, "all constraints are satisfied; the finger comes into balance after the end"
     if motion.friction_states:
         # Slopes do not know how friction would change with the motion.
         whose = "tendon friction" if motion.tendon_friction else "friction of motors"
