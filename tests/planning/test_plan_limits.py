@@ -382,7 +382,9 @@ def test_a_force_counts_as_reached_within_a_tenth_of_the_greatest_that_is_asked(
     for weight, share in ((1.0, 1.0), (None, 0.1)):  # of a fine simulation, at the usual check.tolerance
         goal = {"contact_force": {"value": aim, "weight": weight}}
         (part,) = (
-            each for each in goal_parts(PlannedMotion(small(**{**keys, "goal": goal})), False) if not each.at_rest
+            each
+            for each in goal_parts(PlannedMotion(small(**{**keys, "goal": goal})), settles=False, presses=False)
+            if not each.at_rest
         )
         assert np.max(part.played * part.scale) == pytest.approx(share * tolerance, rel=1e-9)
 
