@@ -26,10 +26,9 @@ import numpy as np
 from continuum_grasp.base import amount_text
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
 from continuum_grasp.grasp.effort import BALANCED, EFFORTS, FIRST_CAP, HELD, OPEN, SURE, UNFOLLOWED
-from continuum_grasp.grasp.finger_map import FEW, ROUGH, SETTLED, Place, SceneMaps, is_mapped, places_of
+from continuum_grasp.grasp.finger_map import FEW, SETTLED, Place, SceneMaps, is_mapped, places_of
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, GraspAttempt, GraspSolverRun
-from continuum_grasp.grasp.starts.rough import rough_starts
 from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.tried import Candidate, Exploration, Tried, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
@@ -109,8 +108,7 @@ class GraspSearch:
                 return
             candidate.tried = True
             self._attempt_twice(candidate.start)
-        others = [each.start for each in self.settled if not each.holds][:most]
-        for start in chain(others, self._starts_of_few()):
+        for start in self._others(most):
             if self.budget.over or self.best is not None:
                 return
             self._sampled |= start.is_rough
@@ -121,15 +119,16 @@ class GraspSearch:
         if self.attempt(start, options_at=0) not in self.good:
             self.attempt(start, iterations=FIRST_CAP)
 
-    def _starts_of_few(self) -> Iterator[GraspStart]:
-        """Further starts of few elements, whose maps may have no part that leads to a grasp: exact rods that hold, and
-        postures that nearly touch.
+    def _others(self, most: int) -> Iterator[GraspStart]:
+        """Further starts where those that hold the object lead to no grasp, at most so many of a kind: what comes
+        before an optimum or nearest to it, without maps postures that nearly touch, and exact rods that hold though few
+        elements do not.
         """
-        if not is_mapped() or all(setup.elements > FEW for setup in self.scene.setups):
-            return
-        yield from [each.start for each in self._settled_exactly if each.holds][: self._effort.settled]
-        for mode, place in self._places:
-            yield from rough_starts(self.scene, mode, *place, ROUGH)
+        others = [each.start for each in self.settled if not each.holds]
+        near = [start for start in others if start.imbalance <= SETTLED or not is_mapped()]
+        yield from (near or others[:1])[:most]
+        if self.settled and any(setup.elements <= FEW for setup in self.scene.setups):
+            yield from [each.start for each in self._settled_exactly if each.holds][:most]
 
     @property
     def _places(self) -> list[tuple[frozenset[str], Place]]:

@@ -32,7 +32,7 @@ SUPPORTED = {1: 100_000, 2: 330, 3: 48, 4: 18}
 """Most samples of each finger beside supports, where all combinations are tried."""
 ROUNDS = 30
 """Steps in which combinations are settled."""
-REFINED = 15
+REFINED = 25
 """Steps in which the best of them are brought to their optimum."""
 SETTLED = 4e-3
 """Residual beyond which a settled combination is none."""
@@ -83,12 +83,9 @@ class Settled:
         rows: list[int] = []
         for row in order.tolist():
             # 0.03 of the size, 1 % of the tension
-            alike = (
-                np.linalg.norm(self.places[row] - self.places[other]) < 0.03 * size
-                and abs(self.tension[row] - self.tension[other]) < 0.01 * self.tension[other] + 1e-6
-                for other in rows
-            )
-            if not any(alike):
+            near = np.linalg.norm(self.places[rows] - self.places[row], axis=1) < 0.03 * size
+            tensions = self.tension[rows]
+            if not np.any(near & (np.abs(tensions - self.tension[row]) < 0.01 * tensions + 1e-6)):
                 rows.append(row)
         return rows
 

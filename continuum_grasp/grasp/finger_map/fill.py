@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.finger_map.jets import Jet
@@ -23,10 +24,9 @@ LIGHT = 3.0
 """Normal force [E I / L^2] up to which its changes count, and not those of its logarithm."""
 ENTERED = 0.005
 """Depth in obstacles [L] that samples may have: the finger's own elements bend otherwise than the exact rod."""
-LOWS, SEEDS, TRIES, ONTO = 2500, 600, 4, 40
-"""Most rods with a middle contact that are given forces; most seeds that are brought onto the set, how many times where
-none arrives, and in how many steps: of three fingers that wrap a jar, with 20 steps none leads to the part of the set
-with the least tension."""
+LOWS, SEEDS, ONTO = 2500, 600, 40
+"""Most rods with a middle contact that are given forces; most seeds that are brought onto the set, and in how many
+steps: of three fingers that wrap a jar, with 20 steps none leads to the part of the set with the least tension."""
 CURVATURES, DIRECTIONS, FORCES = 25, 36, 10
 """Size of the grid of rods: curvatures at the base, directions and sizes of the force there."""
 ON_SET = 1e-3
@@ -37,6 +37,8 @@ THIN = 100
 """Samples of a part of a map below which it is filled by itself: its cells may be smaller."""
 NEAREST = 150
 """Seeds of few elements beside those that follow exact rods; samples of wider limits from which a part is filled."""
+FAR = 0.25
+"""Distance [L] from which on two minima of the gap along rods next to each other are not the same."""
 COARSE = 3.0
 """Cells of a map that are one where it is a seed of another."""
 MOST = 3000
@@ -99,11 +101,11 @@ class FingerMap:
     @staticmethod
     def of(finger: MapFinger) -> FingerMap:
         """Sample a finger's equilibria."""
-        return FingerMap._from(finger, _onto(finger, _seeds(finger)))
+        return FingerMap._from(finger, _onto(finger, _seeds(finger), SEEDS))
 
     def followed_by(self, finger: MapFinger) -> FingerMap:
         """The map of few elements from that of the exact rod."""
-        some = self.samples.take(_one_per_cell(self.samples, COARSE)) if len(self) else self.samples
+        some = self.samples.take(_one_per_cell(features(self.samples), COARSE)) if len(self) else self.samples
         near = finger.onto(finger.followed(some.z), ONTO, ENTERED, ON_SET)
         # Elements may also touch where no exact rod does.
         own = _onto(finger, _seeds(finger), NEAREST)
@@ -190,11 +192,19 @@ def _with_middle(finger: MapFinger, z: Array, shape: tuple[int, ...] | None) -> 
         pairs = _edges(shape, gap, around=1)
         first, second = pairs.T
         # Where minima change places there is no contact.
-        near = (gap[first] < 9.0) & (gap[second] < 9.0) & (np.abs(at[first] - at[second]) < 0.25)
+        near = (gap[first] < 9.0) & (gap[second] < 9.0) & (np.abs(at[first] - at[second]) < FAR)
         first, second = first[near], second[near]
         ends = np.column_stack([z, at])
         found.append(_between(ends[first], ends[second], gap[first], gap[second]))
     rows = np.concatenate(found)
+    if len(rows):
+        # Before a corner the minimum is not where it is on a line between neighbors.
+        places = finger.nearest(rows[:, :-1])[:, ::2]
+        off = np.where(places < 0.0, np.inf, np.abs(places - rows[:, -1:]))
+        closest = off.argmin(axis=1)[:, None]
+        rows[:, -1:] = np.where(
+            off.min(axis=1, keepdims=True) < FAR, np.take_along_axis(places, closest, 1), rows[:, -1:]
+        )
     return np.column_stack([rows, np.zeros((len(rows), 2))])
 
 
@@ -228,8 +238,8 @@ def _with_forces(finger: MapFinger, z: Array) -> Array:
     return _between(flat[first], flat[second], gap[first], gap[second])
 
 
-def _onto(finger: MapFinger, z: Array, count: int = SEEDS) -> Array:
-    """So many seeds that are nearest to the set, brought onto it within the limits."""
+def _onto(finger: MapFinger, z: Array, count: int) -> Array:
+    """So many seeds at most that are nearest to the set within the limits, brought onto it."""
     if not len(z):
         return np.zeros((0, finger.numbers))
     z = z.copy()
@@ -239,13 +249,8 @@ def _onto(finger: MapFinger, z: Array, count: int = SEEDS) -> Array:
     order = np.argsort(np.maximum(np.abs(at.conditions.value).max(axis=1), at.excess), kind="stable")
     # The nearest of each few cells: else those of one part of the set crowd out others.
     cells = np.round(features(at)[order] / COARSE)
-    near = order[np.sort(np.unique(cells, axis=0, return_index=True)[1])]
-    # Of a small set the nearest may all end beside it.
-    for first in range(0, min(len(near), TRIES * count), count):
-        landed = finger.onto(z[near[first : first + count]], ONTO, ENTERED, ON_SET)
-        if len(landed):
-            return landed
-    return z[:0]
+    near = order[np.sort(np.unique(cells, axis=0, return_index=True)[1])][:count]
+    return finger.onto(z[near], ONTO, ENTERED, ON_SET)
 
 
 def _filled(finger: MapFinger, seeds: Array) -> Traced:
@@ -253,37 +258,46 @@ def _filled(finger: MapFinger, seeds: Array) -> Traced:
     known = set[bytes]()
     directions = _directions(finger.numbers - finger.conditions)
 
-    def unknown(at: Traced) -> Array:
-        return np.array([key not in known for key in _keys(np.round(features(at)))], bool)
+    def unknown(place: Array) -> NDArray[np.bool_]:
+        return np.array([key not in known for key in _keys(place)], bool)
 
-    def fresh(at: Traced) -> Traced:
-        at = at.take(_one_per_cell(at))
-        new = unknown(at)
-        known.update(_keys(np.round(features(at.take(new)))))
-        return at.take(new)
+    def fresh(at: Traced, place: Array) -> Traced:
+        rows = _one_per_cell(place)
+        rows = rows[unknown(place[rows])]
+        known.update(_keys(place[rows]))
+        return at.take(rows)
 
-    front = fresh(finger.traced(seeds))
+    seeded = finger.traced(seeds)
+    front = fresh(seeded, features(seeded))
     found = [front]
     while len(front) and len(known) < MOST:
         near = finger.touches(_neighbors(finger, front, directions))
         near = near.take(np.abs(near.conditions.value).max(axis=1) < ON_SET)
-        at = finger.traced(near.z[unknown(near)], entered=ENTERED)
-        front = fresh(at.take(at.excess < WITHIN))
+        place = features(near)
+        new = unknown(place)
+        at = finger.traced(near.z[new], entered=ENTERED)
+        within = at.excess < WITHIN
+        front = fresh(at.take(within), place[new][within])
         found.append(front)
     return Traced.joined(found)
 
 
-def _one_per_cell(at: Traced, size: float = 1.0) -> Array:
-    """Rows of samples that are nearest to the middles of their cells, so that images of a scene have the same."""
-    place = features(at) / size
+def _one_per_cell(place: Array, size: float = 1.0) -> NDArray[np.int64]:
+    """Rows of features that are nearest to the middles of their cells, so that images of a scene have the same."""
+    place = place / size
     cells = np.round(place)
     order = np.argsort(np.round(np.abs(place - cells).max(axis=1), 6), kind="stable")
-    return np.asarray(order[np.sort(np.unique(cells[order], axis=0, return_index=True)[1])])
+    first = dict[bytes, int]()
+    for row, key in zip(order.tolist(), _keys(cells[order]), strict=True):
+        first.setdefault(key, row)
+    return np.array([*first.values()], np.int64)
 
 
-def _keys(cells: Array) -> list[bytes]:
-    """Keys of cells (B, F)."""
-    return [*map(bytes, np.ascontiguousarray(cells.astype(np.int32)))]
+def _keys(place: Array) -> list[bytes]:
+    """Keys of the cells of features (B, F)."""
+    cells = np.round(place).astype(np.int32)
+    size, whole = cells.shape[1] * cells.itemsize, cells.tobytes()
+    return [whole[at : at + size] for at in range(0, len(whole), size)]
 
 
 def _directions(size: int) -> Array:
@@ -304,13 +318,15 @@ def _neighbors(finger: MapFinger, front: Traced, directions: Array) -> Array:
     z, steps = front.z, finger.scales(front.z)
     slope = front.conditions.slope * steps[:, None]
     count = slope.shape[1]
-    _, _, across = np.linalg.svd(slope)
+    left, size, across = np.linalg.svd(slope)
     null = across[:, count:].transpose(0, 2, 1)  # (B, n, d)
+    back = (
+        across[:, :count].transpose(0, 2, 1) / np.maximum(size, 1e-15 * size[:, :1])[:, None] @ left.transpose(0, 2, 1)
+    )
     measured = _feature_slopes(front) * steps[:, None] @ null
     metric = measured.transpose(0, 2, 1) @ measured + 1e-4 * np.eye(null.shape[2])
     sizes, axes = np.linalg.eigh(metric)
     ways = null @ (axes / np.sqrt(sizes)[:, None])  # of one cell each
-    back = np.linalg.pinv(slope)
     move = np.einsum("bij,cj->cbi", ways, directions)
     move *= np.minimum(1.0, 3.0 / np.maximum(np.abs(move).max(axis=2, keepdims=True), 1e-12))
     out = (z[None] + move * steps[None]).reshape(-1, z.shape[1])

@@ -148,6 +148,12 @@ static int force_limits(const Rod *rod, const dual *z, const Finger *at, dual *r
 /* Slopes from which on they say nothing: of a rod that makes a few turns they are below 1e4, of one that coils up without
    end they have no bound. */
 #define SANE 1e6
+/* Most rounds in which a step finds the limits that it would break; part of the squares that must be left after so many
+   steps for a run to go on: seeds that end beside the set make up most of them. */
+#define ROUNDS 4
+#define PART 0.7
+#define OFTEN 5
+#define LONGEST 1.5 /* step, in units of the scales */
 
 /* Numbers of the contacts and the force at the tip, the conditions, the limits of the shape, those of the forces: out
    (count, 7 (contacts + 1) + 2 + rows, 1 + LANES). */
@@ -226,13 +232,56 @@ static void residual_of(const Rod *rod, const double *given, double entered, Res
     out->rows += force_limits(rod, z, &at, out->row + out->rows);
     out->off = out->squares = 0.0, out->sane = 1;
     for (int k = 0; k < out->rows; ++k) {
-        if (k >= out->equal && out->row[k].v < 0.0)
-            out->row[k] = constant(0.0);
         const double *slope = (const double *)&out->row[k].d;
         for (int lane = 0; lane < LANES; ++lane)
             if (!(fabs(slope[lane]) < SANE))
                 out->sane = 0;
-        out->off = fmax(out->off, fabs(out->row[k].v)), out->squares += out->row[k].v * out->row[k].v;
+        const double wrong = k < out->equal ? fabs(out->row[k].v) : fmax(out->row[k].v, 0.0);
+        out->off = fmax(out->off, wrong), out->squares += wrong * wrong;
+    }
+}
+
+/* The damped step of Gauss and Newton in units of `step`, for which all limits count that it breaks to first order. */
+static void step_onto(const Residual *at, int size, const double *step, double damping, double *move)
+{
+    double a[NUMBERS * NUMBERS];
+    int active[ROWS];
+    for (int k = 0; k < at->rows; ++k)
+        active[k] = k < at->equal || at->row[k].v > 0.0;
+    for (int round = 0; round < ROUNDS; ++round) {
+        for (int i = 0; i < size; ++i) {
+            move[i] = 0.0;
+            for (int j = 0; j <= i; ++j)
+                a[size * i + j] = i == j ? damping : 0.0;
+        }
+        for (int k = 0; k < at->rows; ++k) {
+            if (!active[k])
+                continue;
+            const double *slope = (const double *)&at->row[k].d;
+            for (int i = 0; i < size; ++i) {
+                const double scaled_slope = slope[i] * step[i];
+                move[i] -= scaled_slope * at->row[k].v;
+                for (int j = 0; j <= i; ++j)
+                    a[size * i + j] += scaled_slope * slope[j] * step[j];
+            }
+        }
+        solve(size, a, move);
+        double most = 1e-12;
+        for (int i = 0; i < size; ++i)
+            most = fmax(most, fabs(move[i]));
+        for (int i = 0; i < size; ++i)
+            move[i] *= fmin(1.0, LONGEST / most);
+        int same = 1;
+        for (int k = at->equal; k < at->rows; ++k) {
+            const double *slope = (const double *)&at->row[k].d;
+            double value = at->row[k].v;
+            for (int i = 0; i < size; ++i)
+                value += slope[i] * step[i] * move[i];
+            same &= active[k] == (value > 0.0);
+            active[k] = value > 0.0;
+        }
+        if (same)
+            return;
     }
 }
 
@@ -243,32 +292,18 @@ void onto(const Rod *rod, int count, int rounds, double entered, double close, d
     const int size = numbers_of(rod);
     Residual pair[2], *here = pair, *there = pair + 1;
     for (; count > 0; --count, z += size) {
-        double damping = 1e-3, step[NUMBERS], trial[NUMBERS], a[NUMBERS * NUMBERS], move[NUMBERS];
+        double damping = 1e-3, before = INFINITY, step[NUMBERS], trial[NUMBERS], move[NUMBERS];
         residual_of(rod, z, entered, here);
         for (int round = 0; round < rounds && here->sane && here->off >= close; ++round) {
+            if (round % OFTEN == 0) {
+                if (here->squares > PART * before)
+                    break;
+                before = here->squares;
+            }
             scale_of(rod, z, step);
-            for (int i = 0; i < size; ++i) {
-                move[i] = 0.0;
-                for (int j = 0; j <= i; ++j)
-                    a[size * i + j] = i == j ? damping : 0.0;
-            }
-            for (int k = 0; k < here->rows; ++k) {
-                const double *slope = (const double *)&here->row[k].d;
-                for (int i = 0; i < size; ++i) {
-                    const double scaled_slope = slope[i] * step[i];
-                    move[i] -= scaled_slope * here->row[k].v;
-                    for (int j = 0; j <= i; ++j)
-                        a[size * i + j] += scaled_slope * slope[j] * step[j];
-                }
-            }
-            solve(size, a, move);
-            double most = 1e-12;
+            step_onto(here, size, step, damping, move);
             for (int i = 0; i < size; ++i)
-                most = fmax(most, fabs(move[i]));
-            /* 1.5: longest step, in units of the scales */
-            const double part = fmin(1.0, 1.5 / most);
-            for (int i = 0; i < size; ++i)
-                trial[i] = z[i] + part * move[i] * step[i];
+                trial[i] = z[i] + move[i] * step[i];
             residual_of(rod, trial, entered, there);
             const int nearer = there->sane && there->squares < here->squares;
             if (nearer) {

@@ -30,7 +30,8 @@ class Starts:
     def near(self) -> list[GraspStart]:
         """Starts of the search, those that came nearest to a grasp first."""
         closest = sorted(self._search.tried, key=lambda tried: tried.attempt.badness)
-        return list({id(tried.attempt.start): tried.attempt.start for tried in closest}.values())
+        starts = [*(tried.attempt.start for tried in closest), *(each.start for each in self._search.settled)]
+        return list({id(start): start for start in starts}.values())
 
     def alone(self, limit: RelaxedLimit, enough: float | None = None) -> list[GraspStart]:
         """Starts with a limit relaxed; with no more than is ``enough`` [usual amounts] where that is known."""
