@@ -18,13 +18,13 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
-from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from continuum_grasp.base import amount_text
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
+from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.grasp.effort import BALANCED, EFFORTS, FIRST_CAP, HELD, OPEN, SURE, UNFOLLOWED
 from continuum_grasp.grasp.finger_map import FEW, SETTLED, Place, SceneMaps, is_mapped, places_of
 from continuum_grasp.grasp.modes import contact_modes
@@ -55,7 +55,7 @@ class GraspSearch:
         self._solvers: dict[tuple[tuple[str, int], ...], GraspSolverRun] = {}  # by names and parts of contacts
         self._maps = SceneMaps(scene)
         self._sampled = False  # whether postures were tried that maps do not lead to
-        self._curled = frozenset[str]()  # fingers that passed through themselves in an attempt
+        self.curled = frozenset[str]()  # fingers that passed through themselves in an attempt
 
     @property
     def best(self) -> Tried | None:
@@ -290,12 +290,18 @@ class GraspSearch:
             again = solver.run(self.scene, tried.start, self.budget, options_at=0)
             tried = Tried(again, solver, self.scene) if again.converged else tried
         self._noted(tried)
-        if attempt.converged and own and tried.curled - self._curled:
-            # Few grasps are so curled: what keeps a finger clear of itself costs nothing before one is.
-            self._curled |= tried.curled
-            self._solvers.clear()
+        if attempt.converged and own and self.keep_clear(tried.certificate):
             return self.attempt(start, options_at=options_at, **options)
         return tried
+
+    def keep_clear(self, certificate: Certificate) -> bool:
+        """From now on, keep fingers clear of themselves that are not in a grasp; whether there are new ones."""
+        curled = certificate.curled - self.curled
+        if curled:
+            # Few grasps are so curled: what keeps a finger clear of itself costs nothing before one is.
+            self.curled |= curled
+            self._solvers.clear()
+        return bool(curled)
 
     def adopt(self, relaxed: GraspAttempt) -> None:
         """Verify an attempt with limits relaxed by nothing, which is a grasp of the scene, though not its optimum."""
@@ -323,7 +329,7 @@ class GraspSearch:
         began = time.perf_counter()
         contacts = tuple((name, contact.part) for name, contact in start.contacts.items())
         if contacts not in self._solvers:
-            self._solvers[contacts] = GraspSolverRun.of(self.scene, start.contacts, self._curled)
+            self._solvers[contacts] = GraspSolverRun.of(self.scene, start.contacts, self.curled)
             self._solvers[contacts].prepare(self.scene)
         self.build_seconds += time.perf_counter() - began
         return self._solvers[contacts]

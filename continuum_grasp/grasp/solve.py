@@ -378,8 +378,8 @@ class _Verdict:
             held = amount_text(min(candidate.start.estimate for candidate in self.search.held_exactly), "N", ".4g")
             message = f"exact rods hold with {held} in all, and {self._elements} elements per finger do not follow them"
             advice = "Raise fidelity.elements, or leave it out: the program takes as many as are needed."
-        elif curled := [t.curled for t in self.search.tried if t.attempt.converged and t.curled]:
-            message = f"no grasp was found in which {', '.join(sorted(curled[0]))} does not pass through itself"
+        elif curled := self.search.curled:
+            message = f"no grasp was found in which {', '.join(sorted(curled))} does not pass through itself"
             advice = "Take a shorter finger, or place its base where it need not curl up."
         elif closest is not None and closest.attempt.optimal:
             names = ", ".join(check.name for check in closest.certificate.failed)

@@ -8,7 +8,6 @@ from functools import cached_property
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
-from continuum_grasp.grasp.certificate.check import CURLED
 from continuum_grasp.grasp.finger_map import SETTLED
 from continuum_grasp.grasp.problem.solver_run import GraspAttempt, GraspSolverRun
 from continuum_grasp.grasp.starts.values import GraspStart
@@ -37,12 +36,6 @@ class Tried:
     @cached_property
     def start(self) -> GraspStart:
         return GraspStart.of(self.scene, self.arrays)
-
-    @property
-    def curled(self) -> frozenset[str]:
-        """Names of the fingers that pass through themselves."""
-        failed = (check.name.partition(", ") for check in self.certificate.failed)
-        return frozenset(finger for what, _, finger in failed if what == CURLED)
 
     @property
     def verified(self) -> bool:

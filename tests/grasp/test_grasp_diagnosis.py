@@ -5,6 +5,7 @@ Why there is no grasp: repairs that are none are not offered, the balance agains
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from dataclasses import replace
@@ -170,20 +171,19 @@ def test_both_halves_of_a_pair_are_needed(seed):
     rows = random.uniform(0.1, 2.0, (6, len(names))) * (random.random((6, len(names))) < 0.6)
     rows[:, random.integers(len(names))] = random.uniform(0.1, 2.0, 6)
 
-    def relax(limits, begin, weights=None):
-        cost = [(weights or {}).get(limit.name, 1.0) for limit in limits]
-        found = linprog(cost, -rows[:, [names.index(limit) for limit in limits]], -np.ones(6))
+    def relax(limits, begin):
+        found = linprog(np.ones(len(limits)), -rows[:, [names.index(limit) for limit in limits]], -np.ones(6))
         return (
             Repair(dict(zip(limits, found.x, strict=True)), {}, SimpleNamespace(start=None)) if found.success else None
         )
 
-    search = SimpleNamespace(budget=SimpleNamespace(over=False))
+    search = SimpleNamespace(budget=SimpleNamespace(over=False), impossible=False, keep_clear=lambda _: False)
     repairs = Repairs(make_scene(gravity=PLANAR), search)
-    repairs.relax, repairs.holds = relax, lambda *_: True
-    repairs.starts = SimpleNamespace(together=lambda limits: [None])
+    repairs.relax, repairs.certificate = relax, lambda repair: SimpleNamespace(failed=())
+    repairs.starts = SimpleNamespace(of=lambda limits, amount=None: [None], near=[])
     named = []
     repairs._reason = lambda repair: named.append(repair.parts) or Reason("tension", "", "", 1.0, 2.0, "", "")
-    repairs._together()
+    repairs._relaxed(itertools.combinations(names, 2))
     found = [repair.parts for repair in repairs.found.values()]
     assert found
     for parts in found:

@@ -69,19 +69,10 @@ def repaired(amount, most=1.0, other=None):
     found = Some(x=np.zeros(1), violations=[], status=SolverStatus.SOLVED)
     given = {limit: amount, second: other}
     solver = Some(run=lambda *_, **__: found, given=lambda scene, x, one: given[one], arrays=lambda *_: {})
-    repairs = Repairs(SCENE, searching(solver=lambda start: solver))
-    repairs.holds = lambda *_: True
+    repairs = Repairs(SCENE, searching(solver=lambda start: solver, keep_clear=lambda _: False))
+    repairs.certificate = lambda repair: Some(failed=())
     repairs.attempt((limit,) if other is None else (limit, second), Some())
     return bool(repairs.found)
-
-
-def in_place(part):
-    """Whether another limit is relaxed alone from a point at which a limit is still relaxed by a part."""
-    mass, tried, repairs = next(one for one in RELAXATIONS if one.name == "mass"), [], Repairs(SCENE, searching())
-    repairs.relax = lambda limits, begin, weights: Repair({TENSION: part, mass: 0.5}, {}, Some(start=None))
-    repairs.attempt = lambda limits, begin: tried.append(limits)
-    repairs._in_place_of(Repair({TENSION: 1.0}, {}, Some(start=None)), [mass])
-    return tried == [(mass,)]
 
 
 def tied(size):
@@ -223,8 +214,8 @@ LIMITS = [
     ("amounts that are one", 1.0 / (1.0 - 1e-4), lambda x: settled([1.0, 1.0, x])),
     ("most that makes sense of an amount", 20.0 * (1.0 - 1e-3), lambda x: repaired(x, FRICTION.sensible(SCENE))),
     ("part of several limits that is none", 1e-3, lambda x: not repaired(0.5, other=x)),
-    ("part of a limit that another is in place of", 1e-3, in_place),
     ("factors that are equal", 1e-3, tied),
+    ("part of a limit beside which another is enough alone", 1e-3, lambda x: alone_after(x) == ["tension"]),
     ("objectives of unstable grasps that are one", 1.001, lambda x: unstable(1.0, x) == 1),
     ("change of a stable grasp that is settled", 1e-4 / (1.0 - 1e-4),
      lambda x: len(stable((0.02, 1.0, True), (0.02, 1.0 + x, True), (0.02, 1.0 + x, True))) == 2),
@@ -260,10 +251,63 @@ def starts_per_limit(agreeing):
         if agreeing is not None:
             repairs.found[limits] = Repair({TENSION: 1.0}, {}, None)
 
-    repairs.starts = Some(alone=lambda limit, part=None: [] if part else starts, near=[])
-    repairs.attempt, repairs._in_place_of = attempt, lambda *_: None
-    repairs._alone([TENSION])
+    repairs.starts = Some(of=lambda limits, amount=None: [] if amount else starts[:10], near=starts[10:])
+    repairs.attempt = attempt
+    repairs._relaxed([(TENSION,)])
     return sorted(set(asked))
+
+
+def amounts_of_starts(*holding):
+    """Usual amounts by which a limit is relaxed in search of starts, where those hold, and how many that gives."""
+    eased, known = [], Starts(SCENE, searching())
+    known._may_hold = True
+
+    def settled(scene):
+        eased.append((scene.setups[0].max_tension - SCENE.setups[0].max_tension) / TENSION.start(SCENE))
+        return [Some(imbalance=0.0 if round(eased[-1], 9) in holding else 1.0) for _ in range(20)]
+
+    known._settled = settled
+    starts = known.of((TENSION,))
+    return np.round(eased, 9).tolist(), len(starts)
+
+
+def limits_needed(*needed):
+    """Limits without which nothing holds, where it holds with those that are ``needed``."""
+    known = Starts(SCENE, searching())
+    most = SCENE.setups[0].max_tension, SCENE.contacts.friction
+
+    def settled(scene):
+        eased = scene.setups[0].max_tension > most[0], scene.contacts.friction > most[1]
+        return [Some(imbalance=float(any(need and not is_ for need, is_ in zip(needed, eased, strict=True))))]
+
+    known._settled = settled
+    return {limit.name for limit in known.needed}
+
+
+def pairs_tried(*needed):
+    """Whether limits are relaxed two at a time, of which nothing is a substitute for the ``needed`` ones."""
+    asked, repairs = [], Repairs(SCENE, searching())
+    repairs.starts = Some(of=lambda limits, amount=None: asked.append(limits) or [], near=[], needed=frozenset(needed))
+    repairs.look()
+    return {frozenset(limit.name for limit in limits) for limits in asked if len(limits) > 1}
+
+
+def equal_starts():
+    """Starts from which a limit is relaxed, twice from two, of some that are equal."""
+    asked, repairs = [], Repairs(SCENE, searching())
+    repairs.attempt = lambda limits, start: asked.append(start)
+    repairs.totals[TENSION,] = []
+    for _ in range(2):
+        repairs._from((TENSION,), [0, 0, 1, 2, 3], 2)
+    return asked
+
+
+def alone_after(part):
+    """Limits relaxed alone from where two are, one of them by a part."""
+    asked, repairs = [], Repairs(SCENE, searching())
+    repairs.attempt = lambda limits, begin: asked.append(limits)
+    repairs._alone(Repair({TENSION: 1.0, FRICTION: part}, {}, None))
+    return [limit.name for (limit,) in asked]
 
 
 def ends_of_a_start(*found):
@@ -277,83 +321,6 @@ def ends_of_a_start(*found):
     for begin in (Some(), Repair({TENSION: 1.0}, {}, Some(start=None, x=None))):
         repairs.relax((TENSION,), begin)
     return asked
-
-
-def starts_together(*holding):
-    """Usual amounts by which a limit is relaxed in search of starts, where those hold; starts of either kind."""
-    eased, known = [], Starts(SCENE, searching())
-    known.near, known._hopeless = [*range(20)], False
-
-    def held(scene):
-        eased.append((scene.setups[0].max_tension - SCENE.setups[0].max_tension) / TENSION.start(SCENE))
-        return [Some(imbalance=0.0 if round(eased[-1], 9) in holding else 1.0) for _ in range(20)]
-
-    known._held = held
-    starts = known.together((TENSION,))
-    return np.round(eased, 9).tolist(), sum(start in known.near for start in starts), len(starts)
-
-
-def rough_starts():
-    """Starts that no scan gave from which all limits are relaxed, and those that the mass alone is relaxed from."""
-    asked, repairs = [], Repairs(make_scene(), searching())
-    repairs.starts = Some(alone=lambda *_: [], near=[*range(9)])
-    repairs.relax = lambda limits, start: asked.append((len(limits) > 1, start))
-    repairs._alone([limit for limit in RELAXATIONS if limit.name in ("tension", "mass")])
-    return [start for many, start in asked if many], [start for many, start in asked if not many]
-
-
-def weight_in_place():
-    """Weight of a limit that others are relaxed in place of."""
-    weights, repairs = [], Repairs(SCENE, searching())
-    repairs.relax = lambda *_, weights=None, seen=weights: seen.append(weights["tension"])
-    repairs._in_place_of(Repair({TENSION: 1.0}, {}, Some(start=None)), RELAXATIONS[1:3])
-    return set(weights)
-
-
-def seeds_of(*totals):
-    """Points with many limits relaxed that are made sparse."""
-    seen, repairs = [], Repairs(SCENE, searching())
-    repairs.numbered = repairs.bounding = (TENSION,)
-    repairs.starts, repairs.relax = Some(together=lambda limits: totals), lambda limits, start: Some(total=start)
-    repairs._few = lambda seed: seen.append(seed.total)
-    repairs._together()
-    return seen
-
-
-def equal_starts():
-    """Starts from which a limit is relaxed, alone twice from two, and as one of many, of some that are equal."""
-    asked, repairs = [], Repairs(SCENE, searching())
-    repairs.attempt = repairs.relax = lambda limits, start: asked.append((len(limits), start))
-    repairs.totals[TENSION,] = []
-    for _ in range(2):
-        repairs._from(TENSION, [0, 0, 1, 2, 3], 2)
-        repairs._all_from(RELAXATIONS[:2], [0, 0, 1])
-    return [start for many, start in asked if many == 1], [start for many, start in asked if many == 2]
-
-
-def further_limits(total):
-    """Points made sparse where more limits, relaxed from there, leave so much of a sum of two."""
-    seen, repairs = [], Repairs(SCENE, searching())
-    repairs.numbered, repairs.bounding = (TENSION,), RELAXATIONS[1:3]
-    repairs.starts = Some(together=lambda limits: [2.0])
-    repairs.relax = lambda limits, start: Some(total=2.0 if limits == (TENSION,) else total)
-    repairs._few = lambda seed: seen.append(seed.total)
-    repairs._together()
-    return seen
-
-
-def weights_of(part):
-    """Weights with which a point is made sparse, of a part of a usual amount, until no more limits can be left out."""
-    weights, repairs = [], Repairs(SCENE, searching())
-    point = Repair(dict.fromkeys(RELAXATIONS[:3], part), {}, Some(start=None))
-
-    def relax(limits, begin, weights=None, seen=weights):
-        seen.extend([weights["tension"]] if weights else [])
-        return point if weights else None
-
-    repairs.relax = relax
-    repairs._few(point)
-    return pytest.approx(weights)
 
 
 def further(least):
@@ -481,20 +448,19 @@ COUNTS = [
     ("parts by which an object yields", [0.2, 0.2, 0.2], lambda: pytest.approx(yields_by())),
     ("poses", (7, 5, 3, 3), tried_poses),
     ("weight of postures in error", [1e-6], effort_in_error),
-    ("starts of a limit that gives no grasp", [0, 1], lambda: starts_per_limit(None)),
+    ("starts of a limit that gives no grasp", [0, 1, 2, 3], lambda: starts_per_limit(None)),
     ("starts of a limit that gives as much", [0, 1, 2], lambda: starts_per_limit(True)),
     ("starts of a limit that gives less", [*range(10)], lambda: starts_per_limit(False)),
-    ("starts that are not scanned", ([0, 1], [0, 1]), rough_starts),
+    ("amounts of starts", ([3.0, 1.0], 40), lambda: amounts_of_starts(3.0)),
+    ("amounts of starts where none holds", ([3.0], 0), amounts_of_starts),
+    ("limits needed", set(), lambda: limits_needed(False, False)),
+    ("limits needed of two", {"friction"}, lambda: limits_needed(False, True)),
+    ("both limits needed", {"tension", "friction"}, lambda: limits_needed(True, True)),
+    ("pairs where two are needed", {frozenset({"tension", "friction"})}, lambda: pairs_tried(TENSION, FRICTION)),
+    ("pairs where three are needed", set(), lambda: pairs_tried(*RELAXATIONS[:3])),
+    ("equal starts", [0, 1, 2, 3], equal_starts),
     ("iterations of each", [(80, None), (80, None)], ends_of_a_start),
     ("iterations in vain of each but the first", [(80, 7), (80, None)], lambda: ends_of_a_start((TENSION,))),
-    ("starts of all limits", ([3.0, 1.0], 3, 9), lambda: starts_together(1.0, 3.0)),
-    ("starts of all limits where none holds", ([3.0], 3, 9), starts_together),
-    ("weight of a limit in place of which others are relaxed", {10.0}, weight_in_place),
-    ("weights of parts", [0.1 / 0.6] * 2, lambda: weights_of(0.5)),
-    ("points made sparse", [1.0, 2.0, 3.0], lambda: seeds_of(3.0, 1.0, 5.0, 2.0, 1.0 + 1e-5, 4.0)),
-    ("equal starts", ([0, 1, 2, 3], [0, 1]), equal_starts),
-    ("points that further limits do not change", [2.0], lambda: further_limits(2.0)),
-    ("points that further limits change", [2.0, 1.0], lambda: further_limits(1.0)),
     ("steps of repairs for all states", (None, [0.01, 0.04, 0.16, 0.64]), lambda: further(1.0)),
     ("halvings of such a step", [0.01, 0.04, 0.16, 0.1, 0.13], lambda: pytest.approx(further(0.12)[1])),
     ("amounts that agree", (False, True), lambda: (settled([1.0, 1.0]), settled([1.0, 1.0, 1.0]))),

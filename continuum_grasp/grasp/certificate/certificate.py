@@ -19,6 +19,7 @@ import numpy as np
 
 from continuum_grasp.base import Array, Summarized, check_arguments
 from continuum_grasp.grasp.certificate.check import (
+    CURLED,
     EXACT,
     Check,
     clearance_checks,
@@ -81,6 +82,12 @@ class Certificate(Summarized):
     def failed(self) -> tuple[Check, ...]:
         """The checks that did not pass."""
         return tuple(check for check in self.checks if not check.passed)
+
+    @property
+    def curled(self) -> frozenset[str]:
+        """Names of the fingers that pass through themselves."""
+        names = (check.name.partition(", ") for check in self.failed)
+        return frozenset(finger for name, _, finger in names if name == CURLED)
 
     def data(self, *, error: bool = True) -> dict[str, Any]:
         """The certificate as plain data, with the model's ``error``, for which exact rods are solved, or without."""

@@ -130,7 +130,7 @@ class GraspSolverRun:
         ``options_at`` is a place in `OPTION_SETS`: 0 for starts that are nearly exact, 2 for rough ones.
         Iterations are taken from the budget, which may be restricted to so many ``iterations``. Limits may be
         ``relaxed``; their amounts are minimized then, beginning with those given (SI), of several the sum of their
-        parts of a usual amount, times ``weights`` by their names. Contacts sit on ``features``, by default those of the
+        parts of a usual amount. Contacts sit on ``features``, by default those of the
         start, beyond whose ends they go on while that is better. The unknowns begin with ``x0``. Further run-time
         ``numbers`` go to the problem. Unknowns ``pinned`` stay at their values, but for NaN. ``patience`` and
         ``standstill`` are as of `Start`; a run that comes to a ``known`` attempt returns that.
@@ -183,7 +183,6 @@ class GraspSolverRun:
         x0: Array | None,
         iterations: int | None = None,
         relaxed: Sequence[tuple[RelaxedLimit, float]] = (),
-        weights: Mapping[str, float] | None = None,
         numbers: Mapping[str, Any] | None = None,
         pinned: Mapping[str, ArrayLike] | None = None,
         patience: int | None = None,
@@ -204,7 +203,6 @@ class GraspSolverRun:
             # 1e-4: weight of what is sought beside the amount of a relaxed limit
             values["effort weight"] = 1e-4
             weight = 1.0 if len(relaxed) == 1 else scale / relaxation.start(scene)
-            weight *= (weights or {}).get(relaxation.name, 1.0)
             values["relaxation weights"][RELAXATIONS.index(relaxation)] = weight
         for name, value in (pinned or {}).items():
             at = problem.x.at[name]

@@ -1,30 +1,27 @@
-"""Why a scene has no grasp: limits are relaxed as little as possible, in one elastic problem, from many starts, and
-the amounts that then suffice, verified and confirmed, are the reason.
+"""Why a scene has no grasp: limits are relaxed as little as possible, in one elastic problem, from fingers that hold
+the object then, and the amounts that then suffice, verified and confirmed, are the reason.
 
-1. Each limit is relaxed alone: the sum that the elastic problem minimizes has local minima which mix cheap limits.
-2. All limits are relaxed at once from the nearest starts; from where that holds, each alone again.
-3. A limit that repairs the scene is relaxed from more starts, closer by its amount, until several agree.
-4. Where no usual amount of one is enough, all are relaxed at once, and weights that grow as parts vanish drive these to
-   zero: reweighted L1 minimization, E. J. Candes, M. B. Wakin, S. P. Boyd, J. Fourier Anal. Appl. 14 (2008),
-   doi:10.1007/s00041-008-9045-x. While more than two are left, the one with the least part is taken out.
-5. What is left is verified by the certificate with just these amounts, for all errors and friction states of the scene.
+1. Each limit is relaxed alone.
+2. Where no usual amount of one is enough, each two of them are; all others together are no substitute for some, which
+   are part of every reason.
+3. What repairs the scene is relaxed from more starts, closer by its amount, until several agree.
+4. What is left is verified by the certificate with just these amounts, for all errors and friction states of the scene.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
 
 from continuum_grasp.base import InputError, prefixed
 from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.certificate.certificate import certify_reached
-from continuum_grasp.grasp.effort import CLOSEST, FIRST_CAP, HELD
+from continuum_grasp.grasp.effort import CLOSEST, FIRST_CAP
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, RelaxedLimit, beyond_needed, changed_numbers
-from continuum_grasp.grasp.problem.solver_run import MODEST
-from continuum_grasp.grasp.reasons.elastic import Elastic, Limits, Repair, same, settled
+from continuum_grasp.grasp.reasons.elastic import Elastic, Limits, Repair, settled
 from continuum_grasp.grasp.reasons.starts import Starts, eased
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.shape import ROUNDING
@@ -169,9 +166,7 @@ def _distance(scene: GraspScene, setup: FingerSetup) -> float:
 
 
 MORE = 8
-"""Starts from which a limit that gives a grasp is relaxed; before that, `CLOSEST`."""
-REWEIGHTED, FLOOR = 2, 0.1
-"""Number of times that parts are weighted anew, and the part of a usual amount that halves a weight."""
+"""Starts from which limits that give a grasp are relaxed; before that, `CLOSEST`."""
 
 
 class Repairs(Elastic):
@@ -180,10 +175,7 @@ class Repairs(Elastic):
     def __init__(self, scene: GraspScene, search: GraspSearch) -> None:
         super().__init__(scene, search)
         self.limits = [limit for limit in RELAXATIONS if limit.applies(scene)]
-        # Limits with a number, and all but those that keep fingers clear of something.
-        self.numbered = tuple(limit for limit in self.limits if limit.limit is not None)
-        self.bounding = tuple(limit for limit in self.limits if limit.limit is not None or not limit.bounds_shape)
-        self._tried: dict[Limits, list[tuple[GraspStart, Repair | None]]] = {}
+        self._tried: dict[Limits, list[GraspStart]] = {}
 
     @cached_property
     def starts(self) -> Starts:
@@ -191,17 +183,18 @@ class Repairs(Elastic):
         return Starts(self.scene, self.search)
 
     def look(self) -> None:
-        """Relax each limit alone that scenes without it show starts for; where no usual amount of one is enough, all at
-        once.
+        """Relax each limit alone that scenes without it show starts for; where no usual amount of one is enough, each
+        two.
         """
-        usual = {limit: limit.eased(self.scene, limit.start(self.scene)) for limit in self.limits}
-        self._alone([limit for limit, scene in usual.items() if scene is not self.scene])
+        seen = [limit for limit in self.limits if limit.eased(self.scene, limit.start(self.scene)) is not self.scene]
+        self._relaxed((limit,) for limit in seen)
         if not self.explained:
-            self._together()
+            pairs = itertools.combinations([limit for limit in seen if (limit,) not in self.found], 2)
+            self._relaxed(pair for pair in pairs if self.starts.needed <= {*pair})
 
     def look_further(self) -> None:
         """Relax the other limits: whether fingers may pass through what the scene cannot be without."""
-        self._alone([limit for limit in self.limits if (limit,) not in self.totals])
+        self._relaxed((limit,) for limit in self.limits if (limit,) not in self.totals)
 
     @property
     def explained(self) -> bool:
@@ -235,122 +228,43 @@ class Repairs(Elastic):
             return reason
         return replace(reason, repair=f"{reason.repair}, where the grasp found is {GraspStatus.UNSTABLE}", stable=False)
 
-    # -- one limit ---------------------------------------------------------------------------------------------
+    # -- sets of limits ----------------------------------------------------------------------------------------
 
-    def _alone(self, limits: Sequence[RelaxedLimit]) -> None:
-        """Relax each limit, those that give a grasp from more starts."""
-        search, starts = self.search, dict[RelaxedLimit, list[GraspStart]]()
-        for limit in limits:
+    def _relaxed(self, sets: Iterable[Limits]) -> None:
+        """Relax each set of limits, those that give a grasp from more starts."""
+        search, starts = self.search, dict[Limits, list[GraspStart]]()
+        for limits in sets:
             if search.budget.over:
                 return
-            self.totals.setdefault((limit,), [])
-            if not (search.impossible and cannot_balance(eased(self.scene, [limit], FAR))):
-                starts[limit] = self.starts.alone(limit)
-                self._from(limit, starts[limit], CLOSEST)
-        others = [limit for limit in starts if limit in self.bounding]
-        # From the nearest starts all limits are relaxed at once: where that gives no grasp, one alone gives none, but
-        # for a part of a limit, which is not relaxed as far beside others.
-        near = self.starts.near if others else []
-        points = _least(self._all_from(self.numbered, near[:CLOSEST]))
-        for limit in others:
-            if math.isfinite(limit.most(self.scene)) and not limit.bounds_shape and (points or not limit.additive):
-                self._from(limit, near, CLOSEST)
-        for point in [*points, *_least(self.found.values())[:1]]:
-            self._in_place_of(point, [limit for limit in others if (limit,) not in self.found])
-        for limit in starts:
-            if (limit,) in self.found and not settled(self.totals[limit,]):
-                # Where an amount is known, postures for just this much are closer than the first ones.
-                closer = self.starts.alone(limit, self.found[limit,].total)
-                self._from(limit, [*closer, *starts[limit], *(near if limit in others else [])], MORE)
-
-    def _in_place_of(self, point: Repair, others: Sequence[RelaxedLimit]) -> None:
-        """Relax other limits from where some are, which count the more: a point that satisfies all leads there more
-        surely than starts do.
-        """
-        modest = {limit: MODEST * limit.most(self.scene) / limit.start(self.scene) for limit in point.parts}
-        if any(part > modest[limit] for limit, part in point.parts.items()):
-            return  # so far that is relaxed alone only
-        known = tuple(limit for limit, part in point.parts.items() if part >= NEAR)
-        weights = {relaxation.name: 1.0 / FLOOR for relaxation in known}
-        if len(set(others) - set(known)) > 1:
-            # Where none of them is relaxed though all may be, none is in the place of something.
-            every = self.relax(tuple(dict.fromkeys((*known, *others))), point, weights=weights)
-            if every is not None and all(
-                every.parts[relaxation] < NEAR for relaxation in others if relaxation not in known
-            ):
-                others = [relaxation for relaxation in others if relaxation in known]
-        for limit in others:
-            rest = [relaxation for relaxation in known if relaxation is not limit]
-            at = self.relax((*rest, limit), point, weights={**weights, limit.name: 1.0}) if rest else point
-            if at is not None and all(at.parts[relaxation] < NEAR for relaxation in rest):
-                self.attempt((limit,), at)
-
-    def _from(self, limit: RelaxedLimit, starts: Iterable[GraspStart], count: int) -> None:
-        """Relax a limit as little as possible, from so many new starts until several agree."""
-        begun = len(self._tried.setdefault((limit,), []))
-        for start in starts:
-            enough = len(self._tried[limit,]) - begun >= count or settled(self.totals[limit,])
-            if not enough and self._is_new((limit,), start):
-                self._tried[limit,].append((start, self.attempt((limit,), start)))
-
-    def _is_new(self, limits: Limits, start: GraspStart) -> bool:
-        """Whether limits were not relaxed from an equal start yet, as relaxed scenes have in common."""
-        return all(start != other for other, _ in self._tried[limits])
-
-    # -- several limits ----------------------------------------------------------------------------------------
-
-    def _together(self) -> None:
-        """Relax all limits at once that have a number, and then the few alone that matter; where these are no usual
-        amounts, also with the tilt, whose norm has a kink that the solver often fails at.
-        """
-        seeds: list[Repair] = []
-        for every in dict.fromkeys((self.numbered, self.bounding)):
-            if self.explained:
-                return
-            # What the further limits do not change leads to the same few again.
-            known = [seed.total for seed in seeds]
-            points = [self.relax(every, seed) for seed in seeds] or self._all_from(every, self.starts.together(every))
-            seeds = [point for point in _least(points)[:HELD] if not any(same(point.total, total) for total in known)]
-            for limits, point in filter(None, map(self._few, seeds)):
-                # Each alone from there, too: of several limits none may be enough without the others.
-                last = self.attempt(limits, point) or point
-                for limit in limits if len(limits) > 1 else ():
-                    self.attempt((limit,), last)
-
-    def _all_from(self, limits: Limits, starts: Iterable[GraspStart]) -> list[Repair | None]:
-        """Points with many limits relaxed from starts."""
-        tried = self._tried.setdefault(limits, [])
-        for start in starts:
-            if self._is_new(limits, start):
-                tried.append((start, self.relax(limits, start)))
-        return [point for _, point in tried]
-
-    def _few(self, point: Repair) -> tuple[Limits, Repair] | None:
-        """Few limits that are relaxed at a point next to one with many, and that point."""
-        for count in itertools.count():
-            parts = point.parts
-            needed = [limit for limit in parts if parts[limit] >= NEAR] or [max(parts, key=parts.__getitem__)]
-            if len(needed) <= 2:  # scenes that break more are not explained
-                return tuple(needed), point
-            weights = {limit.name: FLOOR / (FLOOR + part) for limit, part in parts.items()}
-            if count < REWEIGHTED and (lighter := self.relax(needed, point, weights=weights)):
-                point = lighter
+            self.totals.setdefault(limits, [])
+            if search.impossible and cannot_balance(eased(self.scene, limits, FAR)):
                 continue
-            fewer = (
-                self.relax([limit for limit in needed if limit is not left], point)
-                for left in sorted(needed, key=parts.__getitem__)
-            )
-            best = next((repair for repair in fewer if repair is not None), None)
-            if best is None:
-                break
-            point = best
-        return None
+            starts[limits] = self.starts.of(limits)
+            self._from(limits, starts[limits], CLOSEST)
+            if starts[limits] and limits not in self.found:
+                self._from(limits, [*starts[limits], *self.starts.near], CLOSEST)
+        for limits in starts:
+            if limits in self.found and not settled(self.totals[limits]):
+                # Where an amount is known, postures for just this much are closer than the first ones.
+                closer = self.starts.of(limits, self.found[limits].total)
+                self._from(limits, [*closer, *starts[limits]], MORE)
 
+    def _from(self, limits: Limits, starts: Iterable[GraspStart], count: int) -> None:
+        """Relax limits as little as possible, from so many new starts until several agree."""
+        tried = self._tried.setdefault(limits, [])
+        most = len(tried) + count
+        for start in starts:
+            enough = len(tried) >= most or settled(self.totals[limits])
+            # Relaxed scenes have starts in common.
+            if enough or start in tried:
+                continue
+            tried.append(start)
+            repair = self.attempt(limits, start)
+            if repair is not None and len(limits) > 1:
+                self._alone(repair)
 
-def _least(points: Iterable[Repair | None]) -> list[Repair]:
-    """Points with different sums of parts, the least first."""
-    least: list[Repair] = []
-    for point in sorted((repair for repair in points if repair is not None), key=lambda repair: repair.total):
-        if not (least and same(point.total, least[-1].total)):
-            least.append(point)
-    return least
+    def _alone(self, repair: Repair) -> None:
+        """Relax each limit alone from where several are, where the others take no part."""
+        for limit in repair.parts:
+            if all(part < NEAR for other, part in repair.parts.items() if other is not limit):
+                self.attempt((limit,), repair)

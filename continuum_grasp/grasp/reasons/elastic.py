@@ -5,14 +5,14 @@ least; what it gives is verified.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.certificate.certificate import certify_reached
+from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
 from continuum_grasp.grasp.effort import FIRST_CAP, PATIENCE, STANDSTILL
 from continuum_grasp.grasp.problem.relaxations import RelaxedLimit
 from continuum_grasp.grasp.problem.solver_run import GraspAttempt
@@ -63,15 +63,18 @@ class Elastic:
         if len(limits) == 1 or min(repair.parts.values()) >= NEAR:
             repair = self._deep(repair)
             best = self.found.get(limits)
-            if (best is None or repair.total < best.total) and self.holds(repair.parts, repair.arrays):
+            if best is not None and repair.total >= best.total:
+                return repair
+            certificate = self.certificate(repair)
+            if self.search.keep_clear(certificate):
+                return self.attempt(limits, repair.attempt.start)
+            if self._excused(certificate, repair.parts):
                 self.found[limits] = repair
         return repair
 
-    def relax(
-        self, limits: Sequence[RelaxedLimit], begin: GraspStart | Repair, weights: Mapping[str, float] | None = None
-    ) -> Repair | None:
-        """Relax limits by the least sum of their parts of a usual amount, times ``weights`` by their names, from a
-        start or where some are relaxed; None where that gives no grasp.
+    def relax(self, limits: Sequence[RelaxedLimit], begin: GraspStart | Repair) -> Repair | None:
+        """Relax limits by the least sum of their parts of a usual amount, from a start or where some are relaxed; None
+        where that gives no grasp.
         """
         scene, search = self.scene, self.search
         if search.budget.over:
@@ -85,7 +88,7 @@ class Elastic:
         solver, usual = search.solver(start), {limit: limit.start(scene) for limit in limits}
         relaxed = [(limit, amount * parts.get(limit, 0.0)) for limit, amount in usual.items()]
         ends = {"iterations": FIRST_CAP, "standstill": STANDSTILL, "patience": patience}
-        options: dict[str, Any] = {"options_at": options_at, "relaxed": relaxed, "x0": x0, "weights": weights, **ends}
+        options: dict[str, Any] = {"options_at": options_at, "relaxed": relaxed, "x0": x0, **ends}
         attempt = solver.run(scene, start, search.budget, **options)
         if not np.isfinite(attempt.x).all() or attempt.violations:
             return None
@@ -102,11 +105,15 @@ class Elastic:
             scene = limit.relaxed(scene, part * limit.start(self.scene) * (1.0 + spare * limit.spare))
         return scene
 
-    def holds(self, parts: Mapping[RelaxedLimit, float], arrays: Mapping[str, Array]) -> bool:
-        """Whether the certificate confirms the grasp, but for what the relaxations excuse."""
-        failed = certify_reached(self.relaxed(parts, spare=float(len(parts) > 1)), arrays).failed
-        excuses = [limit.excuses for limit in parts if limit.excuses is not None]
-        return all(any(excuse(check.name) for excuse in excuses) for check in failed)
+    def certificate(self, repair: Repair) -> Certificate:
+        """The verification of a repair, in the scene with just its amounts."""
+        return certify_reached(self.relaxed(repair.parts, spare=float(len(repair.parts) > 1)), repair.arrays)
+
+    @staticmethod
+    def _excused(certificate: Certificate, limits: Iterable[RelaxedLimit]) -> bool:
+        """Whether a grasp is confirmed, but for what relaxed limits excuse."""
+        excuses = [limit.excuses for limit in limits if limit.excuses is not None]
+        return all(any(excuse(check.name) for excuse in excuses) for check in certificate.failed)
 
     def _deep(self, repair: Repair) -> Repair:
         """With all of what relaxations excuse by the certificate: guarded places may swap to the last, and an amount be

@@ -5,22 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from functools import cached_property
 
-from continuum_grasp.grasp.effort import HELD
-from continuum_grasp.grasp.finger_map import SETTLED, SceneMaps
+from continuum_grasp.grasp.finger_map import SETTLED, SceneMaps, is_mapped
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, RelaxedLimit
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.values import GraspStart, interleaved
 from continuum_grasp.scene import GraspScene
 
 USUAL, WIDE = 1.0, 3.0
-"""Usual amounts by which limits are relaxed."""
-CLOSER = (0.5, 1.0)
-"""Parts of an amount that is enough with which less is sought."""
+"""Usual amounts by which limits are relaxed; what needs more is no repair."""
 
 
 class Starts:
     """Starts with limits relaxed of the scene of a search that found no grasp: fingers that hold the object then, from
-    maps with all limits relaxed.
+    maps with all limits relaxed. Without maps, postures that nearly touch.
     """
 
     def __init__(self, scene: GraspScene, search: GraspSearch) -> None:
@@ -33,39 +30,48 @@ class Starts:
         starts = [*(tried.attempt.start for tried in closest), *(each.start for each in self._search.settled)]
         return list({id(start): start for start in starts}.values())
 
-    def alone(self, limit: RelaxedLimit, enough: float | None = None) -> list[GraspStart]:
-        """Starts with a limit relaxed; with no more than is ``enough`` [usual amounts] where that is known."""
-        # Where no key of the scene holds a limit of the shape, postures of the scene as it is may be repaired.
-        known = self.near if limit.limit is None and limit.bounds_shape else []
-        parts = (USUAL, WIDE) if enough is None else (CLOSER[0] * enough, CLOSER[1] * enough)
-        return interleaved([*self._relaxed([limit], *parts), known])
-
-    def together(self, limits: Iterable[RelaxedLimit]) -> list[GraspStart]:
-        """Starts for many limits at once: some of the scene as it is, and twice as many with limits relaxed."""
-        return [*self.near[:HELD], *interleaved(self._relaxed([*limits], USUAL, WIDE))[: 2 * HELD]]
-
-    def _relaxed(self, limits: Sequence[RelaxedLimit], less: float, more: float) -> list[list[GraspStart]]:
-        """Starts with limits relaxed by so many usual amounts; by ``less`` where ``more`` is enough."""
-        wide = eased(self._scene, limits, more)
-        if self._hopeless or wide == self._scene:
+    def of(self, limits: Sequence[RelaxedLimit], amount: float | None = None) -> list[GraspStart]:
+        """Starts with limits relaxed by so many usual amounts; none where nothing holds the object then."""
+        wide = eased(self._scene, limits, amount or WIDE)
+        if wide == self._scene:
+            # Where no key of the scene holds a limit of the shape, postures of the scene as it is may be repaired.
+            return self.near
+        if not self._may_hold or not self.holds(found := self._settled(wide)):
             return []
-        found, narrow = self._held(wide), eased(self._scene, limits, less)
-        enough = any(start.imbalance <= SETTLED for start in found)
-        return [self._held(narrow), found] if enough and narrow not in (self._scene, wide) else [found]
+        usual = eased(self._scene, limits, USUAL)
+        return found if amount or usual in (self._scene, wide) else interleaved([self._settled(usual), found])
+
+    @cached_property
+    def needed(self) -> frozenset[RelaxedLimit]:
+        """Limits without which nothing holds the object though all others are relaxed."""
+        others = {limit: [other for other in self._limits if other is not limit] for limit in self._limits}
+        scenes = {limit: eased(self._scene, rest, WIDE) for limit, rest in others.items()}
+        seen = [limit for limit, scene in scenes.items() if scene != self._wide.scene]
+        return frozenset(limit for limit in seen if not self.holds(self._settled(scenes[limit])))
+
+    @cached_property
+    def _may_hold(self) -> bool:
+        """Whether anything holds the object with all limits relaxed."""
+        return self.holds(self._settled(self._wide.scene))
+
+    @staticmethod
+    def holds(starts: Sequence[GraspStart]) -> bool:
+        """Whether some hold the object; without maps any may."""
+        return not is_mapped() or any(start.imbalance <= SETTLED for start in starts)
+
+    @cached_property
+    def _limits(self) -> list[RelaxedLimit]:
+        return [limit for limit in RELAXATIONS if limit.applies(self._scene)]
 
     @cached_property
     def _wide(self) -> SceneMaps:
         """Maps of the scene with all limits relaxed."""
-        limits = [limit for limit in RELAXATIONS if limit.applies(self._scene)]
-        return SceneMaps(eased(self._scene, limits, WIDE))
+        return SceneMaps(eased(self._scene, self._limits, WIDE))
 
-    @cached_property
-    def _hopeless(self) -> bool:
-        """Whether nothing holds the object even with all limits relaxed."""
-        return all(start.imbalance > SETTLED for start in self._held(self._wide.scene))
-
-    def _held(self, relaxed: GraspScene) -> list[GraspStart]:
-        """Fingers that hold the object of a scene with limits relaxed, of least tension first, or nearly do."""
+    def _settled(self, relaxed: GraspScene) -> list[GraspStart]:
+        """Fingers that hold the object of a scene with limits relaxed, of least tension first, then those that nearly
+        do.
+        """
         search = GraspSearch(relaxed, self._search.budget)
         starts = [candidate.start for candidate in search.settle(SceneMaps(relaxed, self._wide))]
         self._search.start_seconds += search.start_seconds
