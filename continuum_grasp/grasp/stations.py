@@ -151,8 +151,8 @@ LEAST = 1e-2
 """Least eigenvalue [E I / L] that is asked for: well above what changes of the last digits can undo."""
 ROUNDS = 12
 """Linearizations from one unstable grasp."""
-_STEP = 1e-6
-"""Step of a difference quotient (problem's units): rounding of the eigenvalue is 1e-12 of the stiffest spring."""
+_STEP = 1e-5
+"""Step of a central difference (problem's units): rounding of the eigenvalue is 1e-12 of the stiffest spring."""
 
 
 def stabilize(search: GraspSearch) -> None:
@@ -204,12 +204,12 @@ def _slope(scene: GraspScene, at: Tried) -> Array:
         arrays = solver.arrays(scene, replace(attempt, x=x))
         return contact_stability(RecomputedGrasp(scene, arrays)).eigenvalue
 
-    slope, here = np.zeros(attempt.x.size), value(attempt.x)
+    slope = np.zeros(attempt.x.size)
     shape = {f"{setup.name}.{key}" for setup in scene.setups for key in ("q", "pulls", "base")}
     for name, place in solver.problem.x.at.items():
         moves = name in shape or name == "object pose" or name.startswith(("force, ", "place, ")) or ".joint_" in name
         for k in range(place.start, place.stop) if moves else ():
             off = np.zeros(attempt.x.size)
             off[k] = _STEP
-            slope[k] = (value(attempt.x + off) - here) / _STEP
+            slope[k] = (value(attempt.x + off) - value(attempt.x - off)) / (2.0 * _STEP)
     return slope
