@@ -183,12 +183,12 @@ class Repairs(Elastic):
         return Starts(self.scene, self.search)
 
     def look(self) -> None:
-        """Relax each limit alone that scenes without it show starts for; where no usual amount of one is enough, each
-        two.
+        """Relax each limit alone that scenes without it show starts for; where no usual amount of one is enough, and
+        fingers do not hold the object as it is, each two.
         """
         seen = [limit for limit in self.limits if limit.eased(self.scene, limit.start(self.scene)) is not self.scene]
         self._relaxed((limit,) for limit in seen)
-        if not self.explained:
+        if not (self.explained or any(candidate.holds for candidate in self.search.settled)):
             pairs = itertools.combinations([limit for limit in seen if (limit,) not in self.found], 2)
             self._relaxed(pair for pair in pairs if self.starts.needed <= {*pair})
 

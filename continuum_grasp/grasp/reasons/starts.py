@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from functools import cached_property
 
-from continuum_grasp.grasp.finger_map import SETTLED, SceneMaps, is_mapped
+from continuum_grasp.grasp.finger_map import SceneMaps, is_mapped
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, RelaxedLimit
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.values import GraspStart, interleaved
@@ -13,6 +13,9 @@ from continuum_grasp.scene import GraspScene
 
 USUAL, WIDE = 1.0, 3.0
 """Usual amounts by which limits are relaxed; what needs more is no repair."""
+
+NEARLY = 0.02
+"""Residual of fingers that may hold the object: few elements miss it by as much where a repair is found."""
 
 
 class Starts:
@@ -57,7 +60,7 @@ class Starts:
     @staticmethod
     def holds(starts: Sequence[GraspStart]) -> bool:
         """Whether some hold the object; without maps any may."""
-        return not is_mapped() or any(start.imbalance <= SETTLED for start in starts)
+        return not is_mapped() or any(start.imbalance <= NEARLY for start in starts)
 
     @cached_property
     def _limits(self) -> list[RelaxedLimit]:
