@@ -204,12 +204,15 @@ def _slope(scene: GraspScene, at: Tried) -> Array:
         arrays = solver.arrays(scene, replace(attempt, x=x))
         return contact_stability(RecomputedGrasp(scene, arrays)).eigenvalue
 
-    slope = np.zeros(attempt.x.size)
+    slope, here = np.zeros(attempt.x.size), value(attempt.x)
     shape = {f"{setup.name}.{key}" for setup in scene.setups for key in ("q", "pulls", "base")}
     for name, place in solver.problem.x.at.items():
         moves = name in shape or name == "object pose" or name.startswith(("force, ", "place, ")) or ".joint_" in name
         for k in range(place.start, place.stop) if moves else ():
             off = np.zeros(attempt.x.size)
             off[k] = _STEP
-            slope[k] = (value(attempt.x + off) - value(attempt.x - off)) / (2.0 * _STEP)
+            ahead, behind = value(attempt.x + off) - here, here - value(attempt.x - off)
+            # Where a contact leaves the edge of its friction cone the eigenvalue jumps, either way.
+            jumps = abs(ahead - behind) > 0.5 * max(abs(ahead), abs(behind))
+            slope[k] = (ahead if jumps else 0.5 * (ahead + behind)) / _STEP
     return slope

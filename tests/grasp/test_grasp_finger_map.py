@@ -278,7 +278,7 @@ def test_rods_with_a_limit_relaxed_are_within_the_others(name):
     scene, search, limits = relaxed(114)
     setup = scene.setups[0]
     spare = SETTLED / rod.FORCE * setup.stiffness / setup.finger.rod.length**2
-    held = [start for start in Starts(scene, search).alone(limits[name]) if start.imbalance <= SETTLED]
+    held = [start for start in Starts(scene, search).of([limits[name]]) if start.imbalance <= SETTLED]
     slips = [max(math.hypot(f, up) - setup.friction * n for n, f, up in start.forces.values()) for start in held]
     pulls = [max(start.tensions["finger"]) - setup.max_tension for start in held]
     # 0.1: moments in these units, per the greatest
@@ -292,8 +292,8 @@ def test_limits_relaxed_one_after_another_have_the_same_maps():
     scene = drawn("one_tapered", 5)
     limits = {limit.name: limit for limit in RELAXATIONS}
     starts = Starts(scene, GraspSearch(scene, Budget.of(scene.solver)))
-    assert not [start for start in starts.alone(limits["tension"]) if start.imbalance <= SETTLED]
-    assert [start for start in starts.alone(limits["bending range"]) if start.imbalance <= SETTLED]
+    assert not [start for start in starts.of([limits["tension"]]) if start.imbalance <= SETTLED]
+    assert [start for start in starts.of([limits["bending range"]]) if start.imbalance <= SETTLED]
 
 
 @pytest.mark.deep

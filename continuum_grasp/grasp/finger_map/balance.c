@@ -336,16 +336,24 @@ static double most_wrong(const Balance *b, const Held *at)
 }
 
 /* The optimum itself, where nothing is wrong: what a penalty leaves wrong becomes multipliers (M. J. D. Powell, 1969;
-   J. Nocedal, S. J. Wright, Numerical Optimization, 2006, chapter 17). */
+   J. Nocedal, S. J. Wright, Numerical Optimization, 2006, chapter 17), as long as less is wrong then. */
 static void converged(const Balance *b, int rounds, Held *here, Held *there, Held *back, double *multiplier, double *work)
 {
-    refined(b, rounds, here, there, back, work);
-    for (int turn = 0; turn < TURNS && most_wrong(b, here) > RIGHT; ++turn) {
+    const int n = b->numbers;
+    double *before = work, wrong = INFINITY;
+    for (int turn = 0; turn <= TURNS; ++turn) {
+        memcpy(before, here->x, n * sizeof(double));
+        refined(b, rounds, here, there, back, work + n);
+        const double now = most_wrong(b, here);
+        if (now >= wrong)
+            memcpy(here->x, before, n * sizeof(double)), reach(b, here);
+        if (now >= wrong || now <= RIGHT)
+            return;
+        wrong = now;
         for (int k = 0; k < b->rows; ++k) {
-            const double wrong = wrong_by(b, here->value, k);
-            here->value[k] += wrong - multiplier[k], multiplier[k] = wrong;
+            const double left = wrong_by(b, here->value, k);
+            here->value[k] += left - multiplier[k], multiplier[k] = left;
         }
-        refined(b, rounds, here, there, back, work);
     }
 }
 
@@ -361,7 +369,7 @@ static double *held_in(const Balance *b, Held *at, const double *multiplier, dou
 int hold(const Balance *b, int count, int rounds, int near, double *x, double *off)
 {
     const int n = b->numbers;
-    double *memory = malloc((3 * (b->rows + 2) * (n + 1) + 2 * n * (n + 4) + 3 * b->rows) * sizeof(double));
+    double *memory = malloc((3 * (b->rows + 2) * (n + 1) + 2 * n * (n + 4) + n + 3 * b->rows) * sizeof(double));
     Held here, there, back;
     if (!memory)
         return 0;

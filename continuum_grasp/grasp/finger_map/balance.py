@@ -32,7 +32,7 @@ SUPPORTED = {1: 100_000, 2: 330, 3: 48, 4: 18}
 """Most samples of each finger beside supports, where all combinations are tried."""
 ROUNDS = 30
 """Steps in which combinations are settled."""
-REFINED = 25
+REFINED = 15
 """Steps in which the best of them are brought to their optimum."""
 SETTLED = 4e-3
 """Residual beyond which a settled combination is none."""
