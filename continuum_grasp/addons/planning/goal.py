@@ -28,8 +28,8 @@ friction that turns around leads to steps of micrometers. Only the drives are at
 
 _PRESSED = 1e-4
 """Weight of accelerations of a finger that presses and comes into balance by itself [units of the problem]: stiff
-contacts change them within micrometers, and where the goal is to have none, IPOPT did not come back from half of the
-starts that press (``python -m benchmarks.bench_plans --count 0``)."""
+contacts change them within micrometers, so that none at all may be out of the solver's reach. How many presses are
+found: ``python -m benchmarks.bench_plans --count 0``."""
 
 
 @dataclass(frozen=True)
