@@ -26,9 +26,10 @@ from continuum_grasp.base import amount_text
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
 from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.grasp.effort import BALANCED, EFFORTS, FIRST_CAP, HELD, OPEN, SURE, UNFOLLOWED
-from continuum_grasp.grasp.finger_map import FEW, SETTLED, Place, SceneMaps, is_mapped, places_of
+from continuum_grasp.grasp.finger_map import FEW, ROUGH, SETTLED, Place, SceneMaps, is_mapped, places_of
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, GraspAttempt, GraspSolverRun
+from continuum_grasp.grasp.starts.rough import rough_starts
 from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.tried import Candidate, Exploration, Tried, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
@@ -103,11 +104,15 @@ class GraspSearch:
         if not self.budget.over:
             self.settled = self.settle(self._maps)
         most = self._effort.settled
-        for candidate in [each for each in self.settled if each.holds][:most]:
+        solved = 0
+        for candidate in [each for each in self.settled if each.holds]:
+            if solved == most:
+                break
             if self.budget.over or self.proven or self._promised(candidate) > SURE:
                 return
-            candidate.tried = True
+            candidate.tried, alike = True, self._pruned[ALIKE]
             self._attempt_twice(candidate.start)
+            solved += self._pruned[ALIKE] == alike
         for start in self._others(most):
             if self.budget.over or self.best is not None:
                 return
@@ -122,12 +127,15 @@ class GraspSearch:
     def _others(self, most: int) -> Iterator[GraspStart]:
         """Further starts where those that hold the object lead to no grasp, at most so many of a kind: what comes
         before an optimum or nearest to it, without maps postures that nearly touch, and exact rods that hold though few
-        elements do not.
+        elements do not. Maps are empty, too, where a straight finger just touches, which any bend undoes.
         """
         others = [each.start for each in self.settled if not each.holds]
         near = [start for start in others if start.imbalance <= SETTLED or not is_mapped()]
         yield from (near or others[:1])[:most]
-        if self.settled and any(setup.elements <= FEW for setup in self.scene.setups):
+        if not self.settled:
+            for mode, place in self._places:
+                yield from rough_starts(self.scene, mode, *place, ROUGH)
+        elif any(setup.elements <= FEW for setup in self.scene.setups):
             yield from [each.start for each in self._settled_exactly if each.holds][:most]
 
     @property

@@ -260,7 +260,7 @@ def starts_per_limit(agreeing):
 def amounts_of_starts(*holding):
     """Usual amounts by which a limit is relaxed in search of starts, where those hold, and how many that gives."""
     eased, known = [], Starts(SCENE, searching())
-    known._may_hold = True
+    known._widest = [Some(imbalance=0.0)]
 
     def settled(scene):
         eased.append((scene.setups[0].max_tension - SCENE.setups[0].max_tension) / TENSION.start(SCENE))

@@ -7,6 +7,6 @@ Read `rod` (one equilibrium, an initial value problem, of the exact rod or of fe
 
 from continuum_grasp.grasp.finger_map.balance import SETTLED
 from continuum_grasp.grasp.finger_map.rod import FEW
-from continuum_grasp.grasp.finger_map.settled import Place, SceneMaps, is_mapped, places_of
+from continuum_grasp.grasp.finger_map.settled import ROUGH, Place, SceneMaps, is_mapped, places_of
 
-__all__ = ["FEW", "SETTLED", "Place", "SceneMaps", "is_mapped", "places_of"]
+__all__ = ["FEW", "ROUGH", "SETTLED", "Place", "SceneMaps", "is_mapped", "places_of"]

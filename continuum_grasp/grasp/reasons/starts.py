@@ -36,10 +36,11 @@ class Starts:
     def of(self, limits: Sequence[RelaxedLimit], amount: float | None = None) -> list[GraspStart]:
         """Starts with limits relaxed by so many usual amounts; none where nothing holds the object then."""
         wide = eased(self._scene, limits, amount or WIDE)
-        if wide == self._scene:
-            # Where no key of the scene holds a limit of the shape, postures of the scene as it is may be repaired.
+        if wide == self._scene or not self._widest:
+            # Where no key of the scene holds a limit of the shape, or maps are empty, postures of the scene as it is
+            # may be repaired.
             return self.near
-        if not self._may_hold or not self.holds(found := self._settled(wide)):
+        if not self.holds(self._widest) or not self.holds(found := self._settled(wide)):
             return []
         usual = eased(self._scene, limits, USUAL)
         return found if amount or usual in (self._scene, wide) else interleaved([self._settled(usual), found])
@@ -47,15 +48,17 @@ class Starts:
     @cached_property
     def needed(self) -> frozenset[RelaxedLimit]:
         """Limits without which nothing holds the object though all others are relaxed."""
+        if not self._widest:
+            return frozenset()
         others = {limit: [other for other in self._limits if other is not limit] for limit in self._limits}
         scenes = {limit: eased(self._scene, rest, WIDE) for limit, rest in others.items()}
         seen = [limit for limit, scene in scenes.items() if scene != self._wide.scene]
         return frozenset(limit for limit in seen if not self.holds(self._settled(scenes[limit])))
 
     @cached_property
-    def _may_hold(self) -> bool:
-        """Whether anything holds the object with all limits relaxed."""
-        return self.holds(self._settled(self._wide.scene))
+    def _widest(self) -> list[GraspStart]:
+        """Starts with all limits relaxed; none where maps are empty."""
+        return self._settled(self._wide.scene)
 
     @staticmethod
     def holds(starts: Sequence[GraspStart]) -> bool:

@@ -105,10 +105,13 @@ class Responder:
             self.anew += 1
             attempts.append(solve(options_at=2))
             # Nor does that: where a face lies on a support, its ends share friction in several ways.
-            for response in self._unlike(begin) if self._far < FRUITLESS else ():
+            unlike = list(self._unlike(begin)) if self._far < FRUITLESS else []
+            points = [response.attempt.x for response in unlike]
+            # The last from between them: all of these may end at one local optimum.
+            for x0 in [*points, np.mean(points, axis=0)] if points else []:
                 if any(reserve_of(attempt) >= HOLDS for attempt in attempts):
                     break
-                attempts.append(solve(x0=response.attempt.x))
+                attempts.append(solve(x0=x0))
             holds = any(reserve_of(attempt) >= HOLDS for attempt in attempts)
             self._far = 0 if holds else self._far + 1
         attempt = max(reversed(attempts), key=reserve_of)
