@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 HELD = 3
 """Grasps from which another scene starts, such as one with stations, or next to which a robust one is sought: of nearby
-branches another may be best for it; as many starts for all limits relaxed at once. Of robust ones with stations, that
+branches another may be best for it. Of robust ones with stations, that
 with one holds after 1.5 s, that with two after 3 s, that with four does not after 17 s (preshaped)."""
 FIRST_CAP = 80
 """Iterations of a start, or with limits relaxed, where 98 % of the starts that give a grasp take fewer (50 scenes):
@@ -23,7 +23,7 @@ STANDSTILL = 3
 """Iterations in a row that leave a violation the same, after which a run ends: of runs that give a grasp none of 33 (33
 scenes), where 2 lose the best of another, and with limits relaxed 8 of 183 (26 scenes), in half of the iterations."""
 CLOSEST = 2
-"""Starts that are tried in any case with a limit relaxed, or all of them."""
+"""Starts that are tried in any case with limits relaxed; as many more where these give no grasp."""
 
 SURE, UNFOLLOWED, BALANCED = 1.02, 0.97, 1e-5
 """Tension of a settled exact rod per that of the best grasp up to which it is tried, and from which down a grasp is not

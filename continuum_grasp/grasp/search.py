@@ -1,8 +1,8 @@
 """The search: starts of every set of contacts, each answer verified.
 
 1. Fingers that hold the object are the starts: of all their equilibria that touch (`finger_map`), settled to the least
-   tension, the least first; many elements as exact rods, few by their own equilibria. Where none holds it, those that
-   come nearest are.
+   tension, the least first; many elements as exact rods, few by their own equilibria. Where none holds it, the one
+   that comes nearest is; where maps are empty, postures that nearly touch are.
 2. Where exact rods hold with less than the best grasp and its elements do not follow, it is not called optimal.
 3. Another objective is also sought from grasps with the least tension, where those starts do not lead to its optimum.
 4. The best grasp is solved to the end.
@@ -103,15 +103,16 @@ class GraspSearch:
         """
         if not self.budget.over:
             self.settled = self.settle(self._maps)
-        most = self._effort.settled
-        solved = 0
+        most, solved = self._effort.settled, 0
         for candidate in [each for each in self.settled if each.holds]:
             if solved == most:
                 break
             if self.budget.over or self.proven or self._promised(candidate) > SURE:
                 return
-            candidate.tried, alike = True, self._pruned[ALIKE]
+            candidate.tried = True
+            alike = self._pruned[ALIKE]
             self._attempt_twice(candidate.start)
+            # Starts that lead to the same grasp tell nothing of the others.
             solved += self._pruned[ALIKE] == alike
         for start in self._others(most):
             if self.budget.over or self.best is not None:
@@ -126,8 +127,8 @@ class GraspSearch:
 
     def _others(self, most: int) -> Iterator[GraspStart]:
         """Further starts where those that hold the object lead to no grasp, at most so many of a kind: what comes
-        before an optimum or nearest to it, without maps postures that nearly touch, and exact rods that hold though few
-        elements do not. Maps are empty, too, where a straight finger just touches, which any bend undoes.
+        before an optimum, or nearest to it; postures that nearly touch, where maps are empty or none; exact rods that
+        hold though few elements do not.
         """
         others = [each.start for each in self.settled if not each.holds]
         near = [start for start in others if start.imbalance <= SETTLED or not is_mapped()]

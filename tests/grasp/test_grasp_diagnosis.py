@@ -180,7 +180,7 @@ def test_both_halves_of_a_pair_are_needed(seed):
     search = SimpleNamespace(budget=SimpleNamespace(over=False), impossible=False, keep_clear=lambda _: False)
     repairs = Repairs(make_scene(gravity=PLANAR), search)
     repairs.relax, repairs.certificate = relax, lambda repair: SimpleNamespace(failed=())
-    repairs.starts = SimpleNamespace(of=lambda limits, amount=None: [None], near=[])
+    repairs.starts = SimpleNamespace(of=lambda limits: [None], closer=lambda limits, enough: [None], near=[])
     named = []
     repairs._reason = lambda repair: named.append(repair.parts) or Reason("tension", "", "", 1.0, 2.0, "", "")
     repairs._relaxed(itertools.combinations(names, 2))

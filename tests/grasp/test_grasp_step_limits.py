@@ -75,6 +75,19 @@ def repaired(amount, most=1.0, other=None):
     return bool(repairs.found)
 
 
+def relaxed_again(curls):
+    """How often a limit is relaxed from a start where the grasp that this gives curls up, once or never."""
+    begun, start = [], Some()
+    search = searching(keep_clear=lambda certificate: curls and len(begun) == 1)
+    repairs = Repairs(SCENE, search)
+    repairs.relax = lambda limits, begin: (
+        begun.append(begin) or Repair(dict.fromkeys(limits, 1.0), {}, Some(start=start))
+    )
+    repairs.certificate = lambda repair: Some(failed=())
+    repairs.attempt((TENSION,), start)
+    return len(begun), all(begin is start for begin in begun), (TENSION,) in repairs.found
+
+
 def tied(size):
     """Whether a second limit that is off by less, by the logarithm of a factor, comes after the first."""
     reasons = [reason("mass", 1.0, 2.0), reason("tension", 1.0, 2.0 * math.exp(size))]
@@ -251,7 +264,7 @@ def starts_per_limit(agreeing):
         if agreeing is not None:
             repairs.found[limits] = Repair({TENSION: 1.0}, {}, None)
 
-    repairs.starts = Some(of=lambda limits, amount=None: [] if amount else starts[:10], near=starts[10:])
+    repairs.starts = Some(of=lambda limits: starts[:10], closer=lambda limits, enough: [], near=starts[10:])
     repairs.attempt = attempt
     repairs._relaxed([(TENSION,)])
     return sorted(set(asked))
@@ -287,7 +300,7 @@ def limits_needed(*needed):
 def pairs_tried(*needed):
     """Whether limits are relaxed two at a time, of which nothing is a substitute for the ``needed`` ones."""
     asked, repairs = [], Repairs(SCENE, searching())
-    repairs.starts = Some(of=lambda limits, amount=None: asked.append(limits) or [], near=[], needed=frozenset(needed))
+    repairs.starts = Some(of=lambda limits: asked.append(limits) or [], near=[], needed=frozenset(needed))
     repairs.look()
     return {frozenset(limit.name for limit in limits) for limits in asked if len(limits) > 1}
 
@@ -451,6 +464,8 @@ COUNTS = [
     ("starts of a limit that gives no grasp", [0, 1, 2, 3], lambda: starts_per_limit(None)),
     ("starts of a limit that gives as much", [0, 1, 2], lambda: starts_per_limit(True)),
     ("starts of a limit that gives less", [*range(10)], lambda: starts_per_limit(False)),
+    ("repairs that curl up", (2, True, True), lambda: relaxed_again(True)),
+    ("repairs that do not", (1, True, True), lambda: relaxed_again(False)),
     ("amounts of starts", ([3.0, 1.0], 40), lambda: amounts_of_starts(3.0)),
     ("amounts of starts where none holds", ([3.0], 0), amounts_of_starts),
     ("limits needed", set(), lambda: limits_needed(False, False)),

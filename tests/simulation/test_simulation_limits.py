@@ -13,21 +13,11 @@ from continuum_grasp.base import Interrupted
 from continuum_grasp.simulation import integrate, stepping
 from continuum_grasp.simulation.slack import slack_times, tension_warnings
 from continuum_grasp.simulation.vibration import _frequencies
-from tests.rods import (  # noqa: F401  # noqa: F401
-    HANGING,
-    HORIZONTAL,
-    NITINOL,
-    ROOT,
-    UNIT,
-    UPRIGHT,
-    force,
-    integrated,
-    order,
-    rod_scene,
-    without_compiler,
-)
+from tests.rods import without_compiler  # noqa: F401
 from tests.simulation.test_simulation import nitinol
 from tests.simulation.test_winches import SERVO, finger
+
+pytestmark = pytest.mark.usefixtures("without_compiler")
 
 
 @pytest.mark.parametrize("seed", range(5))

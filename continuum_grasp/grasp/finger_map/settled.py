@@ -20,7 +20,7 @@ from continuum_grasp.scene import GraspScene
 BEST = 16
 """Settled combinations per finger of a set of contacts that are brought to their optimum."""
 ROUGH = 8
-"""Starts of a set of contacts that nearly touch, where fingers have no maps, or these lead to no grasp."""
+"""Starts of a set of contacts that nearly touch, where fingers have no maps, or empty ones."""
 MISSES, SPARE = 3, 8
 """Combinations of a set of contacts that nearly hold the object, where none does; and of those that hold it, before
 they are at their optimum, which the solver may not reach from itself where it is at the end of a narrow set."""

@@ -246,7 +246,7 @@ class Repairs(Elastic):
         for limits in starts:
             if limits in self.found and not settled(self.totals[limits]):
                 # Where an amount is known, postures for just this much are closer than the first ones.
-                closer = self.starts.of(limits, self.found[limits].total)
+                closer = self.starts.closer(limits, self.found[limits].total)
                 self._from(limits, [*closer, *starts[limits]], MORE)
 
     def _from(self, limits: Limits, starts: Iterable[GraspStart], count: int) -> None:

@@ -1,4 +1,4 @@
-"""Starts of the elastic problem: fingers that hold the object once limits are relaxed."""
+"""Starts of the elastic problem: fingers that hold the object once limits are relaxed, or nearly do."""
 
 from __future__ import annotations
 
@@ -33,17 +33,24 @@ class Starts:
         starts = [*(tried.attempt.start for tried in closest), *(each.start for each in self._search.settled)]
         return list({id(start): start for start in starts}.values())
 
-    def of(self, limits: Sequence[RelaxedLimit], amount: float | None = None) -> list[GraspStart]:
-        """Starts with limits relaxed by so many usual amounts; none where nothing holds the object then."""
-        wide = eased(self._scene, limits, amount or WIDE)
+    def of(self, limits: Sequence[RelaxedLimit]) -> list[GraspStart]:
+        """Starts with limits relaxed by the usual amounts and more; none where nothing holds the object then."""
+        usual, wide = (eased(self._scene, limits, amount) for amount in (USUAL, WIDE))
         if wide == self._scene or not self._widest:
             # Where no key of the scene holds a limit of the shape, or maps are empty, postures of the scene as it is
             # may be repaired.
             return self.near
         if not self.holds(self._widest) or not self.holds(found := self._settled(wide)):
             return []
-        usual = eased(self._scene, limits, USUAL)
-        return found if amount or usual in (self._scene, wide) else interleaved([self._settled(usual), found])
+        return found if usual in (self._scene, wide) else interleaved([self._settled(usual), found])
+
+    def closer(self, limits: Sequence[RelaxedLimit], enough: float) -> list[GraspStart]:
+        """Starts with limits relaxed by no more than is enough [usual amounts]."""
+        relaxed = eased(self._scene, limits, enough)
+        if relaxed == self._scene or not self.holds(self._widest):
+            return []
+        found = self._settled(relaxed)
+        return found if self.holds(found) else []
 
     @cached_property
     def needed(self) -> frozenset[RelaxedLimit]:

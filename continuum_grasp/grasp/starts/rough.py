@@ -1,4 +1,5 @@
-"""Postures that nearly touch, for machines without a C compiler, on which fingers have no maps.
+"""Postures that nearly touch, where fingers have no maps, or empty ones: without a C compiler, or where a straight
+finger just touches, which any bend undoes.
 
 Curvature is linear along a finger, by its values at base and tip. A middle contact is where the finger is nearest to
 the object, others are spread beyond it.

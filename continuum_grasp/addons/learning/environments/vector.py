@@ -145,10 +145,8 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         self.single_action_space = Box(self._low, self._high, dtype=np.float64)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self.substeps, self.time_error = (
-            CheckedArgument("substeps", 1 if substeps is None else substeps).whole(),
-            math.nan,
-        )
+        self.substeps = CheckedArgument("substeps", 1 if substeps is None else substeps).whole()
+        self.time_error = math.nan
         if substeps is None:
             self.substeps, self.time_error = choose_substeps(plants, self._sensing, self._change, radius)
         # Readings at the start, with the command at rest.
