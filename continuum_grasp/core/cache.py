@@ -86,6 +86,25 @@ class Cache:
                 entry.with_suffix(".json").unlink(missing_ok=True)
                 entry.unlink(missing_ok=True)
 
+    def total(self, identity: str, more: float = 0.0) -> float:
+        """Add to the number that is stored for an identity, which is zero at first and where no folder lasts.
+
+        The last of several processes that add at the same moment counts alone.
+        """
+        folder = _lasting_folder(self.kind)
+        if folder is None:
+            return 0.0
+        key, entry, _ = _names(folder, identity, self.suffix)
+        total = more
+        with suppress(OSError, ValueError):
+            total += float(entry.read_text(encoding="ascii"))
+        if more:
+            with suppress(OSError):
+                written = folder / f"{key}.{os.getpid()}"
+                written.write_text(repr(total), encoding="ascii")
+                os.replace(written, entry)
+        return total
+
     @property
     def lasts(self) -> bool:
         """Whether entries outlast this process: their folder can be had for this user alone."""

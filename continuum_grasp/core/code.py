@@ -1,9 +1,10 @@
 """Code that runs a function: interpreted by CasADi's virtual machine, or machine code, compiled where that pays.
 
 How often a function is called is announced before it starts, or counted. It is compiled when interpreting the calls
-so far and those announced takes longer than compiling it and running the result: whatever follows, a run takes at most
+so far and those announced takes longer than compiling it and running the result: whatever follows, all takes at most
 twice the time that it would take with all calls known before (A. R. Karlin et al., Competitive snoopy caching,
-Algorithmica 3, 1988, doi:10.1007/BF01762111). Code that is in the cache costs no compiling.
+Algorithmica 3, 1988, doi:10.1007/BF01762111). Calls that earlier runs announced count, too, so that what runs again and
+again is compiled by one of its runs. Code that is in the cache costs no compiling.
 
 What cannot be interpreted, the C of controllers, is compiled in either case: quickly, or optimized where that pays.
 ``CONTINUUM_GRASP_QUICK_COMPILE`` decides instead where it is set: 1 for code that is compiled quickly, 0 for optimized.
@@ -24,8 +25,11 @@ from functools import cached_property
 
 import casadi as ca
 
+from continuum_grasp.core.cache import Cache
 from continuum_grasp.core.compiler import CompileError, Compiler, quick_compile
 
+_EARLIER = Cache("earlier", ".txt")
+"""Calls, or instructions, by which code that was not optimized ran."""
 _WARNED: set[str] = set()
 """Reports of missing or failing compilers so far."""
 
@@ -58,13 +62,18 @@ class CodeKind(StrEnum):
         if compiler is None or math.isinf(instructions) or compiler.is_known(source, quick=False):
             return CodeKind.OPTIMIZED
         lines = source.count("\n")
+        identity = compiler.identity(source)
+        total = _EARLIER.total(identity) + instructions
 
         def seconds(kind: CodeKind) -> float:
             file, line = _COMPILING[kind]
             known = kind is CodeKind.QUICK and compiler.is_known(source, quick=True)
-            return (0.0 if known else file + lines * line) + instructions * _RUNNING[kind]
+            return (0.0 if known else file + lines * line) + total * _RUNNING[kind]
 
-        return min(CodeKind.OPTIMIZED, CodeKind.QUICK, key=seconds)
+        kind = min(CodeKind.OPTIMIZED, CodeKind.QUICK, key=seconds)
+        if kind is CodeKind.QUICK:
+            _EARLIER.total(identity, instructions)
+        return kind
 
 
 _WRITING = 5e-6
@@ -173,12 +182,14 @@ class FunctionCode:
         self.kind = CodeKind.INTERPRETED
         self._library: ctypes.CDLL | None = None
         self._source: str | None = None
-        self._calls = self._expected = 0.0
+        self._calls = self._expected = self._earlier = 0.0
 
     def expect(self, calls: float) -> FunctionCode:
         """Announce calls, and compile now if they pay for it; an infinite number always does."""
         self._expected = self._calls + calls
         self._choose(self._expected)
+        if self._source is not None and self._backend.compiler is not None:
+            _EARLIER.total(self._backend.compiler.identity(self._source), calls)
         return self
 
     def library(self, calls: float = 1.0) -> ctypes.CDLL | None:
@@ -207,11 +218,12 @@ class FunctionCode:
             cached, compiled = self._pays_from
             if calls < cached:
                 return
-            if calls < compiled and self._source is not None:  # it was not in the cache
+            if self._earlier + calls < compiled and self._source is not None:  # it was not in the cache
                 return
         if self._source is None:
             self._source = self._write()
-        if kind is None and calls < compiled and not compiler.is_known(self._source, quick=False):
+            self._earlier = _EARLIER.total(compiler.identity(self._source))
+        if kind is None and self._earlier + calls < compiled and not compiler.is_known(self._source, quick=False):
             return
         kind = kind or CodeKind.OPTIMIZED
         self._library = self._backend.load(self._source, quick=kind is CodeKind.QUICK)

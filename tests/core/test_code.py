@@ -84,6 +84,15 @@ def test_calls_that_are_announced_are_counted_once():
 
 
 @needs_compiler
+def test_runs_that_were_announced_before_count_too():
+    """Each process has an object of its own: three that run 0.4 of what pays compile once, in the third."""
+    calls = 0.4 * code(polynomial(200))._pays_from[1]
+    kinds = [code(polynomial(200)).expect(calls).kind for _ in range(3)]
+    assert kinds == [CodeKind.INTERPRETED, CodeKind.INTERPRETED, CodeKind.OPTIMIZED]
+    assert code(polynomial(201)).expect(calls).kind is CodeKind.INTERPRETED
+
+
+@needs_compiler
 def test_what_is_in_the_cache_needs_fewer_calls():
     seen, pays = code(polynomial(200))._pays_from
     between = 0.5 * (seen + pays)
@@ -111,6 +120,14 @@ def test_c_that_cannot_be_interpreted_is_compiled_quickly_for_few_instructions()
     assert CodeKind.of_source(source, 1e6) is CodeKind.QUICK
     Compiler.find().library(source, quick=False)
     assert CodeKind.of_source(source, 1e6) is CodeKind.OPTIMIZED  # it costs nothing any more
+
+
+@needs_compiler
+def test_c_that_runs_again_and_again_is_optimized_by_one_of_its_runs():
+    source = "int answer(void)\n{\n  return 42;\n}\n" + "/* a line */\n" * 5000
+    kinds = [CodeKind.of_source(source, 0.6e8) for _ in range(5)]
+    assert kinds[0] is CodeKind.QUICK
+    assert kinds[-1] is CodeKind.OPTIMIZED
 
 
 @needs_compiler
