@@ -62,11 +62,11 @@ class _Uniform(Panel):
         super().__init__(*place)
 
     def up_to(self, s: Scalar | None) -> tuple[Scalar, ca.SX, Scalar]:
-        nodes, bend = self.rule.nodes.tolist(), self.link.bend
+        nodes, bend = ca.SX(ca.DM(self.rule.nodes)), self.link.bend
         if s is None:
-            return self.length, column([bend(u) for u in nodes]), bend(1.0)
+            return self.length, ca.SX(bend(nodes)), bend(1.0)
         reach = ca.fmin(ca.fmax((s - self.start) / self.length, 0.0), 1.0)
-        return reach * self.length, column([bend(reach * u) for u in nodes]), bend(reach)
+        return reach * self.length, ca.SX(bend(reach * nodes)), bend(reach)
 
     def at(self, fractions: Any) -> ca.SX:
         """Positions (2, K) at fractions (1, K) of the length, numbers or expressions: 1e-6 of the length off where the
@@ -158,6 +158,16 @@ class Backbone:
         s = ca.SX.sym("s")
         point, angle = self._section(s, self.elements)
         return self._function("section", [s], [point, ca.SX(angle)])
+
+    def line(self, count: int) -> ca.Function:
+        """``(q, u, p)``: evenly along the finger where, world position (2,) and angle of sections: (4, count)."""
+        eq, s = self._eq, ca.SX.sym("s")
+        point, angle = self._section(s, self.elements)
+        place = ca.Function("place", [s, eq.q, eq.u, self.p], [ca.cse(ca.vertcat(s, point, angle))])
+        # Mapped, not unrolled: the expression of one place serves all.
+        along, mapped = ca.DM(np.linspace(0.0, 1.0, count)).T, place.map(count, [False, True, True, True], [False])
+        state = [ca.MX.sym(name, symbol.numel()) for name, symbol in (("q", eq.q), ("u", eq.u), ("p", self.p))]
+        return ca.Function("line", state, [mapped(along, *state)])
 
     def _section(self, s: Scalar, elements: Sequence[Sequence[Panel]]) -> tuple[ca.SX, Scalar]:
         """Integrals over each panel of some elements up to s, or all of it: one expression for all s."""

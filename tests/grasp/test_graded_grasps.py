@@ -145,7 +145,7 @@ def test_forces_are_those_of_the_model_of_motion(cells, sections):
         *(*channel.shape(nodes), *weight, 0.3, MASSES[1]["mass"] / own, *np.array(branches) / stiffness),
     ]
     missing, statics = resting.backbone.missing(1), moving(setup, GRAVITY).statics
-    inner, loads = [MASSES[0]["mass"] / own, 0.45], np.zeros(resting.model.nw)
+    inner, loads = [MASSES[0]["mass"] / own, 0.45], np.zeros(resting.shared.model.nw)
     for moved, bent in ((0.0, 8.0), (1.0, 8.0), (1.0, 4e-3)):  # at last within the presliding
         q, pulls, history = bent * rng.normal(size=5), rng.uniform(1.0, 30.0, 2), history_of(cells, moved, rng)
         u = resting.input(ca.DM(pulls * offset * LENGTH / stiffness), 0.0)

@@ -23,7 +23,7 @@ from continuum_grasp.core import Cache, Compiler
 from continuum_grasp.core.cache import cache_folder
 from continuum_grasp.grasp.problem import equations as problem
 from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.problem.unit_finger import unit_model
+from continuum_grasp.grasp.problem.unit_finger import _shared_by
 from continuum_grasp.scene import Box
 from tests.grasp.test_grasp_problem_limits import first_start
 
@@ -120,7 +120,7 @@ def test_structures_differ_by_every_key(monkeypatch):
 def test_all_code_that_decides_on_equations_is_part_of_their_identity():
     """What runs while they are built lies in the packages whose files are hashed, or only checks arguments."""
     package, ran = Path(continuum_grasp.__file__).parent, set()
-    for built in (problem.expressions, unit_model):
+    for built in (problem.expressions, _shared_by):
         built.cache_clear()
     sys.setprofile(lambda frame, event, _: ran.add(frame.f_code.co_filename) if event == "call" else None)
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
@@ -110,7 +111,11 @@ class Expressed(ConstraintRows):
         return ca.vertcat(*self._expressions)
 
 
-def rotation(angle: ca.SX) -> ca.SX:
+Symbolic = TypeVar("Symbolic", ca.SX, ca.MX)
+
+
+def rotation(angle: Symbolic) -> Symbolic:
     """Rotation matrix (2, 2)."""
     c, s = ca.cos(angle), ca.sin(angle)
-    return ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c))
+    matrix: Symbolic = ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c))
+    return matrix

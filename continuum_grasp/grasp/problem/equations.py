@@ -13,18 +13,17 @@ from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from continuum_grasp import __version__
 from continuum_grasp.core import Cache, CodeKind, CompileError, Compiler, CSource
-from continuum_grasp.grasp.problem.points import BACKBONE_POINTS
+from continuum_grasp.grasp.problem.blocks import rotation
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.problem.unit_finger import UnitFinger
+from continuum_grasp.grasp.problem.unit_finger import BACKBONE_POINTS, UnitFinger
 from continuum_grasp.grasp.problem.unknowns import Layout, Touch
 from continuum_grasp.nlp import NLP
 
@@ -165,27 +164,23 @@ def point_reader(problem: GraspProblem) -> ca.Function:
             return ca.SX(0 if spec.finger < 0 else 1)
         return problem.fingers[spec.finger].joints[spec.joint]
 
-    plain: list[Any] = [
+    touch: list[ca.SX] = [
         problem.pose,
         ca.horzcat(ca.SX(2, 0), *(c.point for c in touched)),
         ca.horzcat(ca.SX(2, 0), *(c.normal for c in touched)),
         ca.horzcat(ca.SX(3, 0), *(c.force for c in touched)),
         ca.vertcat(*(station(c) for c in touched)),
     ]
-    shared = len(plain)
+    outputs = [*touch]
     for finger in problem.fingers:
-        plain += finger.stored()
-    read = ca.Function("read", [x, numbers], plain)
+        outputs += [*finger.stored(), finger.q, finger.u, finger.p, finger.number("length")]
+    read = ca.Function("read", [x, numbers], outputs)
     mx, mp = ca.MX.sym("x", x.numel()), ca.MX.sym("p", numbers.numel())
-    values = list(read(mx, mp))
-    out = values[:shared]
-    s = ca.SX.sym("s")
-    along = ca.DM(np.linspace(0.0, 1.0, BACKBONE_POINTS)).T
-    for k, finger in enumerate(problem.fingers):
-        point, angle = finger.backbone.section(finger.q, finger.u, s, finger.p)
-        section = ca.vertcat(s, finger.world(point), angle + finger.base[2])
-        place = ca.Function("place", [s, x, numbers], [ca.cse(section)])
-        # Mapped, not unrolled: the expression of one place serves all.
-        line = place.map(BACKBONE_POINTS, [False, True, True], [False])(along, mx, mp)
-        out += [*values[shared + 5 * k : shared + 5 + 5 * k], line]
-    return ca.Function("values", [mx, mp], out)
+    values = iter(read(mx, mp))
+    stored = list(islice(values, len(touch)))
+    for finger in problem.fingers:
+        *given, base, q, u, p, length = islice(values, 9)
+        line = finger.shared.line(q, u, p)
+        points = length * rotation(base[2]) @ line[1:3, :] + ca.repmat(base[:2], 1, BACKBONE_POINTS)
+        stored += [*given, base, ca.vertcat(line[0, :], points, line[3, :] + base[2])]
+    return ca.Function("values", [mx, mp], stored)

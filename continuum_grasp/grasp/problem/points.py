@@ -13,8 +13,6 @@ from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.model import Feature
 from continuum_grasp.scene import FAMILIES, FingerSetup, GraspScene
 
-BACKBONE_POINTS = 201
-"""Points of a stored backbone: 0.5 % of the length apart, for pictures; the certificate integrates its own."""
 PRESSED = 1e-2
 """Least normal force of a contact to start with, as a part of the weight."""
 

@@ -79,9 +79,9 @@ class FingerSpec:
 
     @property
     def guards(self) -> int:
-        """Guarded places per element that are spread evenly."""
+        """Guarded places per element that are spread evenly: 12 along the finger, or one on each."""
         # Few are enough beside the probes.
-        return 4 if self.elements > 3 else 6
+        return math.ceil(12 / self.elements)
 
     @staticmethod
     def of(setup: FingerSetup, on: frozenset[str], weighs: bool) -> FingerSpec:

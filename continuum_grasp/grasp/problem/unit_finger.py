@@ -6,6 +6,7 @@ solver. Its base is at the origin, pointing along +Y.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import accumulate, pairwise
 from typing import Any
@@ -20,6 +21,8 @@ from continuum_grasp.scene import Finger, MomentLoad
 _OFFSET = 0.5
 """Tendon offset of the unit finger; tensions are scaled so that any value does."""
 
+BACKBONE_POINTS = 201
+"""Points of a stored backbone: 0.5 % of the length apart, for pictures; the certificate integrates its own."""
 PRESLIDING = 1e-3
 """Bend beyond a friction cell from which on its friction is that of a tendon that was pulled [rad]: below the model's
 own errors, and wide enough for second derivatives. `continuum_grasp.grasp.certificate` has its own."""
@@ -32,11 +35,10 @@ class UnitFinger:
         """Add the finger's unknowns to ``x``; its tip bears a contact's (N, f, lift) in units of the problem."""
         self.spec, self._numbers = spec, numbers
         self.curves = spec.curves.expressions(self.number("curves", spec.curves.size))
-        self.model = unit_model(spec)
-        graded = spec.curves.graded
-        self.backbone = GradedBackbone(self.model.structure, spec.curves) if graded else self.model.backbone()
+        self.shared = shared_by(spec)
+        self.backbone = self.shared.backbone
         name, number = spec.name, self.number
-        self.q = x(f"{name}.q", self.model.n)  # bending coordinates of the unit finger
+        self.q = x(f"{name}.q", self.shared.model.n)  # bending coordinates of the unit finger
         # Positions of the middle contacts, as parts of the length.
         self.joints = [x(f"{name}.joint_{k}") if on else number(f"joint_{k}") for k, on in enumerate(spec.touching)]
         self.pulls = x(f"{name}.pulls", 2)  # tensions times offset, in E I / L of the finger
@@ -94,12 +96,11 @@ class UnitFinger:
         touching |= {spec.elements - 1} if spec.tip else set()
         joints, count = range(spec.elements), spec.probes
         fractions = ca.reshape(self.number("probes", count * spec.elements), count, spec.elements)
-        places, owners = self.backbone.fixed_places(spec.guards)
-        fixed, at = places(self.q, self.u, self.p)
-        probed = self.backbone.places(count)(self.q, self.u, fractions, self.p)
+        fixed, at = self.shared.fixed(self.q, self.u, self.p)
+        probed = self.shared.probed(self.q, self.u, fractions, self.p)
         points = ca.horzcat(self.world(fixed), *(self.ends[:, k] for k in joints), self.world(probed))
-        elements = [*owners, *joints, *(k for k in joints for _ in range(count))]
-        touches = [*(False for _ in owners), *(k in touching for k in joints)]
+        elements = [*self.shared.owners, *joints, *(k for k in joints for _ in range(count))]
+        touches = [*(False for _ in self.shared.owners), *(k in touching for k in joints)]
         deep = [self.edges[k] + fractions[j, k] * self.lengths[k] for k in joints for j in range(count)]
         half = [self.curves.at(s)("thickness") for s in (*ca.vertsplit(at), *self.edges[1:], *deep)]
         clear = [*touches, *(False for _ in range(count * len(joints)))]
@@ -147,7 +148,7 @@ class UnitFinger:
     def missing_force(self, q: ca.SX, u: ca.SX, w: ca.SX) -> ca.SX:
         """Generalized force that is missing for rest under inputs and loads, in E I / L."""
         masses = [ca.vertcat(self.number(f"mass_{k}"), self.number(f"mass_{k}.at")) for k in range(self.spec.masses)]
-        missing: ca.SX = self._missing(q, u, w, ca.horzcat(ca.SX(2, 0), *masses), self.history, self.p)
+        missing: ca.SX = self.shared.missing(q, u, w, ca.horzcat(ca.SX(2, 0), *masses), self.history, self.p)
         return missing
 
     @property
@@ -193,10 +194,6 @@ class UnitFinger:
         """Quantities that stay while friction or the object change."""
         return self.pulls if self.spec.drive is None else self.command
 
-    @cached_property
-    def _missing(self) -> ca.Function:
-        return self.backbone.missing(self.spec.masses)
-
     def curvatures(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Curvatures for the strain limit; curvatures (degree + 1, N) at the family's places on each element; and the
         latter times the lengths of the elements.
@@ -218,9 +215,33 @@ def _optional(spec: FingerSpec) -> list[str]:
     return [name for name, on in wanted.items() if on]
 
 
-@lru_cache(maxsize=24)
-def unit_model(spec: FingerSpec) -> FingerModel:
-    """The model of a finger in units of its own, uniform; built once in a process."""
+class SharedFinger:
+    """Functions that all fingers of one structure have in common, whatever they are called.
+
+    They are those of the model's backbone: of places that are ``fixed``, ``owners`` being the elements that they are
+    on, of ``probed`` ones, of the force that is ``missing`` for rest, and of the ``line`` of all of the backbone.
+    """
+
+    def __init__(self, spec: FingerSpec) -> None:
+        self.model = _unit_model(spec)
+        graded = spec.curves.graded
+        self.backbone = GradedBackbone(self.model.structure, spec.curves) if graded else self.model.backbone()
+        self.fixed, self.owners = self.backbone.fixed_places(spec.guards)
+        self.probed = self.backbone.places(spec.probes)
+        self.missing = self.backbone.missing(spec.masses)
+        self.line = self.backbone.line(BACKBONE_POINTS)
+
+
+def shared_by(spec: FingerSpec) -> SharedFinger:
+    """Functions of fingers of a structure; built once in a process."""
+    return _shared_by(replace(spec, name=""))
+
+
+_shared_by = lru_cache(maxsize=24)(SharedFinger)
+
+
+def _unit_model(spec: FingerSpec) -> FingerModel:
+    """The model of a finger in units of its own, uniform."""
     # The values only state what there is: the run-time argument replaces them.
     tendons = {
         "offset": _OFFSET,

@@ -12,7 +12,7 @@ import casadi as ca
 from continuum_grasp.grasp.problem.blocks import Columns, ConstraintRows, Expressed, Places, rotation
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec, ProblemSpec
-from continuum_grasp.grasp.problem.unit_finger import UnitFinger, unit_model
+from continuum_grasp.grasp.problem.unit_finger import UnitFinger, shared_by
 from continuum_grasp.model import Family, SurfacePoint
 
 
@@ -99,7 +99,7 @@ class FingerLayout:
     @property
     def family(self) -> Family:
         """The family of the unit finger's elements."""
-        return unit_model(self.spec).structure.family
+        return shared_by(self.spec).model.structure.family
 
 
 @dataclass(frozen=True, eq=False)
