@@ -25,8 +25,10 @@ LIGHT = 3.0
 ENTERED = 0.005
 """Depth in obstacles [L] that samples may have: the finger's own elements bend otherwise than the exact rod."""
 LOWS, SEEDS, ONTO = 2500, 600, 40
-"""Most rods with a middle contact that are given forces; most seeds that are brought onto the set, and in how many
+"""Most rods with a middle contact that are given forces; seeds that are brought onto the set at first, and in how many
 steps: of three fingers that wrap a jar, with 20 steps none leads to the part of the set with the least tension."""
+ENOUGH = 30
+"""Seeds that arrive of which no more are tried: of a thin set the nearest may all miss it."""
 CURVATURES, DIRECTIONS, FORCES = 25, 36, 10
 """Size of the grid of rods: curvatures at the base, directions and sizes of the force there."""
 ON_SET = 1e-3
@@ -101,14 +103,14 @@ class FingerMap:
     @staticmethod
     def of(finger: MapFinger) -> FingerMap:
         """Sample a finger's equilibria."""
-        return FingerMap._from(finger, _onto(finger, _seeds(finger), SEEDS))
+        return FingerMap._from(finger, _onto(finger, _seeds(finger), SEEDS, ENOUGH))
 
     def followed_by(self, finger: MapFinger) -> FingerMap:
         """The map of few elements from that of the exact rod."""
         some = self.samples.take(_one_per_cell(features(self.samples), COARSE)) if len(self) else self.samples
         near = finger.onto(finger.followed(some.z), ONTO, ENTERED, ON_SET)
         # Elements may also touch where no exact rod does.
-        own = _onto(finger, _seeds(finger), NEAREST)
+        own = _onto(finger, _seeds(finger), NEAREST, 0)
         return FingerMap._from(finger, np.concatenate([near, own]))
 
     @staticmethod
@@ -238,8 +240,10 @@ def _with_forces(finger: MapFinger, z: Array) -> Array:
     return _between(flat[first], flat[second], gap[first], gap[second])
 
 
-def _onto(finger: MapFinger, z: Array, count: int) -> Array:
-    """So many seeds at most that are nearest to the set within the limits, brought onto it."""
+def _onto(finger: MapFinger, z: Array, count: int, enough: int) -> Array:
+    """So many seeds that are nearest to the set within the limits, brought onto it; all others too where not enough of
+    them arrive.
+    """
     if not len(z):
         return np.zeros((0, finger.numbers))
     z = z.copy()
@@ -249,8 +253,11 @@ def _onto(finger: MapFinger, z: Array, count: int) -> Array:
     order = np.argsort(np.maximum(np.abs(at.conditions.value).max(axis=1), at.excess), kind="stable")
     # The nearest of each few cells: else those of one part of the set crowd out others.
     cells = np.round(features(at)[order] / COARSE)
-    near = order[np.sort(np.unique(cells, axis=0, return_index=True)[1])][:count]
-    return finger.onto(z[near], ONTO, ENTERED, ON_SET)
+    near = z[order[np.sort(np.unique(cells, axis=0, return_index=True)[1])]]
+    first = finger.onto(near[:count], ONTO, ENTERED, ON_SET)
+    if len(first) >= enough:
+        return first
+    return np.concatenate([first, finger.onto(near[count:], ONTO, ENTERED, ON_SET)])
 
 
 def _filled(finger: MapFinger, seeds: Array) -> Traced:
