@@ -382,7 +382,9 @@ class ControlRun(MotionResult):
         """The table as text."""
         metrics = self.metrics()
         time = f"{self.t[-1]:g} s in {len(self.u)} periods of {1e3 * self.period:g} ms"
-        pairs = metrics.pairs() | {name: str(value) for name, value in self.adapted.items()} | {"code": self.code}
+        pairs = metrics.pairs() | {name: str(value) for name, value in self.adapted.items()}
+        pairs |= {"bears": self.scene.borne_loads} if self.scene.estimator else {}
+        pairs |= {"code": self.code}
         head = [self.name or "closed loop", f"{self.outcome}: {time}", ""]
         return "\n".join([*head, *self.aligned(metrics.rows()), "", *self.aligned(list(pairs.items()), (0, 1)), ""])
 

@@ -119,12 +119,13 @@ class Controller(CompiledController):
         return quoted(self.scene.name, f"{1e3 * self.period:g} ms, {self.stages.stages} stages")
 
     def pairs(self) -> dict[str, str]:
-        """Measured, followed and commanded quantities, and how steps ended."""
+        """Measured, followed and commanded quantities, loads that the loop bears, and how steps ended."""
         counts = ", ".join(f"{count} {name}" for name, count in self.statistics["status"].items() if count)
         return {
             "measures": ", ".join(self.measurement_names),
             "setpoints": ", ".join(self.stages.r_names),
             "commands": ", ".join(self.stages.u_names),
+            **({"bears": self.scene.borne_loads} if self.scene.estimator else {}),
             "steps": counts or "none",
         }
 

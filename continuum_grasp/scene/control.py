@@ -22,11 +22,11 @@ _CALM = 0.1
 tolerate two periods of unmodeled delay, at 0.23 none (docs/control.md)."""
 
 
-_BORNE_MASS, _BORNE_FORCE = 0.3, 0.25
-"""Load of the tip that loops bear whose estimators have no unknown for it, in masses of a rod that is everywhere as at
-its base, and in E I / L^2 there [1]. With it steady_tip, tip_steps, tip_circle, pulse, chambers and trunk_2m do not
-trip: ``mpc configs/mpc/tip_circle.yaml --set "loads=[{at: 0.18, force: [0.047, 0.0]}]"``. Twice the force trips
-tip_circle after 2.2 s, ``--set plant.tip_mass=0.0061``, the mass of the rod, steady_tip and pulse, 0.6 of it none."""
+_BORNE_MASS, _BORNE_FORCE = 1.5, 1.0 / 12.0
+"""Load of the tip that loops bear whose estimators have no unknown for it [1]: mass, per that of the rod with each part
+weighed by (s / L)^4, which is a fifth of a uniform one; and deflection by the force, in first order, per length. Of a
+uniform rod 0.3 m and E I / 4 L^2. With them no shipped loop trips, in four directions; twice the force trips tip_arc,
+tip_circle, keep_out, motor_servo, winches and three_tendons: ``python -m benchmarks.tip_loads --factors 1 2``."""
 _OF_SCENARIOS = {
     "stiffness": ("bending_stiffness",),
     "damping": ("material_damping", "per_arc_damping"),
@@ -141,7 +141,7 @@ class ControlScene(CommandedScene):
         self._check_references()
         if self.estimator is not None:
             self._check_estimator(self.estimator)
-            self._doubt_loads(self.estimator)
+            self._doubt_loads()
         self._doubt_margin()
         self.plant.fidelity.check_lengths("plant.fidelity", self.finger.rod.length, self.contacts)
         self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
@@ -179,23 +179,53 @@ class ControlScene(CommandedScene):
         if estimator is not None and estimator.measured.tip is not None and "delay" not in estimator.model_fields_set:
             doubt("estimator.delay is not given: a camera shows the past; state its age [s] (0.0 if it has none)")
 
-    def _doubt_loads(self, estimator: EstimatorSettings) -> None:
+    @property
+    def borne_mass(self) -> float:
+        """Mass at the tip that the loop bears without tripping [kg]; infinite where the estimator learns it."""
+        if (
+            self.estimator is not None
+            and self.estimator.adapt is not None
+            and self.estimator.adapt.tip_mass is not None
+        ):
+            return math.inf
+        length, profile = self.finger.rod.length, self.finger.profile
+        return _BORNE_MASS * float(profile.panels().integral(lambda s: profile.linear_density(s) * (s / length) ** 4))
+
+    @property
+    def borne_force(self) -> float:
+        """Force on the tip that the loop bears without tripping [N]; infinite where the estimator finds it."""
+        if {"tip_force", "contact_force"} & set(self.disturbances):
+            return math.inf
+        length, profile = self.finger.rod.length, self.finger.profile
+        compliance = float(profile.panels().integral(lambda s: (length - s) ** 2 / profile.bending_stiffness(s)))
+        return _BORNE_FORCE * length / compliance
+
+    @property
+    def borne_loads(self) -> str:
+        """Loads of the tip that the loop bears without tripping, in words."""
+        mass = "mass" if math.isinf(self.borne_mass) else ""
+        force = "force" if math.isinf(self.borne_force) else ""
+        borne = [f"{1e3 * self.borne_mass:.2g} g"] * (not mass) + [f"{self.borne_force:.2g} N"] * (not force)
+        found = " or ".join(filter(None, (mass, force)))
+        words = [f"{' or '.join(borne)} at the tip"] if borne else []
+        return ", ".join([*words, f"a {found} is estimated"] if found else words)
+
+    def _doubt_loads(self) -> None:
         """Warn of a constant load of the plant that the estimator has no unknown for, and that may trip the loop."""
-        rod, profile = self.finger.rod, self.finger.profile
-        mass = _BORNE_MASS * float(profile.linear_density(0.0)) * rod.length
-        borne = _BORNE_FORCE * float(profile.bending_stiffness(0.0)) / rod.length**2
-        adapts = estimator.adapt is not None and estimator.adapt.tip_mass is not None
-        if self.plant.tip_mass > mass * (1.0 + 1e-9) and not adapts:
+        if self.plant.tip_mass > self.borne_mass * (1.0 + 1e-9):
             doubt(
                 f"plant.tip_mass = {1e3 * self.plant.tip_mass:.3g} g that the controller does not know: loops bear "
-                f"{1e3 * mass:.2g} g, and may trip with more; expected estimator.adapt.tip_mass, which learns it"
+                f"{1e3 * self.borne_mass:.2g} g, and may trip with more; expected estimator.adapt.tip_mass, which "
+                "learns it"
             )
-        constant = [(load.force, load.at / rod.length) for load in self.loads if isinstance(load.force, tuple)]
+        length = self.finger.rod.length
+        constant = [(load.force, load.at / length) for load in self.loads if isinstance(load.force, tuple)]
         pushed = math.hypot(*(math.fsum(force[k] * share for force, share in constant) for k in (0, 1)))
-        if pushed > borne * (1.0 + 1e-9) and not {"tip_force", "contact_force"} & set(self.disturbances):
+        if pushed > self.borne_force * (1.0 + 1e-9):
             doubt(
-                f"loads: {pushed:.3g} N at the tip that the controller does not know: loops bear {borne:.2g} N, and "
-                "may trip with more; expected estimator.disturbances.tip_force, with angles among what is measured"
+                f"loads: {pushed:.3g} N at the tip that the controller does not know: loops bear "
+                f"{self.borne_force:.2g} N, and may trip with more; expected estimator.disturbances.tip_force, with "
+                "angles among what is measured"
             )
 
     def _check_estimator(self, estimator: EstimatorSettings) -> None:

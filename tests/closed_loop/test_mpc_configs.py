@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import warnings
 from pathlib import Path
@@ -78,6 +79,17 @@ def test_loads_that_no_unknown_stands_for_and_that_may_trip_are_doubted(changes,
     texts = [str(one.message) for one in found if "loops bear" in str(one.message)]
     assert len(texts) == bool(words)
     assert all(re.search(words, text) for text in texts)
+
+
+def test_loops_say_which_loads_they_bear():
+    """Of rods that taper to half by the closed forms of (1 - x)^2 / (1 - x / 2) and x^4 (1 - x / 2), integrated."""
+    assert load(FOLDER / "steady_tip.yaml").borne_loads == "1.8 g or 0.047 N at the tip"
+    assert load(FOLDER / "unknown_payload.yaml").borne_loads == "0.047 N at the tip, a mass is estimated"
+    assert load(FOLDER / "nitinol_moment.yaml").borne_loads == "3.6 g at the tip, a force is estimated"
+    tapered = ["finger.rod.bending_stiffness=[6.11e-3, 3.055e-3]", "finger.rod.linear_density=[0.034, 0.017]"]
+    scene = load(FOLDER / "steady_tip.yaml", tapered)
+    assert scene.borne_force == pytest.approx(6.11e-3 / 0.18**2 / 12 / (2 * math.log(2) - 1))
+    assert scene.borne_mass == pytest.approx(1.5 * 0.034 * 0.18 * (1 / 5 - 1 / 12))
 
 
 def test_loops_without_margin_for_dead_time_are_doubted():
