@@ -6,14 +6,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.base import SolverError
-from continuum_grasp.cli.options import OF_RUNS, option, verb
+from continuum_grasp.cli.options import option, run_verb
 from continuum_grasp.cli.output import Output
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp import Reason
 
 
-@verb(*OF_RUNS, pictures="Draw a picture and write the HTML report.")
+@run_verb(pictures="Draw a picture and write the HTML report.")
 def grasp(
     output: Output,
     seed: int | None = option("Seed of robust grasps' draws (default: as in the configuration).", metavar="N"),

@@ -7,11 +7,11 @@ from dataclasses import replace
 from itertools import zip_longest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.cli.options import OF_RUNS, option, resolved_scene, verb
+from continuum_grasp.cli.options import option, resolved_scene, run_verb, verb
 from continuum_grasp.cli.output import Output
 
 
-@verb(*OF_RUNS, "animation")
+@run_verb("animation")
 def simulate(output: Output) -> None:
     """Move a finger in time."""
     from continuum_grasp.scene import Scene

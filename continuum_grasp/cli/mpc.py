@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.base import InputError, Interrupted
-from continuum_grasp.cli.options import OF_RUNS, option, verb
+from continuum_grasp.cli.options import option, run_verb
 from continuum_grasp.cli.output import Output
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ _SHOWN = 10
 """Failed plants that are listed."""
 
 
-@verb(*OF_RUNS, "animation")
+@run_verb("animation")
 def mpc(
     output: Output,
     seed: int | None = option("Seed of the noise (default: as in the configuration).", metavar="N"),

@@ -26,7 +26,7 @@ def option(explained: str, *names: str, default: Any = None, words: Sequence[str
     return typer.Option(default, *names, help=explained, **more)
 
 
-OF_RUNS = ("config", "out", "changes", "pictures", "as_json", "quiet", "verbose", "optimize")
+_OF_RUNS = ("config", "out", "changes", "pictures", "as_json", "quiet", "verbose", "optimize")
 """Shared arguments and options of verbs that save a run and draw it."""
 _FIRST = ("config", "out", "changes", "animation")
 """Shared arguments and options that `--help` lists before those of the verb alone; the others come after them."""
@@ -81,6 +81,11 @@ def verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[
         return call
 
     return decorate
+
+
+def run_verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Make a verb that saves a run and draws it, as `verb` does; ``names`` are options beside those of all such."""
+    return verb(*_OF_RUNS, *names, **other)
 
 
 def resolved_scene(output: Output, *others: type, vibrates: bool = False) -> tuple[Any, str]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from continuum_grasp.base import SolverError
-from continuum_grasp.cli import OF_RUNS, Output, verb
+from continuum_grasp.cli import Output, run_verb
 
 
-@verb(*OF_RUNS)
+@run_verb()
 def design(output: Output) -> None:
     """Choose numbers of a finger or scene by gradient. The grasps of one or many objects become best."""
     from continuum_grasp.addons.design.optimize import optimize_design

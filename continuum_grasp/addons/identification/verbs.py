@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from continuum_grasp.base import InputError
-from continuum_grasp.cli import OF_RUNS, Output, option, verb
+from continuum_grasp.cli import Output, option, run_verb
 
 if TYPE_CHECKING:
     from continuum_grasp.addons.identification.comparison import Predicted
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene import FingerScene, Scene
 
 
-@verb(*OF_RUNS)
+@run_verb()
 def compare(
     output: Output,
     data: Annotated[
@@ -56,7 +56,7 @@ _SHOWN = 12
 """Values of single sets that are printed [1]: the coordinates of many starts say little."""
 
 
-@verb(*OF_RUNS)
+@run_verb()
 def identify(
     output: Output,
     data: list[Path] | None = option(
@@ -182,7 +182,7 @@ def show_plan(design: Callable[[Callable[[float], None]], ExperimentPlan], outpu
     return plan
 
 
-@verb(*OF_RUNS)
+@run_verb()
 def commission(
     output: Output,
     log: Annotated[
@@ -224,7 +224,7 @@ def commission(
         output.fail()
 
 
-@verb(*OF_RUNS)
+@run_verb()
 def replay(
     output: Output,
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Table of instants, measurements and commands (CSV).")],

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from continuum_grasp.base import SolverError
-from continuum_grasp.cli import OF_RUNS, Output, option, verb
+from continuum_grasp.cli import Output, option, run_verb
 
 
-@verb(*OF_RUNS, "animation")
+@run_verb("animation")
 def plan(
     output: Output,
     warm: Path | None = option("Run folder of a plan from which to begin.", metavar="DIR"),

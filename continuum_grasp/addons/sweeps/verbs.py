@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from continuum_grasp.cli import OF_RUNS, Output, option, verb
+from continuum_grasp.cli import Output, option, run_verb
 
 _FOLDER = "Folder of the sweep (default: runs/sweep/NAME-OF-CONFIG); one that was stopped goes on."
 
 
-@verb(*OF_RUNS, out=_FOLDER, pictures="Draw maps and Pareto pictures.")
+@run_verb(out=_FOLDER, pictures="Draw maps and Pareto pictures.")
 def sweep(
     output: Output,
     workers: int | None = option("Processes on this machine (default: all cores).", metavar="N", min=1, max=4096),
