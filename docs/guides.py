@@ -10,6 +10,10 @@ A guide is run from its text, block by block, in a folder of its own:
 - ``text``: lines of what the block before it prints, in their order.
 
 A picture ``pictures/PAGE/simulate-sag-energy.png`` is ``runs/simulate/sag/energy.png`` of that folder.
+
+A new page is a name in ``PAGES``; a recipe is a paragraph with its blocks in ``docs/recipes.md``. A page of the three
+paths has one worked example from an empty folder to a picture, in 1,500 words at most; keys and methods belong to the
+references, measured figures to benchmarks and appendices. ``tests/docs`` compares what the blocks print with the page.
 """
 
 from __future__ import annotations

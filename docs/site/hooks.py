@@ -3,6 +3,11 @@
 On the site each file has the path that it has in the repository, so that relative links mean the same in both. Pages
 are those that the navigation names and, beyond them, all that a page links to: configurations and sources as
 highlighted code, notebooks with the outputs that they were saved with, folders as lists of their files.
+
+``python3 start.py docs`` builds it strictly into ``build/docs``, ``mkdocs serve`` while one writes. The build fails at
+a dead link or anchor, at an error in a docstring, at anything that would be loaded from another site, and at what
+Markdown shows differently on the site and in the browser of a repository: indent what belongs to a list by four spaces,
+and leave a fenced block outside of it. Formulas between ``$`` become MathML.
 """
 
 from __future__ import annotations
