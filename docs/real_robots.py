@@ -11,7 +11,7 @@ import numpy as np
 
 import continuum_grasp as cg
 from continuum_grasp.addons.identification import Fit, Poses, Reading, data_folder
-from continuum_grasp.scene import read_table
+from continuum_grasp.scene import DataTable
 
 CONFIGS = Path(__file__).parents[1] / "configs" / "identify"
 
@@ -72,7 +72,7 @@ def scene_c(scene: cg.Scene) -> cg.Scene:
 
 def bends(name: str, scene: cg.Scene, most: float = 9.0, trial: str | None = None, **keys) -> Poses:
     """Bends of the notches of a wrist up to a tension [N], of one trial or all."""
-    table = read_table(folder() / "niti_notched_wrist" / f"{name}.csv")
+    table = DataTable.read(folder() / "niti_notched_wrist" / f"{name}.csv")
     if trial is not None:
         table = table.chosen("trial", (trial,))
     pull = table.in_si("tension_N", "N")
@@ -133,7 +133,7 @@ def joints() -> None:
         own = f"data[{k}].holdout_rows={list(range(3, rows + 1))}"
         fit = cg.identify(cg.load(CONFIGS / "spirob_joints.yaml", [*held, own]))
         show(f"joint {joint} from its first load and the other joints", fit)
-    table = read_table(folder() / "spirob_joint_static" / "ringdown_summary.csv")
+    table = DataTable.read(folder() / "spirob_joint_static" / "ringdown_summary.csv")
     pulsation = 2.0 * np.pi * table.numbers("damped_frequency_mean_Hz")
     ratio = table.numbers("damping_ratio_mean")
     for k, joint in enumerate(table.numbers("joint")):
@@ -206,7 +206,7 @@ def loops(title: str, fit: Fit, where: Path) -> None:
     """Mean width of each loop, and the misfit per width."""
     start = 0
     for name, count in fit.blocks:
-        steps = read_table(where / f"{name}.csv").numbers("motor_steps")
+        steps = DataTable.read(where / f"{name}.csv").numbers("motor_steps")
         own = slice(start, start + count)
         start += count
         seen, modeled = np.degrees(fit.measured[own]), np.degrees(fit.predictions[own])
@@ -267,10 +267,10 @@ def release(title: str, scene: cg.Scene) -> None:
 
 def repeats(payload: int, where: Path) -> None:
     """How well the path of the tip repeats, without a model: from its start by regression, and between neighbors."""
-    runs = read_table(where / "runs.csv").chosen("payload_g", (str(payload),)).chosen("check", ("ok",))
+    runs = DataTable.read(where / "runs.csv").chosen("payload_g", (str(payload),)).chosen("check", ("ok",))
     starts, paths, rests = [], [], []
     for row in runs.rows:
-        table = read_table(where / row[runs.index("file")])
+        table = DataTable.read(where / row[runs.index("file")])
         columns = [table.numbers(f"{axis}{k}_m") for k in (1, 2, 3) for axis in "xy"]
         disks, first = np.stack(columns, axis=1), int(np.argmin(np.abs(table.numbers("t_s") - 0.15)))
         # rates over 0.06 s count by 0.05 s, which makes them as large as the positions
@@ -320,7 +320,7 @@ def pictures() -> None:
     figure = Figure(figsize=(9.0, 4.0), layout="constrained")
     axes, start = figure.subplots(1, 2, sharey=True), 0
     for ax, (name, count), title in zip(axes, fit.blocks, ("fitted", "predicted"), strict=True):
-        steps, own = read_table(where / f"{name}.csv").numbers("motor_steps"), slice(start, start + count)
+        steps, own = DataTable.read(where / f"{name}.csv").numbers("motor_steps"), slice(start, start + count)
         start += count
         ax.plot(steps, np.degrees(fit.measured[own]), color="0.6", linewidth=3.0, label="measured")
         ax.plot(steps, np.degrees(fit.predictions[own]), color="C0", linewidth=1.2, label=title)

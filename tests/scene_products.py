@@ -43,7 +43,7 @@ from continuum_grasp.addons.sweeps import Sweep, SweepPlan
 from continuum_grasp.addons.web.plant import plant_of_loop, plant_of_scene
 from continuum_grasp.closed_loop import PlantModel, Sensors
 from continuum_grasp.closed_loop.guides.system import ChainSystem
-from continuum_grasp.control import Prediction, Setpoints
+from continuum_grasp.control import Prediction, Setpoints, stages_of
 from continuum_grasp.core import CReal
 from continuum_grasp.export import ModelFields, PackageOptions, title_of
 from continuum_grasp.export.control.loop import Loop
@@ -222,8 +222,8 @@ class _Library:
     """What a unit takes from a library whose C is not written."""
 
     @staticmethod
-    def of(scene: Scene, options: PackageOptions, *, if_possible: Sequence[str]) -> SimpleNamespace:
-        source = source_of(scene, CReal.KINDS["double"])
+    def of(scene: Scene, *, if_possible: Sequence[str], **given: Any) -> SimpleNamespace:
+        options, source = PackageOptions(**given), source_of(scene, CReal.KINDS["double"])
         known = {"nominal_parameters": {}, "steps": {"step": {"accurate_s": 1.0}}, "functions": {}}
         return SimpleNamespace(
             subject=subject_of(source, options.what, CReal.KINDS["double"], options),
@@ -237,7 +237,7 @@ class _Library:
 
 def page_of_loop(scene: ControlScene) -> Iterator[object]:
     """What a web page of a closed loop computes by."""
-    plant, sensors = plant_of_loop(scene)
+    plant, sensors = plant_of_loop(scene, stages_of(scene, Prediction(scene)))
     yield from loop(scene)
     yield from (plant.rate, plant.acting, plant.sensed, plant.start, plant.rest, plant.p, plant.x_names)
     yield from (plant.signals.w(_INSTANTS), sensors.names, sensors.delay, sensors.std)
@@ -338,7 +338,7 @@ def of_sweep(sweep: Sweep) -> Iterator[object]:
 def of_design(design: Design) -> Iterator[object]:
     """What a design chooses, and the scenes, costs and options of its search."""
     space = design_space_of(ConfigurationData.given(design, Design))
-    yield from (space.coordinates, space.following, space.tolerated, space.start)
+    yield from (space.coordinates, space.keys.ties, space.tolerated, space.start)
     yield [space.scene(case, space.start) for case in space.cases]
     yield from (design.expressions, [*design.limits.values()], design.over, design.solver)
 

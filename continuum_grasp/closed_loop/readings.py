@@ -11,7 +11,7 @@ import numpy as np
 from continuum_grasp.base import Array, split_unit
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.tracking import Tracking, amount
-from continuum_grasp.control import Outputs, Prediction, Stages, curvature_limits
+from continuum_grasp.control import BoundedRows, Outputs, Prediction, Stages
 from continuum_grasp.scene import ControlScene
 from continuum_grasp.simulation import ContactHistory
 
@@ -103,7 +103,7 @@ class Readings:
         if limit is not None:
             change = np.abs(u - held).max(axis=1) / period
             exceeded.append(Bound("input rate", f"{unit}/s", change - limit, limit))
-        limits, _ = curvature_limits(bounds, self.plant.system.finger_model)
+        limits, _ = BoundedRows.curvature_limits(bounds, self.plant.system.finger_model)
         if np.all(np.isfinite(limits)):
             kappa = self._rows(self.plant.curvature, x, u, w)
             exceeded.append(Bound("curvature", "1/m", (np.abs(kappa) - limits).max(axis=1), float(limits.min())))

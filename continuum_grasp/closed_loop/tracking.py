@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.control import TERMS
+from continuum_grasp.control import Outputs
 from continuum_grasp.scene import Reference, Rod
 
 FINAL = 0.1
@@ -37,14 +37,10 @@ class Tracked(NamedTuple):
 
 def tracked_groups(names: Sequence[str]) -> tuple[Tracked, ...]:
     """Outputs of a controller that follow setpoints (name and unit each); terms of the input are left out."""
-    groups = []
-    for term in TERMS:
-        # Setpoints of the input are what costs no effort, not what is followed.
-        columns = tuple(k for k, name in enumerate(names) if term.of_state and term.reference and term.owns(name))
-        if columns:
-            unit = term.entry.split("[")[1][:-1]
-            groups.append(Tracked(term.label, unit, columns, term.of_points, term.reference))
-    return tuple(groups)
+    return tuple(
+        Tracked(term.label, term.entry.split("[")[1][:-1], columns, term.of_points, term.reference)
+        for term, columns in Outputs.followed(names)
+    )
 
 
 @dataclass(frozen=True)

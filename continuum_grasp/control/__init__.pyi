@@ -10,9 +10,7 @@ from .log import ControlLog as ControlLog
 from .ocp.bounds import ABSENT as ABSENT
 from .ocp.bounds import BoundedRows as BoundedRows
 from .ocp.bounds import Row as Row
-from .ocp.bounds import curvature_limits as curvature_limits
 from .ocp.control_problem import ControlProblem as ControlProblem
-from .ocp.cost_terms import TERMS as TERMS
 from .ocp.cost_terms import UNLIMITED as UNLIMITED
 from .ocp.cost_terms import Outputs as Outputs
 from .ocp.cost_terms import Residual as Residual

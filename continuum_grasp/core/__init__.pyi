@@ -1,5 +1,3 @@
-from .batches import Batch as Batch
-from .batches import Scan as Scan
 from .cache import Cache as Cache
 from .calls import call as call
 from .calls import straight_function as straight_function

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, CheckedArgument, InputError, NumericalError, Summarized, check_arguments
-from continuum_grasp.core.batches import Batch
+from continuum_grasp.core.batches import Batch, Scan
 from continuum_grasp.core.caller import Caller, check_moment, section_check, shaped
 from continuum_grasp.core.code import Backend, FunctionCode
 from continuum_grasp.core.integrators import step_function
@@ -170,10 +170,18 @@ class Core(Remade, Summarized):
             raise InputError(f"{name}: one number of states expected, got {sorted(counts)}")
         count = counts.pop()
         if name not in self._batches:
-            self._batches[name] = Batch(function, self.backend)
+            self._batches[name] = self.on_rows(function)
         outputs = self._batches[name](count, rows)
         results = tuple(shaped(function, k, out) for k, out in enumerate(outputs))
         return results[0] if len(results) == 1 else results
+
+    def on_rows(self, function: ca.Function) -> Batch:
+        """A function of columns, applied to many rows on the backend of this core."""
+        return Batch(function, self.backend)
+
+    def over_steps(self, function: ca.Function) -> Scan:
+        """A recursion over steps, of many rows, on the backend of this core."""
+        return Scan(function, self.backend)
 
     def backbones(self, q: Array, u: Array, points: int, p: Array | None = None) -> Array:
         """World positions (T, points, 2) along the backbones of shapes q (T, n), evenly spaced from base to tip [m]."""

@@ -1,5 +1,4 @@
 from .build import WebAssembly as WebAssembly
-from .build import strict_flags as strict_flags
 from .control.loop import ExportedPhases as ExportedPhases
 from .fields import Field as Field
 from .fields import fill as fill

@@ -8,14 +8,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 from continuum_grasp.base import InputError
 from continuum_grasp.control import Stages
 from continuum_grasp.core import CReal
 from continuum_grasp.export.accuracy import Report
 from continuum_grasp.export.bindings import wasm_exports, wasm_files
-from continuum_grasp.export.build import WebAssembly, clang, write_files
+from continuum_grasp.export.build import WebAssembly, clang, strict_flags, write_files
 from continuum_grasp.export.control.loop import ExportedPhases, Loop
 from continuum_grasp.export.fields import Field
 from continuum_grasp.export.layer import Contents, add_sizes, library_files
@@ -28,6 +28,18 @@ from continuum_grasp.export.targets import target_of
 from continuum_grasp.scene import ControlScene
 
 
+class LibraryOptions(TypedDict, total=False):
+    """Options of a package that add-ons set, see `PackageOptions`."""
+
+    real: str | None
+    what: Sequence[str] | None
+    prefix: str
+    ranges: Mapping[str, Sequence[float]] | None
+    step: float | None
+    substeps: int | None
+    finger: str | None
+
+
 @dataclass(frozen=True)
 class Library:
     """The library of a package, with its manifest."""
@@ -38,22 +50,28 @@ class Library:
     manifest: Mapping[str, Any]
 
     @staticmethod
-    def of(given: Given, options: PackageOptions, *, if_possible: Sequence[str] = ()) -> Library:
+    def of(given: Given, *, if_possible: Sequence[str] = (), **options: Unpack[LibraryOptions]) -> Library:
         """The library with the parts of the options, and with those of ``if_possible`` that there can be."""
-        _, computed_in = target_of(options.target, options.real)
+        chosen = PackageOptions(**options)
+        _, computed_in = target_of(chosen.target, chosen.real)
         kind = CReal.KINDS[computed_in]
-        source = source_of(given, kind, options.finger)
-        asked = parts_of(options.what, source)
-        subject = subject_of(source, asked, kind, options)
+        source = source_of(given, kind, chosen.finger)
+        asked = parts_of(chosen.what, source)
+        subject = subject_of(source, asked, kind, chosen)
         further = [name for name in if_possible if _is_possible(name, subject)]
         contents = contents_of(subject, [name for name in PARTS if name in (*asked, *further)], source.title)
         if contents.stateful:
             add_sizes(contents)
         files = library_files(contents)
         values = manifest(
-            contents, Report({}, {}, None), target=options.target, files=files, configuration=source.configuration
+            contents, Report({}, {}, None), target=chosen.target, files=files, configuration=source.configuration
         )
         return Library(contents, files, values)
+
+    @staticmethod
+    def flags(version: str = "gcc") -> list[str]:
+        """Flags of a compiler, by its version text, with which results are the same to the last bit."""
+        return strict_flags(version)
 
     @property
     def subject(self) -> Subject:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 from continuum_grasp.base import CheckedArgument, InputError, named_value
-from continuum_grasp.control import Controller, Estimator, Prediction, RtiSolver, Stages
+from continuum_grasp.control import Prediction, RtiSolver, Stages
 from continuum_grasp.core import CReal
 from continuum_grasp.export.control.loop import ExportedPhases
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
@@ -94,17 +94,17 @@ def source_of(given: Given, real: CReal, finger: str | None = None) -> ModelSour
         title = _plain(given.problem.name)
         of = f"the problem '{title}'" if title else "a problem without a name"
         return ModelSource(None, title or "a predictive controller", of, None, None, given)
-    if isinstance(given, (Controller, Estimator)):
-        given = given.scene
-    if isinstance(given, ControlScene):
-        return _of_loop(given, real)
-    if not isinstance(given, Scene):
+    # Controllers, estimators and runs have that of their loop or motion.
+    described = getattr(given, "scene", given)
+    if isinstance(described, ControlScene):
+        return _of_loop(described, real)
+    if not isinstance(described, Scene):
         raise InputError(
             "expected a FingerModel, a Scene, a closed loop, a mission, a solver or the path of its file, got "
             f"{given!r:.80}",
             key="given",
         )
-    scene, _ = resolve_fidelity(given)
+    scene, _ = resolve_fidelity(described)
     model = _of_precision(FingerModel(scene), real)
     step = scene.time.step if scene.time is not None else None
     return ModelSource(

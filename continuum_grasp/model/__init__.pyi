@@ -7,7 +7,6 @@ from .family import Family as Family
 from .finger_model import FingerModel as FingerModel
 from .functions import Functions as Functions
 from .functions import Remade as Remade
-from .functions import named as named
 from .graded_backbone import GradedBackbone as GradedBackbone
 from .laws.section import POSITIVE as POSITIVE
 from .layout import MOST_ELEMENTS as MOST_ELEMENTS
@@ -34,6 +33,5 @@ from .surfaces.surface import SurfacePoint as SurfacePoint
 from .surfaces.surface import TouchingCircle as TouchingCircle
 from .sweep import Kernels as Kernels
 from .system import System as System
-from .touching import Station as Station
 from .winches import Motor as Motor
 from .winches import Winch as Winch

@@ -10,7 +10,7 @@ from continuum_grasp.model.body import Body
 from continuum_grasp.model.contact_law import TouchLaw, touch_law_of
 from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pairs
-from continuum_grasp.scene import Rod, Surroundings
+from continuum_grasp.scene import Rod, Scene, Surroundings
 
 OBJECT_PARAMETERS = {"object_mass": "kg", "friction_factor": "1", "object_x": "m", "object_y": "m"}
 """Numbers of an object that can be run-time arguments, with units: mass, if it moves; a factor of all its friction
@@ -57,6 +57,19 @@ class Contacts:
         self.w_names = [] if self._body is None else self._body.w_names
         self.start = [] if self._body is None else self._body.start
         """Pose of an object that moves where it is in its surroundings."""
+
+    @staticmethod
+    def of_finger(scene: Scene, places: Sequence[float], motion: ca.SX, given: Mapping[str, Scalar]) -> Contacts:
+        """Contacts of the finger of a scene at places along it [m], of which the last one is the tip.
+
+        Columns of ``motion`` (6, K) are position, velocity, angle and spin of each place.
+        """
+        half, stations = scene.finger.profile.half_thickness, list[Station]()
+        names = [*(f"finger.{k + 1}" for k in range(len(places) - 1)), "finger.tip"]
+        for k, name in enumerate(names):
+            x, y, vx, vy, _, spin = ca.vertsplit(motion[:, k])
+            stations.append(Station(name, Vec(x, y), float(half(places[k])), Vec(vx, vy), spin))
+        return Contacts(scene, stations, given, rod=scene.finger.rod)
 
     @property
     def on_stations(self) -> list[tuple[Vec, Scalar]]:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from continuum_grasp.base import InputError
 from continuum_grasp.model.chain import ChainPlace
 from continuum_grasp.scene import (
-    DEFAULT_RANGE,
     ONE_TURN,
     SAME,
+    Fidelity,
     Finger,
     ForceLoad,
     Load,
@@ -200,7 +200,7 @@ def element_ranges(lengths: Sequence[float], bending_range: float | None, finger
     parts = sharpness * lengths
     # A long element among short ones has more than its share of the number.
     shares = np.maximum(1.0 / len(lengths), parts / parts.sum())
-    allowed = np.minimum(WHOLE_RANGE * shares, DEFAULT_RANGE)
+    allowed = np.minimum(WHOLE_RANGE * shares, Fidelity.DEFAULT_RANGE)
     allowed = np.maximum(allowed, np.minimum(_beyond_stops(finger, lengths), WIDEST))
     return tuple(np.minimum(allowed, limits * lengths).tolist())
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from continuum_grasp.base import InputError, split_unit
 from continuum_grasp.plotting.drawing import bodies
 from continuum_grasp.plotting.drawing.film import Film
-from continuum_grasp.plotting.drawing.forces import Force, ForceArrows, explain
+from continuum_grasp.plotting.drawing.forces import ForceArrows, explain
 from continuum_grasp.plotting.drawing.style import Color, Z
 from continuum_grasp.plotting.drawing.styled_axes import Box, StyledAxes, bend_box, new_figure, over_time, symbol
 
@@ -57,9 +58,9 @@ def draw_snapshots(
     indices = _along_the_way(motion, times) if isinstance(times, int) else _nearest(t, times)
     shapes = np.asarray(motion.backbone(indices, points=bodies.backbone_points(scene.finger)))
     outlines = bodies.outlines_at(motion, indices)
-    forces = _forces_at(motion, indices)[-1]
+    every = _arrows_at(motion, indices)
+    arrows = replace(every, frames=every.frames[-1:])
     points = [shapes, *_thickness(scene.finger, shapes), *bodies.zone_points(scene), *chain(*outlines), *seen]
-    arrows = ForceArrows(forces, motion.length)
     styled = StyledAxes.plane(ax, _box(points, arrows))
     ax = styled.ax
     bodies.draw_surroundings(ax, motion, shapes[0], outlines)
@@ -74,7 +75,7 @@ def draw_snapshots(
         ax.scatter(spots[:, 0], spots[:, 1], s=34, c=shade, edgecolors="white", linewidths=0.7, zorder=Z.MASS)
     arrows.draw(ax)
     beside(ax)
-    names = {kind: f"{kind} at {t[indices[-1]]:.3g} s" for _, _, kind in forces}
+    names = {kind: f"{kind} at {t[indices[-1]]:.3g} s" for _, _, kind in arrows.forces}
     explain(ax, masses, arrows, motion.name, names)
     return ax
 
@@ -126,8 +127,7 @@ def motion_frames(
     shapes = np.asarray(motion.backbone(unique, points=bodies.backbone_points(scene.finger)))
     outlines = bodies.outlines_at(motion, unique)
     points = [shapes, *_thickness(scene.finger, shapes), np.asarray(motion.tip), *bodies.zone_points(scene), *seen]
-    forces = _forces_at(motion, unique)
-    arrows = ForceArrows(list(chain(*forces)), motion.length)
+    arrows = _arrows_at(motion, unique)
     film = Film(_box([*points, *chain(*outlines)], arrows), width)
     ax = film.ax
     bodies.draw_surroundings(ax, motion, shapes[0], moving=True)
@@ -136,7 +136,7 @@ def motion_frames(
     explain(ax, bodies.masses_of(scene.finger), arrows, motion.name)
 
     def moving(k: int) -> tuple[list[Any], list[Any]]:
-        passing: list[Any] = [*arrows.draw(ax, forces[k])]
+        passing: list[Any] = [*arrows.draw(ax, k)]
         if outlines:
             passing += bodies.draw_object(ax, outlines[k], animated=True)
         if outlines or bodies.shows_thickness(scene.finger):
@@ -151,12 +151,12 @@ def _thickness(finger: Finger, shapes: NDArray[Any]) -> list[NDArray[Any]]:
     return [bodies.finger_outline(shape, finger) for shape in shapes] if bodies.shows_thickness(finger) else []
 
 
-def _forces_at(motion: Moved, indices: NDArray[Any]) -> list[list[Force]]:
-    """Forces at each of some instants, without those that are zero but for rounding."""
+def _arrows_at(motion: Moved, indices: NDArray[Any]) -> ForceArrows:
+    """Arrows of the forces at some instants, without those that are zero but for rounding."""
     every = [motion.loads_at(int(k)) for k in indices]
     # 1e-9: force per the greatest that is rounding, as of a load that has faded
     least = 1e-9 * max((float(np.hypot(*force)) for forces in every for _, force, _ in forces), default=0.0)
-    return [[force for force in forces if np.hypot(*force[1]) > least] for forces in every]
+    return ForceArrows.above(every, motion.length, least)
 
 
 def _box(points: Sequence[NDArray[Any]], arrows: ForceArrows) -> Box:
@@ -169,7 +169,7 @@ def plot_shape(equilibrium: Equilibrium, *, ax: Axes | None = None) -> Axes:
     finger, forces = equilibrium.model.finger, equilibrium.forces
     shape, masses = np.asarray(equilibrium.backbone(bodies.backbone_points(finger))), bodies.masses_of(finger)
     outlines = _thickness(finger, shape[None])
-    arrows = ForceArrows(forces, finger.rod.length)
+    arrows = ForceArrows([forces], finger.rod.length)
     styled = StyledAxes.plane(ax, _box([shape, *outlines], arrows), colorbar=False)
     ax = styled.ax
     if outlines:

@@ -9,15 +9,12 @@ from .declared import File as File
 from .declared import Picture as Picture
 from .declared import Stored as Stored
 from .motion import MotionResult as MotionResult
-from .plain_values import digest as digest
 from .plain_values import plain as plain
 from .plain_values import yaml_text as yaml_text
 from .record import begin_run as begin_run
 from .record import naming as naming
 from .record import provenance as provenance
-from .result import Format as Format
 from .result import Result as Result
-from .result import Style as Style
 from .run_folder import Run as Run
 from .run_folder import read_run as read_run
 from .run_folder import write_run as write_run

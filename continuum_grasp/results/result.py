@@ -129,6 +129,11 @@ class Result(Summarized):
         """The meta data that only results of this kind have."""
         return {}
 
+    @property
+    def _own_folder(self) -> Path | None:
+        """Folder in which it lies already, of a result that has one."""
+        return None
+
     def parts(self) -> Mapping[str, Result]:
         """Results that are saved in folders below this one's, by the folder's name."""
         return {}
@@ -224,7 +229,7 @@ class Result(Summarized):
 
     @check_arguments
     def save_pictures(
-        self, folder: str | os.PathLike[str], *, format: Format = "png", style: Style = "screen"
+        self, folder: str | os.PathLike[str] | None = None, *, format: Format = "png", style: Style = "screen"
     ) -> list[Path]:
         """Draw all pictures into a folder, which is made where missing; files of the same names are replaced.
 
@@ -232,7 +237,8 @@ class Result(Summarized):
 
         Parameters
         ----------
-        folder : path-like
+        folder : path-like, optional
+            That of the result where it has one of its own, as a sweep has; else it must be given.
         format : {"png", "pdf", "svg"}
         style : {"screen", "paper"}
             paper: as wide as one column of a journal, or as both, with a serif font of 8 points at most.
@@ -246,10 +252,15 @@ class Result(Summarized):
         ------
         OSError
             A file cannot be written.
+        InputError
+            No folder is given, and the result has none of its own.
         """
         from continuum_grasp.results.animation import save_picture
 
-        target = Path(folder)
+        chosen = self._own_folder if folder is None else folder
+        if chosen is None:
+            raise InputError("expected the folder where pictures go", key="folder")
+        target = Path(chosen)
         drawn = {picture.name: self._drawn(picture, {}) for picture in self.drawable()}
         files = [save_picture(drawing, target / f"{name}.{format}", style=style) for name, drawing in drawn.items()]
         return files + self._write(self.pages, target, pictures=drawn)

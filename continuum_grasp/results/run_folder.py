@@ -53,6 +53,11 @@ class Run(Summarized):
         return {name: f"{array.shape} {array.dtype}" for name, array in self.arrays.items()}
 
     @staticmethod
+    def digest(config: Any) -> str:
+        """SHA-256 of a configuration's plain form, whatever the order of its keys: its ``config_sha256``."""
+        return digest(config)
+
+    @staticmethod
     def pack(arrays: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -> bytes:
         """The content of ``result.npz`` alone, for who writes many runs elsewhere, by `write_packed`."""
         return _packed(arrays, json.dumps(_complete(meta or {}), separators=(",", ":"), allow_nan=False))
@@ -191,7 +196,7 @@ def _complete(meta: Mapping[str, Any]) -> dict[str, Any]:
         "created": about["created"],
         "status": entries.pop("status", None),
         "seed": entries.pop("seed", None),
-        "config_sha256": None if config is None else digest(config),
+        "config_sha256": None if config is None else Run.digest(config),
         "versions": {**about["versions"], **entries.pop("versions", {})},
         "platform": about["platform"],
         **entries,

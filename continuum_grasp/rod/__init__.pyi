@@ -1,5 +1,4 @@
 from .dense_rod import DenseRod as DenseRod
-from .dense_rod import with_places as with_places
 from .dimensionless import RodProblem as RodProblem
 from .elastica import Elastica as Elastica
 from .elastica import solve_elastica as solve_elastica

@@ -78,6 +78,5 @@ __all__ = [
     "VGroove",
     "VectorSamples",
     "Weight",
-    "read_table",
 ]
 __getattr__, __dir__, _ = attach_stub(__name__, __file__)

@@ -64,7 +64,6 @@ from .loads import Load as Load
 from .loads import MomentLoad as MomentLoad
 from .loads import Samples as Samples
 from .loads import VectorSamples as VectorSamples
-from .methods import DEFAULT_RANGE as DEFAULT_RANGE
 from .methods import FAMILIES as FAMILIES
 from .methods import INTEGRATORS as INTEGRATORS
 from .methods import ONE_TURN as ONE_TURN
@@ -76,7 +75,6 @@ from .objects.shapes import Box as Box
 from .objects.shapes import Circle as Circle
 from .objects.shapes import Ellipse as Ellipse
 from .objects.shapes import Freedom as Freedom
-from .objects.shapes import ObjectBody as ObjectBody
 from .objects.shapes import Polygon as Polygon
 from .objects.shapes import Stadium as Stadium
 from .objects.shapes import Superellipse as Superellipse
@@ -114,7 +112,6 @@ from .surroundings import ContactLaw as ContactLaw
 from .surroundings import Surroundings as Surroundings
 from .surroundings import Table as Table
 from .table import DataTable as DataTable
-from .table import read_table as read_table
 from .tendons import AnyTendons as AnyTendons
 from .tendons import Chamber as Chamber
 from .tendons import Tendon as Tendon

@@ -30,8 +30,6 @@ class CurvatureFamily:
     """Whether the curvature is the same all along an element."""
 
 
-DEFAULT_RANGE = 2.0 * math.pi / 3.0
-"""Bending range of one element by default [rad]; equation (44) of the paper."""
 ONE_TURN = 6.3
 """Greatest bend of an element that is evaluated by quadrature [rad]: as far as its number of nodes is tabulated."""
 

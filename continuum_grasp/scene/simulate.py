@@ -13,7 +13,7 @@ from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.drives import COMMANDS, TAKES, MotorDrive
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Actuation, Load, MomentLoad, Samples
-from continuum_grasp.scene.methods import DEFAULT_RANGE, INTEGRATORS, FamilyName
+from continuum_grasp.scene.methods import INTEGRATORS, FamilyName
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -57,6 +57,9 @@ _SEVERAL_MODELS = Consumer("accuracy, fidelity.tolerance", {**_BEYOND_THE_ROD, "
 
 class Fidelity(Value):
     """Resolution of the finger's model: by a tolerance, or by family, elements and accuracy."""
+
+    DEFAULT_RANGE: ClassVar = 2.0 * math.pi / 3.0
+    """Bending range of one element by default [rad]; equation (44) of the paper."""
 
     tolerance: Annotated[float, Field(ge=1e-9, le=0.5, examples=[0.005, "0.5 %"]), Unit("1")] | None = None
     """Greatest error of position per length, and of frequency where the scene moves [1], such as 0.005 or 0.5 %.
@@ -202,7 +205,8 @@ class FingerScene(Configuration, Surroundings):
         elements, reach = self.fidelity.elements, self.fidelity.bending_range
         if elements is None or (reach is None and self.finger.stops is not None):
             return []
-        return [DEFAULT_RANGE if reach is None else reach] * (elements if isinstance(elements, int) else len(elements))
+        count = elements if isinstance(elements, int) else len(elements)
+        return [Fidelity.DEFAULT_RANGE if reach is None else reach] * count
 
     @property
     def simulated(self) -> Scene:

@@ -84,6 +84,63 @@ class DataTable:
         return cls("", tuple(part[1] for part in parts), tuple(part[2] for part in parts), tuple(rows), lines, 1)
 
     @staticmethod
+    @check_arguments
+    def read(path: str | Path, names: Sequence[str] = ()) -> DataTable:
+        r"""Read a table: UTF-8, a line of headings; empty lines and comments, behind #, %, // or ;, are skipped.
+
+        Commas, semicolons, tabs or blanks separate columns; numbers have decimal points, or commas where these
+        separate nothing. Headings may stand in a comment above the numbers, as numpy and MATLAB write them. Tables of
+        DeepLabCut (headings in three lines) and Tracker (a line of tracks above the headings) are read as well, and
+        units in a line below the headings; lines that repeat the headings are skipped.
+
+        Parameters
+        ----------
+        path : path-like
+        names : sequence of str
+            Of the columns of a table without a line of headings, which is then no error; headings may also stand
+            behind # in the line above the numbers, as numpy writes them.
+
+        Raises
+        ------
+        InputError
+            With the line, where it is not of that form.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile
+        >>> from continuum_grasp.scene import DataTable
+        >>> file = pathlib.Path(tempfile.mkdtemp()) / "tip.csv"
+        >>> _ = file.write_text("t [s],x [mm]\n0.0,1.5\n0.1,1.2\n")
+        >>> table = DataTable.read(file)
+        >>> table.headings, table.units, table.rows[0]
+        (('t', 'x'), ('s', 'mm'), ('0.0', '1.5'))
+        """
+        name, text = str(path), text_of(path, MAX_BYTES)
+        separator, numbered = _written(text)
+        headed = _with_headings(text, separator, numbered)
+        if not names or _columns(headed[:1], separator) == set(names):  # else any comment may have as many words
+            numbered = headed
+        if len(numbered) < (1 if names else 2):
+            raise InputError("expected a line of headings and rows of numbers", file=name)
+        cells = _trimmed([_cells(line, separator) for _, line in numbered])
+        top, names = (0, names) if names and _number_in(cells[0][0]) is not None else _headings(cells)
+        header_line = numbered[max(top - 1, 0)][0]
+        # headings again, where a file was begun anew
+        retained = [k for k in range(top, len(cells)) if cells[k] != cells[top - 1] or not top]
+        rows, row_lines = tuple(cells[k] for k in retained), tuple(numbered[k][0] for k in retained)
+        if not rows:
+            raise InputError("expected rows of numbers below the headings", file=name, line=header_line)
+        parts = [_HEADING.fullmatch(cell) for cell in names]
+        headings = tuple(part[1] if part else cell for part, cell in zip(parts, names, strict=True))
+        units = tuple(part[2] if part else None for part in parts)
+        _check_headings(headings, names, name, header_line)
+        _check_widths(rows, row_lines, headings, separator, name)
+        every = [cell for row in rows for cell in row]
+        comma = not any(map(_POINT.fullmatch, every)) and any(map(_COMMA.fullmatch, every))
+        table = DataTable(name, headings, units, rows, row_lines, header_line, comma)
+        return table if cells[0][0] != "scorer" else _sure(table)
+
+    @staticmethod
     def csv_text(headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
         """A table as text, with commas between the cells."""
         text = io.StringIO()
@@ -236,63 +293,6 @@ class DataTable:
             wanted = f"a number up to {_LARGEST:g}" if math.isfinite(value) else "a finite number"
             raise self.error(f"column {self.headings[at]}: expected {wanted}, got {text[:40]!r}", at, row)
         return value
-
-
-@check_arguments
-def read_table(path: str | Path, names: Sequence[str] = ()) -> DataTable:
-    r"""Read a table: UTF-8, a line of headings; empty lines and comments, behind #, %, // or ;, are skipped.
-
-    Commas, semicolons, tabs or blanks separate columns; numbers have decimal points, or commas where these separate
-    nothing. Headings may stand in a comment above the numbers, as numpy and MATLAB write them. Tables of DeepLabCut
-    (headings in three lines) and Tracker (a line of tracks above the headings) are read as well, and units in a line
-    below the headings; lines that repeat the headings are skipped.
-
-    Parameters
-    ----------
-    path : path-like
-    names : sequence of str
-        Of the columns of a table without a line of headings, which is then no error; headings may also stand behind #
-        in the line above the numbers, as numpy writes them.
-
-    Raises
-    ------
-    InputError
-        With the line, where it is not of that form.
-
-    Examples
-    --------
-    >>> import pathlib, tempfile
-    >>> from continuum_grasp.scene import read_table
-    >>> file = pathlib.Path(tempfile.mkdtemp()) / "tip.csv"
-    >>> _ = file.write_text("t [s],x [mm]\n0.0,1.5\n0.1,1.2\n")
-    >>> table = read_table(file)
-    >>> table.headings, table.units, table.rows[0]
-    (('t', 'x'), ('s', 'mm'), ('0.0', '1.5'))
-    """
-    name, text = str(path), text_of(path, MAX_BYTES)
-    separator, numbered = _written(text)
-    headed = _with_headings(text, separator, numbered)
-    if not names or _columns(headed[:1], separator) == set(names):  # else any comment may have as many words
-        numbered = headed
-    if len(numbered) < (1 if names else 2):
-        raise InputError("expected a line of headings and rows of numbers", file=name)
-    cells = _trimmed([_cells(line, separator) for _, line in numbered])
-    top, names = (0, names) if names and _number_in(cells[0][0]) is not None else _headings(cells)
-    header_line = numbered[max(top - 1, 0)][0]
-    # headings again, where a file was begun anew
-    retained = [k for k in range(top, len(cells)) if cells[k] != cells[top - 1] or not top]
-    rows, row_lines = tuple(cells[k] for k in retained), tuple(numbered[k][0] for k in retained)
-    if not rows:
-        raise InputError("expected rows of numbers below the headings", file=name, line=header_line)
-    parts = [_HEADING.fullmatch(cell) for cell in names]
-    headings = tuple(part[1] if part else cell for part, cell in zip(parts, names, strict=True))
-    units = tuple(part[2] if part else None for part in parts)
-    _check_headings(headings, names, name, header_line)
-    _check_widths(rows, row_lines, headings, separator, name)
-    every = [cell for row in rows for cell in row]
-    comma = not any(map(_POINT.fullmatch, every)) and any(map(_COMMA.fullmatch, every))
-    table = DataTable(name, headings, units, rows, row_lines, header_line, comma)
-    return table if cells[0][0] != "scorer" else _sure(table)
 
 
 def _check_headings(headings: Sequence[str], names: Sequence[str], file: str, line: int) -> None:

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from continuum_grasp.core import (
-    Batch,
     CodeKind,
     Compiler,
     CSource,
     HalfStepSignal,
     Rollouts,
 )
+from continuum_grasp.core.batches import Batch
 from continuum_grasp.core.caller import Caller
 from continuum_grasp.core.code import Backend, FunctionCode, Size
 from continuum_grasp.core.source import batch_source

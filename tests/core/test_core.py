@@ -24,12 +24,12 @@ from continuum_grasp.base import InputError, NumericalError
 from continuum_grasp.core import (
     CompileError,
     Compiler,
-    Scan,
     cache,
     code,
     core,
     step_function,
 )
+from continuum_grasp.core.batches import Scan
 from continuum_grasp.core.cache import cache_folder
 from continuum_grasp.core.code import Backend
 from continuum_grasp.core.integrators.derivatives import solve

@@ -19,7 +19,7 @@ from continuum_grasp.base import InputError
 from continuum_grasp.closed_loop import SimulatedBench
 from continuum_grasp.control import CommandStatus, Controller, Estimator
 from continuum_grasp.core import CReal
-from continuum_grasp.export import Code, Library, PackageOptions, export_c, package
+from continuum_grasp.export import Code, Library, export_c, package
 from continuum_grasp.export.control import replay
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import identifiers, unit_of
@@ -406,7 +406,7 @@ def test_calls_from_the_same_memory_agree(packages):
 @needs("cc")
 def test_all_memory_is_copied_from_build_to_build():
     """Every byte but those of interface, settings and parameters, which rows set, and at most three that pad."""
-    library = Library.of(scene("observed"), PackageOptions(real="float"))
+    library = Library.of(scene("observed"), real="float")
     contents = library.contents
     one, other = (replay._Host(contents, library.files) for _ in range(2))
     ctypes.memset(one._memory, 1, len(one._memory))

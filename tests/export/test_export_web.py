@@ -23,6 +23,7 @@ from continuum_grasp.addons.web.plant import PUSHED, plant_of_loop, plant_of_sce
 from continuum_grasp.addons.web.record import loop_record, trajectory_record
 from continuum_grasp.base import InputError
 from continuum_grasp.closed_loop import Plant
+from continuum_grasp.control import Prediction, stages_of
 from continuum_grasp.export import WebAssembly
 from continuum_grasp.results import MotionResult
 from tests.export_cases import loop_scene, needs
@@ -199,7 +200,7 @@ def test_the_controller_of_a_page_is_that_of_a_package(tmp_path):
 @pytest.mark.deep
 def test_the_plant_of_a_loop_is_that_of_closed_loops(tmp_path):
     scene = cg.load("configs/mpc/steady_tip.yaml", ["plant.noise=0"])
-    plant, sensors = plant_of_loop(scene)
+    plant, sensors = plant_of_loop(scene, stages_of(scene, Prediction(scene)))
     library, arrays = native(plant, tmp_path)
     other = Plant(scene)
     periods = 20

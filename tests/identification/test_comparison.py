@@ -14,7 +14,7 @@ import continuum_grasp as cg
 from continuum_grasp.addons.identification import IdentifyScene, Poses, Reading, TipPath, read_data
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
-from continuum_grasp.scene import read_table
+from continuum_grasp.scene import DataTable
 
 LENGTH, STIFFNESS = 0.2, 0.005
 ROD = {
@@ -105,7 +105,7 @@ def test_points_that_no_finger_reaches_are_warned_of(tmp_path):
 
 def test_grams_are_weights_where_forces_are_meant(tmp_path):
     text = "t [s],M,load [g],pull [kg]\n0,1,2,3\n"
-    one = read_table(table(tmp_path, text))
+    one = DataTable.read(table(tmp_path, text))
     assert one.in_si("load", "N")[0] == pytest.approx(2e-3 * 9.80665, rel=1e-12)
     assert one.in_si("load", "N", "g")[0] == one.in_si("load", "N", "gf")[0] == one.in_si("load", "N")[0]
     assert one.in_si("pull", "N")[0] == pytest.approx(3 * 9.80665, rel=1e-12)
@@ -218,15 +218,15 @@ coords,x,y,likelihood,x,y,likelihood
 
 
 def test_tables_of_deeplabcut_and_tracker(tmp_path):
-    one = read_table(table(tmp_path, DEEPLABCUT))
+    one = DataTable.read(table(tmp_path, DEEPLABCUT))
     assert one.headings == ("frame", "mid_x", "mid_y", "mid_likelihood", "tip_x", "tip_y", "tip_likelihood")
     assert one.numbers("tip_y").tolist() == [4.5, 4.6]
     assert np.isnan(one.numbers("mid_x", gaps=True)).tolist() == [False, True]
     assert one.lines == (4, 5)
-    two = read_table(table(tmp_path, "\tmass A\t\tmass B\t\nt\tx\ty\tx\ty\n0,0\t1,5\t2\t3\t4E-1\n"))
+    two = DataTable.read(table(tmp_path, "\tmass A\t\tmass B\t\nt\tx\ty\tx\ty\n0,0\t1,5\t2\t3\t4E-1\n"))
     assert two.headings == ("t", "mass A_x", "mass A_y", "mass B_x", "mass B_y")
     assert [two.numbers(name)[0] for name in two.headings] == [0.0, 1.5, 2.0, 3.0, 0.4]
-    single = read_table(table(tmp_path, "mass A\nt,x,y\n0.0,1.5,2\n"))
+    single = DataTable.read(table(tmp_path, "mass A\nt,x,y\n0.0,1.5,2\n"))
     assert (single.headings, single.numbers("x")[0]) == (("t", "x", "y"), 1.5)
 
 
@@ -354,7 +354,7 @@ def test_units_that_are_stated_are_believed(tmp_path):
 
 
 def test_units_stand_in_parentheses_too_but_words_do_not(tmp_path):
-    one = read_table(table(tmp_path, "t (ms),x (mm),y (left),y (right)\n1,2,3,4\n"))
+    one = DataTable.read(table(tmp_path, "t (ms),x (mm),y (left),y (right)\n1,2,3,4\n"))
     assert (one.headings, one.units) == (("t", "x", "y (left)", "y (right)"), ("ms", "mm", None, None))
     assert [one.index("x (mm)"), one.index("x"), one.index("y (left)")] == [1, 1, 2]
 

@@ -15,7 +15,7 @@ from continuum_grasp.addons.identification import IdentifyScene, read_data
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
 from continuum_grasp.results import read_run
-from continuum_grasp.scene import read_table
+from continuum_grasp.scene import DataTable
 from tests.identification_cases import LENGTH, ROD, STIFFNESS, elastica, frequency
 
 LOADS = (0.0, 0.1, 0.25, 0.4)
@@ -138,7 +138,7 @@ def test_frequencies_are_read_by_mode(tmp_path):
 def test_files_that_are_no_tables(tmp_path, text, words):
     (tmp_path / "bad.csv").write_text(text)
     with pytest.raises(InputError) as caught:
-        read_table(tmp_path / "bad.csv")
+        DataTable.read(tmp_path / "bad.csv")
     assert words in str(caught.value)
 
 

@@ -11,7 +11,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.addons.identification import Estimate, Fit, IdentifyScene, data_folder
-from continuum_grasp.scene import read_table
+from continuum_grasp.scene import DataTable
 from docs.real_robots import width
 from tests.marks import few
 
@@ -255,7 +255,7 @@ def test_loops_of_the_probe_have_their_width():
     # Loops are 8 degrees wide: within 20 % of that.
     assert math.degrees(fit.errors[0].rms) < 1.6
     assert math.degrees(fit.holdout_errors[0].rms) < 1.6
-    count, steps = fit.blocks[0][1], read_table(files[1]).numbers("motor_steps")
+    count, steps = fit.blocks[0][1], DataTable.read(files[1]).numbers("motor_steps")
     seen, predicted = (width(steps, one[count:]) for one in (fit.measured, fit.predictions))
     assert predicted == pytest.approx(seen, rel=0.03)  # of the second loop, which is not fitted
     assert fit.warnings == ()

@@ -401,7 +401,7 @@ def test_a_zone_may_have_any_name(name):
     assert (zone.name, zone.unit, zone.rows.shape) == (name, "m", (12, 4))
     path = Path(np.tile([0.3, 5.0], (4, 1)), np.zeros((4, 1)), 0.1)
     w = search.problem.start(path)
-    values = [search.problem.bounds.values(w, np.zeros(9999), block) for block in (speed, zone)]
+    values = [search.problem.bounds.values(w, np.zeros(9999), block.key, block.rows) for block in (speed, zone)]
     assert values[0] == pytest.approx(np.full((12, 1), 0.25))
     # Four places of an arc of 0.3 m and 0.3 rad, 1 mm of half a diameter away from the backbone.
     gaps = 9.0 - (1.0 - np.cos(0.3 * np.arange(1, 5) / 4)) - 1e-3

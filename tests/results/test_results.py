@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.results import digest, plain, read_run, replacing, write_run
+from continuum_grasp.results import Run, plain, read_run, replacing, write_run
 from tests.commands import python
 
 ARRAYS = {"t": np.linspace(0.0, 1.0, 11), "x": np.arange(44.0).reshape(11, 4), "names": np.array(["a", "bc"])}
@@ -65,8 +65,8 @@ def test_plain_values(value: object, expected: object) -> None:
 
 
 def test_digest_ignores_order_and_nothing_else() -> None:
-    assert digest({"a": 1.0, "b": [1, 2]}) == digest({"b": (1, 2), "a": 1.0})
-    assert digest({"a": 1.0}) != digest({"a": np.nextafter(1.0, 2.0)})
+    assert Run.digest({"a": 1.0, "b": [1, 2]}) == Run.digest({"b": (1, 2), "a": 1.0})
+    assert Run.digest({"a": 1.0}) != Run.digest({"a": np.nextafter(1.0, 2.0)})
 
 
 @pytest.mark.parametrize(

@@ -181,7 +181,7 @@ class DesignResult(Result):
         if self.best is None:
             return {}
         values = dict(zip(self.keys, self._values(self.best.coordinates).tolist(), strict=True))
-        return values | {tie.key: tie.way.value(values[tie.way.key]) for tie in self.space.following}
+        return values | self.space.keys.followed(values)
 
     def _values(self, coordinates: Array) -> Array:
         pairs = zip(self.space.coordinates, coordinates, strict=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from continuum_grasp.addons.design.scene import Design, DesignVariable, Tolerance
-from continuum_grasp.addons.sweeps import Follow, SceneKeys, VariedKey
+from continuum_grasp.addons.sweeps import SceneKeys, VariedKey
 from continuum_grasp.base import InputError
 from continuum_grasp.scene import ConfigurationData, Consumer, Document, GraspScene, KeyPath
 
@@ -29,10 +29,10 @@ SINGLE = "scene"
 class DesignSpace:
     """A design, resolved."""
 
-    design: Design
+    keys: SceneKeys[Design]
+    """Keys of the scene that the design names."""
     coordinates: tuple[VariedKey[DesignVariable], ...]
     """The variables, as coordinates from 0 to 1 from the least value to the greatest."""
-    following: tuple[VariedKey[Follow], ...]
     tolerated: tuple[VariedKey[Tolerance], ...]
     cases: Mapping[str, ConfigurationData]
 
@@ -48,7 +48,7 @@ class DesignSpace:
             else:
                 puts.append((number.path, number.nominal + error))
         puts += [(coordinate.path, chosen[coordinate.key]) for coordinate in self.coordinates]
-        puts += [(tie.path, tie.way.value(chosen[tie.way.key])) for tie in self.following]
+        puts += zip((tie.path for tie in self.keys.ties), self.keys.followed(chosen).values(), strict=True)
         document = self.cases[case]
         changes = [(path, Document.at(document.place(path), value)) for path, value in puts]
         with warnings.catch_warnings():
@@ -56,6 +56,11 @@ class DesignSpace:
             scene = document.changed(changes).validated(GraspScene)
         _check_payload(self.design, scene)
         return scene
+
+    @property
+    def design(self) -> Design:
+        """The design as it is written."""
+        return self.keys.config
 
     @property
     def start(self) -> list[float]:
@@ -81,9 +86,8 @@ def design_space_of(data: ConfigurationData) -> DesignSpace:
         value = math.nan if key in design.variables else _number(keys, ("tolerances", key), scene, path)
         tolerated.append(VariedKey(key, path, keys.unit(path), tolerance, nominal=value))
     return DesignSpace(
-        design,
+        keys,
         tuple(_coordinate(keys, key, variable, scene) for key, variable in design.variables.items()),
-        keys.ties,
         tuple(tolerated),
         {name: _case(keys, name, changes) for name, changes in design.cases.items()} or {SINGLE: keys.base},
     )

@@ -10,7 +10,7 @@ from typing import Any
 from continuum_grasp.addons.fmu.variable import UnitContents, Variable, count, variables_of
 from continuum_grasp.addons.mission import AssignedMission, MissionRun
 from continuum_grasp.control import ControlParts
-from continuum_grasp.export import Field, Library, PackageOptions, strict_flags
+from continuum_grasp.export import Field, Library
 from continuum_grasp.scene import ControlScene
 
 _COUNTS = [number.exported for number in ControlParts.diagnosis if number.kind != "real"]
@@ -44,7 +44,7 @@ def controller_unit(
     """
     alone = isinstance(scene, ControlScene)
     what = ["mpc" if alone else "mission"]
-    library = Library.of(scene, PackageOptions(what=what, prefix=identifier, finger=finger))
+    library = Library.of(scene, what=what, prefix=identifier, finger=finger)
     structs, loop = library.structs, library.manifest["loop"]
     start = "estimate" if "estimate" in structs else "measurement"
     seen, nominal = (list(loop[name].values()) for name in ("measurement_at_start", "nominal_known"))
@@ -86,7 +86,7 @@ def controller_unit(
             **words,
         },
         sources=library.sources,
-        flags=tuple(strict_flags()),
+        flags=tuple(library.flags()),
         manifest=library.manifest,
     )
 

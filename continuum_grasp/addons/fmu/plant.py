@@ -26,9 +26,7 @@ from continuum_grasp.export import (
     Field,
     Kernel,
     Library,
-    PackageOptions,
     fill,
-    strict_flags,
     title_of,
 )
 from continuum_grasp.scene import Consumer, ControlScene, Scene
@@ -151,10 +149,15 @@ def finger_unit(
     ranges: Mapping[str, Sequence[float]] | None,
 ) -> UnitContents:
     """The finger of a scene, with its object where it has one."""
-    options = PackageOptions(
-        what=["dynamics", "step", "kinematics"], prefix=identifier, ranges=ranges, step=step, substeps=substeps
+    library = Library.of(
+        scene,
+        what=["dynamics", "step", "kinematics"],
+        if_possible=["linearization", "contact"],
+        prefix=identifier,
+        ranges=ranges,
+        step=step,
+        substeps=substeps,
     )
-    library = Library.of(scene, options, if_possible=["linearization", "contact"])
     subject, structs, manifest = library.subject, library.structs, library.manifest
     model, moving = subject.model, subject.moving
     touching = [] if subject.touching is None else subject.touching.touch_names
@@ -192,6 +195,6 @@ def finger_unit(
         glue=("plant_types.c", "plant.c", *(["plant_linear.c"] if linear else [])),
         words=words,
         sources=library.sources,
-        flags=tuple(strict_flags()),
+        flags=tuple(library.flags()),
         manifest=manifest,
     )

@@ -28,10 +28,10 @@ from continuum_grasp.addons.mission import AssignedMission, MissionRun, MissionS
 from continuum_grasp.base import CheckedArgument, InputError, check_arguments, interruptible
 from continuum_grasp.core import CompileError, Compiler, Template
 from continuum_grasp.export import (
+    Library,
     check_file,
     fill,
     prefix_of,
-    strict_flags,
     title_of,
 )
 from continuum_grasp.results import replacing
@@ -341,7 +341,7 @@ def _compiled(unit: UnitContents, files: Mapping[str, str], suffix: str, work: P
     compiler = Compiler.find()
     if compiler is None:
         raise InputError(f"no C compiler for the binary: {Compiler.why_none()}; or leave the binary out", key="binary")
-    flags = [flag for flag in strict_flags(compiler.version) if flag in unit.flags]
+    flags = [flag for flag in Library.flags(compiler.version) if flag in unit.flags]
     sources = {Path(name).name: text for name, text in files.items() if name.startswith("sources/")}
     level = compiler.portable_level(max(text.count("\n") for text in sources.values()))
     flags += [level, "-w", "-fPIC", "-fvisibility=hidden"]

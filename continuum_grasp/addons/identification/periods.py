@@ -17,7 +17,7 @@ from continuum_grasp.addons.identification.calls import calls_of
 from continuum_grasp.addons.identification.inference import middle
 from continuum_grasp.base import Array, InputError, split_unit
 from continuum_grasp.control import Controller, ControlLog
-from continuum_grasp.scene import ControlScene, read_table
+from continuum_grasp.scene import ControlScene, DataTable
 
 SWAPPED = " swapped"
 """End of the name of a trial with swapped channels."""
@@ -289,7 +289,7 @@ def columns_of(
         names = [*(ControlLog.COMMANDED + name for name in log.u_names), *log.y_names]
         t, columns = log.t, dict(zip(names, [*log.u.T, *log.y.T], strict=True))
     else:
-        table = read_table(str(log))
+        table = DataTable.read(str(log))
         heading = "t" if "t" in table.headings else "time"
         named, columns = table.named(), {}
         t = table.in_si(heading, "s")

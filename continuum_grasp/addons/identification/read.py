@@ -33,7 +33,7 @@ from continuum_grasp.addons.identification.vibrations import fit_damped_sine
 from continuum_grasp.base import Array, InputError, check_arguments, split_unit
 from continuum_grasp.control import ControlLog
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import Actuation, DataTable, Scene, read_table
+from continuum_grasp.scene import Actuation, DataTable, Scene
 
 SomeScene = TypeVar("SomeScene", bound=Scene)
 
@@ -88,7 +88,7 @@ def read_data(scene: Scene, paths: Sequence[Path] = (), *, beside: Path | None =
         used.update(mine)
         changed_scene = changed_at(plain_scene(scene), data_set.set, f"{key}.set")
         for file in mine:
-            table = read_table(file)
+            table = DataTable.read(file)
             for choice in data_set.where:
                 table = table.chosen(choice.column, choice.equals)
             measurements += _read(data_set, table, changed_scene, data_set.name or file.stem, key)
@@ -385,7 +385,7 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
     """Measurements of a table whose headings say what they are, with their units in brackets or behind an underscore;
     InputError if they do not.
     """
-    table = read_table(file)
+    table = DataTable.read(file)
     columns = {name: Column(column=heading, unit=unit) for name, (heading, unit) in table.named().items()}
     if "mode" in columns:
         message = (

@@ -76,6 +76,17 @@ class AssignedMission(Summarized):
         """Equations of the plant of each finger."""
         return tuple(map(mission_plant_model, self.assignments))
 
+    def exported(self, finger: str | None = None) -> ExportedLoop:
+        """The controller of a finger with the phases of its mission; ``finger`` names one of several.
+
+        InputError if there is no such finger.
+        """
+        by_name = {assignment.name: assignment for assignment in self.assignments}
+        _check_finger(finger, list(by_name))
+        of = self.assignments[0] if finger is None else by_name[finger]
+        phases = partial(_phases_of, self.assignments, of)
+        return ExportedLoop(of.control, of.mission.model_dump(mode="json"), phases)
+
 
 @check_arguments
 @interruptible()
@@ -126,15 +137,8 @@ def _check_finger(finger: str | None, names: Sequence[str]) -> None:
 
 
 def exported_loop(mission: MissionScene | AssignedMission | MissionRun, finger: str | None = None) -> ExportedLoop:
-    """The controller of a finger with the phases of its mission; ``finger`` names one of several.
-
-    InputError if there is no such finger, or the grasp of the mission is not found yet.
-    """
-    assignments = AssignedMission.of(mission).assignments
-    by_name = {assignment.name: assignment for assignment in assignments}
-    _check_finger(finger, list(by_name))
-    of = assignments[0] if finger is None else by_name[finger]
-    return ExportedLoop(of.control, of.mission.model_dump(mode="json"), partial(_phases_of, assignments, of))
+    """The controller of a finger with its phases, of what has a mission; InputError of one whose grasp is not found."""
+    return AssignedMission.of(mission).exported(finger)
 
 
 def _phases_of(assignments: Sequence[Assignment], of: Assignment, stages: Stages) -> ExportedPhases:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from continuum_grasp.base import Array, amount_text, split_unit
 from continuum_grasp.plotting import (
     Color,
     Film,
-    Force,
     ForceArrows,
     HeldObject,
     StyledAxes,
@@ -59,8 +57,7 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
     chosen = _instants(mission)
     at = np.array(list(chosen))
     shapes, poses = _backbones(mission, at), mission.object_pose[at, :3]
-    forces = [_acting_forces(mission, int(k)) for k in at]
-    arrows, held = ForceArrows(list(chain(*forces)), mission.length), _held_object(mission)
+    arrows, held = _arrows_at(mission, at), _held_object(mission)
     box = held.box(shapes, poses, 0.09 * mission.length, arrows.ends)
     columns = min(_COLUMNS, key=lambda count: -len(at) % count) if len(at) > max(_COLUMNS) else len(at)
     rows = -(-len(at) // columns)
@@ -76,7 +73,7 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
         ax.tick_params(labelleft=j % columns == 0, labelbottom=j + columns >= len(at), labelsize=8)
         held.draw_fixed(ax, shape)
         held.draw(ax, shape, pose, _pull_at(mission, float(mission.t[k]))[2])
-        arrows.draw(ax, forces[j])
+        arrows.draw(ax, j)
         ax.set_title(f"{chosen[int(k)]}\n{mission.t[k]:.2f} s", fontsize=8.5, color=Color.INK, loc="left")
     figure.supxlabel(f"x [{unit}]", fontsize=9, color=Color.INK)
     figure.supylabel(f"y [{unit}]", fontsize=9, color=Color.INK)
@@ -90,8 +87,7 @@ def mission_frames(mission: MissionRun, indices: NDArray[Any], width: int) -> It
     """Draw a mission frame by frame; as `motion_frames`."""
     unique, back = np.unique(indices, return_inverse=True)
     shapes, poses = _backbones(mission, unique), mission.object_pose[unique, :3]
-    forces = [_acting_forces(mission, int(k)) for k in unique]
-    arrows, held = ForceArrows(list(chain(*forces)), mission.length), _held_object(mission)
+    arrows, held = _arrows_at(mission, unique), _held_object(mission)
     film = Film(held.box(shapes, poses[[0, -1]], 0.09 * mission.length), width)
     ax = film.ax
     held.draw_fixed(ax, shapes[0])
@@ -109,7 +105,7 @@ def mission_frames(mission: MissionRun, indices: NDArray[Any], width: int) -> It
         phase = _pull_words(mission.pulls[span.name]) if span.name in mission.pulls else str(span.name)
         clock.set_text(f"{phase}\n{t:.2f} s")
         passing = held.draw(ax, shapes[k], poses[k], _pull_at(mission, t)[2], animated=True)
-        return [*ahead, clock], passing + arrows.draw(ax, forces[k])
+        return [*ahead, clock], passing + arrows.draw(ax, k)
 
     return film.frames(back, moving)
 
@@ -154,13 +150,15 @@ def _pull_at(mission: MissionRun, t: float) -> Array:
     return np.zeros(3)
 
 
-def _acting_forces(mission: MissionRun, index: int) -> list[Force]:
-    """Forces of the contacts and of a pull at one instant, without what is too small to be seen beside the greatest."""
-    pulled = _pull_at(mission, float(mission.t[index]))[:2]
+def _arrows_at(mission: MissionRun, indices: NDArray[Any]) -> ForceArrows:
+    """Arrows of contacts and pulls at some instants, without what is too small to be seen beside the greatest."""
     # 0.05: share of the greatest force below which a force is not drawn: its arrow would be shorter than its head
     least = 0.05 * float(np.max(mission.contacts.normal_force, initial=0.0))
-    forces = [*mission.contacts.at(index), (mission.object_pose[index, :2], pulled, "load")]
-    return [(np.asarray(at), np.asarray(force), kind) for at, force, kind in forces if np.hypot(*force) > least]
+    frames = []
+    for index in map(int, indices):
+        pulled = _pull_at(mission, float(mission.t[index]))[:2]
+        frames.append([*mission.contacts.at(index), (mission.object_pose[index, :2], pulled, "load")])
+    return ForceArrows.above(frames, mission.length, least)
 
 
 def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = None) -> list[Axes]:

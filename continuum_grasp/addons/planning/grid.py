@@ -12,7 +12,6 @@ from continuum_grasp.addons.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.addons.planning.motion import PlannedMotion
 from continuum_grasp.addons.planning.shooting import Term, derived, shooting_interval
 from continuum_grasp.base import Array, Indices
-from continuum_grasp.nlp import Block
 
 
 @dataclass(frozen=True)
@@ -184,9 +183,9 @@ class StateBounds:
             self._assembly.add_linear(rows, slack, sign)
             self._assembly.add(term, slack, [OBJECTIVE], [], share, aside=True)
 
-    def values(self, w: Array, g: Array, block: Block) -> Array:
-        """Values that a block of constraints bounds (count, size), without slacks."""
-        if block.key not in self._terms:
-            return np.asarray(g[block.rows])
-        term, columns, data = self._terms[block.key]
+    def values(self, w: Array, g: Array, key: str, rows: Indices) -> Array:
+        """Values that the constraints of a key bound (count, size), in some rows of the problem, without slacks."""
+        if key not in self._terms:
+            return np.asarray(g[rows])
+        term, columns, data = self._terms[key]
         return np.array(term.value.map(len(columns))(w[columns.T], data.T)).T

@@ -245,13 +245,11 @@ def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Posture | N
 
 def _arrays(grasp: GraspScene, given: Any) -> Mapping[str, Any]:
     """Arrays of the grasp, which is optimized where it is not given."""
-    from continuum_grasp.grasp import optimize_grasp
+    from continuum_grasp.grasp import GraspResult, optimize_grasp
 
     if isinstance(given, (str, os.PathLike)):
-        from continuum_grasp.results import read_run
-
-        run = read_run(given)
-        if run.meta.get("kind") != "grasp" or run.meta.get("status") not in ("optimal", "feasible"):
+        run = GraspResult.read(given)
+        if run.meta.get("status") not in ("optimal", "feasible"):
             raise InputError("there is no verified grasp in this folder", file=os.fspath(given))
         return run.arrays
     result = optimize_grasp(grasp, raise_on_failure=False) if given is None else given

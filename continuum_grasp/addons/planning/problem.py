@@ -276,7 +276,8 @@ class PlanProblem:
             )
 
         for block in self.assembly.blocks:
-            values, force = self.bounds.values(attempt.x, attempt.g, block), lam.constraints[block.rows]
+            values = self.bounds.values(attempt.x, attempt.g, block.key, block.rows)
+            force = lam.constraints[block.rows]
             add(block.name, block.key, block.unit, block.scale, values, block.lower, block.upper, force)
         of_columns = [
             ("input", motion.scene.limit_keys, unit, self.inputs, motion.scales.u),
@@ -295,7 +296,7 @@ class PlanProblem:
     def violations(self, attempt: Attempt) -> list[Violation]:
         """By how much an attempt violates each block of constraints."""
         values = self.bounds.values
-        return [block.violation(values(attempt.x, attempt.g, block)) for block in self.assembly.blocks]
+        return [block.violation(values(attempt.x, attempt.g, block.key, block.rows)) for block in self.assembly.blocks]
 
     def objective(self, w: Array) -> float:
         """Objective of the scene at unknowns, without goals, penalties and smoothing, in its unit; also of a motion

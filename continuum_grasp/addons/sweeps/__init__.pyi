@@ -1,7 +1,6 @@
 from .addon import ADDON as ADDON
 from .plan import SweepPlan as SweepPlan
 from .run import sweep as sweep
-from .scene import Follow as Follow
 from .scene import InSI as InSI
 from .scene import Key as Key
 from .scene import Sweep as Sweep

@@ -19,7 +19,7 @@ from continuum_grasp.addons.sweeps.folder import SOLVED, read_plan, rows_of, run
 from continuum_grasp.addons.sweeps.plan import keys_of
 from continuum_grasp.addons.sweeps.scene import SWEEP_QUANTITIES
 from continuum_grasp.base import Array, Indices, InputError, check_arguments, nearest
-from continuum_grasp.results import Dimension, Format, Picture, Result, Stored, Style, pareto, replacing
+from continuum_grasp.results import Dimension, Picture, Result, Stored, pareto, replacing
 
 CSV = "table.csv"
 _TEXTS = ("scene", "status", "reason", "message")
@@ -191,12 +191,9 @@ class SweepTable(Result):
         """The maps and Pareto pictures that the configuration asks for."""
         return _pictures(self.requested)
 
-    @check_arguments
-    def save_pictures(
-        self, folder: str | os.PathLike[str] | None = None, *, format: Format = "png", style: Style = "screen"
-    ) -> list[Path]:
-        """Draw the pictures that the configuration asks for, into the sweep's own folder where no other is given."""
-        return super().save_pictures(self.folder if folder is None else folder, format=format, style=style)
+    @property
+    def _own_folder(self) -> Path:
+        return self.folder
 
     @check_arguments
     def save(self, folder: str | os.PathLike[str]) -> Path:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -144,7 +145,11 @@ class SceneKeys(Generic[Config]):
             raise place.error(error.message, where) from None
         return path, Document.at(place, value)
 
-    @property
+    def followed(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Values of the keys that follow others, beside ``values`` of the varied keys."""
+        return {tie.key: tie.way.value(values[tie.way.key]) for tie in self.ties}
+
+    @cached_property
     def ties(self) -> tuple[VariedKey[Follow], ...]:
         """The keys that follow others."""
         return tuple(

@@ -14,7 +14,7 @@ from typing import Any, Literal, TypeAlias
 from continuum_grasp.addons.sweeps.folder import SOLVED, encode
 from continuum_grasp.addons.sweeps.plan import SweepPoint
 from continuum_grasp.base import ContinuumGraspError, InputError, SolverError, clipped
-from continuum_grasp.results import Run, digest
+from continuum_grasp.results import Run
 from continuum_grasp.scene import GraspScene, KeyPath
 
 Keep: TypeAlias = Literal["all", "failed", "none"]
@@ -100,7 +100,7 @@ def _outcome(
 ) -> SceneOutcome:
     row = {
         "index": point.index,
-        "scene": digest(data)[:16],
+        "scene": Run.digest(data)[:16],
         "values": dict(zip(job.keys, point.labels, strict=True)),
         "status": status,
         "reason": reason,

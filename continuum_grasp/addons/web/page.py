@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp import __version__
-from continuum_grasp.addons.mission import AssignedMission, MissionRun, MissionScene, exported_loop
+from continuum_grasp.addons.mission import AssignedMission, MissionRun, MissionScene
 from continuum_grasp.addons.web.plant import FRICTION, PUSHED, WebPlant, plant_of_loop, plant_of_scene
 from continuum_grasp.addons.web.record import RecordedStates, loop_record, rounded, trajectory_record
 from continuum_grasp.base import Array, InputError, check_arguments, interruptible, split_unit
@@ -133,11 +133,11 @@ def page_of(
     stages, controller, wrapper = None, None, ""
     with ThreadPoolExecutor() as pool:
         if isinstance(scene, ControlScene):
-            wasm = WasmController(scene, None if mission is None else exported_loop(mission).phases)
+            wasm = WasmController(scene, None if mission is None else mission.exported().phases)
             # Compiled while the plant is written.
             modules["controller"] = pool.submit(wasm.module)
             stages, wrapper = wasm.loop.stages, wasm.wrapper
-            plant, sensors = plant_of_loop(scene, plant_model)
+            plant, sensors = plant_of_loop(scene, stages, plant_model)
             controller = _controller(scene, wasm, sensors) | {"mission": _mission(wasm, mission, plant)}
         else:
             plant = plant_of_scene(scene)

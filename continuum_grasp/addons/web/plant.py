@@ -15,7 +15,7 @@ import numpy as np
 
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.closed_loop import PlantModel, Sensors
-from continuum_grasp.control import Prediction, Stages, stages_of
+from continuum_grasp.control import Prediction, Stages
 from continuum_grasp.core import CReal, Sdirk2Stages
 from continuum_grasp.export import SETTLED, Field, Kernel, SeenKernels, fill
 from continuum_grasp.model import FingerModel, System
@@ -242,8 +242,10 @@ _PAGE = Consumer(
 )
 
 
-def plant_of_loop(scene: ControlScene, of: PlantModel | None = None) -> tuple[WebPlant, Sensors]:
-    """The plant of a closed loop, which its controller drives, and its sensors; ``of`` where it is not the scene's."""
+def plant_of_loop(scene: ControlScene, stages: Stages, of: PlantModel | None = None) -> tuple[WebPlant, Sensors]:
+    """The plant of a closed loop and its sensors, by the ``stages`` of its controller; ``of`` where it is not the
+    scene's.
+    """
     _PAGE.check(scene)
     plant_model = of or PlantModel(scene)
     of_object = plant_model.elements.object_parameters
@@ -271,7 +273,7 @@ def plant_of_loop(scene: ControlScene, of: PlantModel | None = None) -> tuple[We
         else np.insert(plant_model.p, plant_model.finger_parameters, 1.0),
         model.x_names,
         model.tensions if scene.finger.tendon_list else ca.SX(0, 1),
-        planned_sections(prediction, stages_of(scene, prediction)),
+        planned_sections(prediction, stages),
     )
     return plant, sensors
 

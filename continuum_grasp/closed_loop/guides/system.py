@@ -26,12 +26,10 @@ from continuum_grasp.model import (
     FingerModel,
     Functions,
     Scalar,
-    Station,
     System,
     Vec,
     Winch,
     column,
-    named,
 )
 from continuum_grasp.scene import Consumer, ForceLoad, Initial, Scene
 
@@ -123,11 +121,8 @@ class ChainSystem(Functions):
         self._motion = ca.SX.sym("places", 6, len(self.places))
         self._of_object = ca.SX.sym("p", len(self._object_parameters))
         object_parameters = {name: self._of_object[k] for k, name in enumerate(self._object_parameters)}
-        half, stations = scene.finger.profile.half_thickness, list[Station]()
-        for k, name in enumerate([*(f"finger.{k + 1}" for k in range(len(ways))), "finger.tip"]):
-            m = self._motion[:, k]
-            stations.append(Station(name, Vec(m[0], m[1]), float(half(self.places[k])), Vec(m[2], m[3]), m[5]))
-        touched = self._touched = Contacts(scene, stations, object_parameters, rod=scene.finger.rod)
+        touching = self.places[: len(ways) + 1]
+        touched = self._touched = Contacts.of_finger(scene, touching, self._motion, object_parameters)
         self.touch_names = [pair.name for pair in touched.pairs]
         self._states = ca.SX.sym("drives", sum(winch.states for winch in self.winches))
         self._others = ca.vertcat(self._states, touched.states)
@@ -237,7 +232,11 @@ class ChainSystem(Functions):
         return position, velocity, angle[bar], spin[bar]
 
     tip, touch, curvature, range_use = System.tip, System.touch, System.curvature, System.range_use
-    tensions = named("x u p", tensions=lambda eq: eq.tensions)
+
+    @cached_property
+    def tensions(self) -> ca.Function:
+        """(x, u, p) -> tensions at the drives [N]."""
+        return self._function("tensions", "x u p", tensions=self._equations.tensions)
 
     def sections(self, stations: Sequence[float]) -> ca.Function:
         """``(x, u, p) -> r, angle`` of sections [m], as of a ``System``; a hinge spreads its bend over its part."""

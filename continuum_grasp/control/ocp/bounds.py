@@ -62,28 +62,28 @@ class BoundedRows:
         """Rows of the state alone, by a scene's bounds."""
         return BoundedRows(state_bounds(bounds, model))
 
+    @staticmethod
+    def curvature_limits(bounds: Bounds, model: FingerModel) -> tuple[Array, Array]:
+        """Greatest absolute values [1/m] of what ``System.curvature`` gives: asked for, and of the bending ranges."""
+        family, lengths = model.structure.family, model.lengths
+        edges = np.minimum(np.cumsum([0.0, *lengths]), model.finger.rod.length).tolist()
+        count, asked, ranges = len(family.places), [], []
+        # Each entry is read at one place of one element.
+        numbers = [[float(count * k + j) for j in range(count)] for k in range(len(lengths))]
+        for number in family.curvature_at_coordinates(numbers):
+            element, j = divmod(int(number), count)
+            place = family.places[j]
+            # The curvature of an arc is that of its ends too; a node belongs to the elements on both sides.
+            at = (edges[element] + place * lengths[element],) if family.degree else edges[element : element + 2]
+            after = [element + 1] if family.continuous and place == 1.0 and element + 1 < len(lengths) else []
+            asked.append(min(bounds.curvature_limit_at(model.finger, s) for s in at))
+            ranges.append(min(model.ranges[k] / lengths[k] for k in (element, *after)))
+        return np.array(asked), np.array(ranges)
+
     @property
     def hard(self) -> NDArray[np.bool_]:
         """Whether each entry is a hard constraint."""
         return self.linear >= HARD.linear
-
-
-def curvature_limits(bounds: Bounds, model: FingerModel) -> tuple[Array, Array]:
-    """Greatest absolute values [1/m] of what ``System.curvature`` gives: those asked for, and of the bending ranges."""
-    family, lengths = model.structure.family, model.lengths
-    edges = np.minimum(np.cumsum([0.0, *lengths]), model.finger.rod.length).tolist()
-    count, asked, ranges = len(family.places), [], []
-    # Each entry is read at one place of one element.
-    numbers = [[float(count * k + j) for j in range(count)] for k in range(len(lengths))]
-    for number in family.curvature_at_coordinates(numbers):
-        element, j = divmod(int(number), count)
-        place = family.places[j]
-        # The curvature of an arc is that of its ends too; a node belongs to the elements on both sides.
-        at = (edges[element] + place * lengths[element],) if family.degree else edges[element : element + 2]
-        after = [element + 1] if family.continuous and place == 1.0 and element + 1 < len(lengths) else []
-        asked.append(min(bounds.curvature_limit_at(model.finger, s) for s in at))
-        ranges.append(min(model.ranges[k] / lengths[k] for k in (element, *after)))
-    return np.array(asked), np.array(ranges)
 
 
 def state_bounds(bounds: Bounds, model: Prediction) -> list[Row]:
@@ -94,7 +94,7 @@ def state_bounds(bounds: Bounds, model: Prediction) -> list[Row]:
     if bounds.curvature is not None:
         # A row per node, relative to its limit: elements differ in range, and one scale of penalties serves all.
         kappa = model.curvature(*inputs)
-        limits = np.minimum(*curvature_limits(bounds, model.system.finger_model))
+        limits = np.minimum(*BoundedRows.curvature_limits(bounds, model.system.finger_model))
         names = tuple(f"curvature_{k + 1}" for k in range(kappa.numel()))
         rows.append(Row(kappa / ca.DM(limits), -1.0, 1.0, penalty, names, "curvature"))
     if bounds.speed is not None:

@@ -197,6 +197,19 @@ class Outputs:
         """Take all terms that have a weight; one of an explicit 0 for the input would only cost time."""
         return Outputs(cost, model, tuple(term for term in TERMS if getattr(cost, term.key)))
 
+    @staticmethod
+    def followed(names: Sequence[str]) -> list[tuple[CostTerm, tuple[int, ...]]]:
+        """Terms that follow setpoints among entries by name and unit, each with the numbers of its entries.
+
+        Terms of the input are left out: their setpoints are what costs no effort.
+        """
+        followed = []
+        for term in TERMS:
+            columns = tuple(k for k, name in enumerate(names) if term.of_state and term.reference and term.owns(name))
+            if columns:
+                followed.append((term, columns))
+        return followed
+
     @property
     def names(self) -> tuple[str, ...]:
         """Name and unit of each entry."""

@@ -14,7 +14,6 @@ from numpy.polynomial import Polynomial
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.grasp.shape import skin, steepest
 from continuum_grasp.model import CurveSpec, CurvesSpec, Family
-from continuum_grasp.rod import with_places
 from continuum_grasp.scene import Curve, FingerSetup
 
 MOST_PANELS = 16
@@ -72,8 +71,7 @@ def _curves(setup: FingerSetup, weighs: bool) -> list[_Made]:
     if not setup.graded:
         return [thickness]
     (channel,) = finger.channels  # a grasp has a pair of tendons, which run alike
-    breaks = [at for at in (*profile.breaks, *channel.shape.breaks) if at < length]
-    edges = tuple(with_places((0.0, length), breaks).tolist())
+    edges = (0.0, *(end for _, end in profile.panels().cut(channel.shape)))
     curves = [
         _made("stiffness", profile.bending_stiffness, edges, 1.0 / setup.stiffness),
         _made("rest", profile.rest_curvature, edges, length),

@@ -34,8 +34,18 @@ _LONGEST = 0.25
 class ForceArrows:
     """Forces at one or several instants beside a finger of a length [m], drawn to one scale."""
 
-    forces: Sequence[Force]
+    frames: Sequence[Sequence[Force]]
     length: float
+
+    @classmethod
+    def above(cls, frames: Iterable[Iterable[Force]], length: float, least: float) -> ForceArrows:
+        """Arrows of the forces that are greater than ``least`` [N], by instant."""
+        return cls([[force for force in forces if np.hypot(*force[1]) > least] for forces in frames], length)
+
+    @cached_property
+    def forces(self) -> list[Force]:
+        """Forces of all instants."""
+        return [force for forces in self.frames for force in forces]
 
     @cached_property
     def scale(self) -> float:
@@ -48,9 +58,9 @@ class ForceArrows:
         """Tips of the arrows."""
         return [np.asarray(at) + self.scale * np.asarray(force) for at, force, _ in self.forces]
 
-    def draw(self, ax: Axes, forces: Sequence[Force] | None = None) -> list[Quiver]:
-        """Draw all forces, or some of them, as arrows from where they act; one patch for each kind."""
-        drawn, chosen = [], self.forces if forces is None else forces
+    def draw(self, ax: Axes, frame: int | None = None) -> list[Quiver]:
+        """Draw all forces, or those of an instant by its number, from where they act; one patch for each kind."""
+        drawn, chosen = [], self.forces if frame is None else self.frames[frame]
         for kind in _kinds(chosen):
             at, force = np.array([(p, f) for p, f, k in chosen if k == kind]).transpose(1, 2, 0)
             drawn.append(_arrows(ax, at, force * self.scale, _color(kind), 1.3))

@@ -13,7 +13,7 @@ from continuum_grasp.base import Array, check_arguments
 from continuum_grasp.plotting.drawing import bodies
 from continuum_grasp.plotting.drawing.style import Color
 from continuum_grasp.plotting.drawing.styled_axes import Box, StyledAxes, bend_box, wrapped
-from continuum_grasp.scene import Finger, ObjectBody
+from continuum_grasp.scene import Finger, GraspObject
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -168,7 +168,7 @@ def unloaded(finger: Finger) -> Array:
 
 
 @check_arguments
-def plot_object(body: ObjectBody, *, ax: Axes | None = None) -> Axes:
+def plot_object(body: GraspObject, *, ax: Axes | None = None) -> Axes:
     """Draw an object in its own frame: the corners, its convex pieces, and its center of mass.
 
     Parameters
@@ -184,7 +184,7 @@ def plot_object(body: ObjectBody, *, ax: Axes | None = None) -> Axes:
     >>> plotting.plot_object(cg.load("configs/grasp/gear.yaml").object).get_title()
     '48 corners, 13 convex pieces, 79.72 mm x 79.72 mm'
     """
-    outlines = bodies.object_outlines(body, np.zeros(3))  # type: ignore[arg-type]
+    outlines = bodies.object_outlines(body, np.zeros(3))
     points = np.concatenate(outlines)
     styled = StyledAxes.plane(ax, bend_box(outlines, 0.1 * body.size), colorbar=False)
     ax = styled.ax

@@ -21,7 +21,7 @@ from typing import Any
 import casadi as ca
 
 from continuum_grasp.base import Array, CheckedArgument, InputError
-from continuum_grasp.core import Batch, Core, Scan, differentiated_step, step_function, straight_function
+from continuum_grasp.core import Core, differentiated_step, step_function, straight_function
 from continuum_grasp.scene import INTEGRATORS
 
 Arrays = list[Any]
@@ -38,7 +38,7 @@ class RowFunction:
     ) -> None:
         self.name, self.function, self.origin = function.name(), function, origin
         self._core, self._check = core, check
-        self._batch = Batch(function, core.backend)
+        self._batch = core.on_rows(function)
 
     def __call__(self, arrays: Sequence[Array]) -> list[Array]:
         """Outputs of inputs."""
@@ -90,7 +90,7 @@ class Recursion:
         self.function, self.like, self.back = function, tuple(like), back
         self._core = core
         self._operators: dict[tuple[int, Check | None], Rollout] = {}
-        self.scan = Scan(function, core.backend)
+        self.scan = core.over_steps(function)
 
     def over(self, steps: int, check: Check | None = None, origin: Operator | None = None) -> Rollout:
         """The operator of a number of steps: each time the same one, by which toolkits find what they compiled."""

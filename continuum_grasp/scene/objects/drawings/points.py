@@ -25,9 +25,9 @@ def read_csv(given: OutlineFile) -> Drawing:
 
     Units in the headings must not contradict the ``scale`` that is given.
     """
-    from continuum_grasp.scene.table import read_table
+    from continuum_grasp.scene.table import DataTable
 
-    table, scale = read_table(given.file, ("x", "y")), given.scale
+    table, scale = DataTable.read(given.file, ("x", "y")), given.scale
     x, y = _column(table, "x"), _column(table, "y")
     factors = [float(units_of("m")[column.unit]) for column in (x, y) if column.unit]
     if len(factors) == 1:
