@@ -30,7 +30,7 @@ from PIL import Image, ImageSequence
 import continuum_grasp as cg
 from continuum_grasp.addons.identification import data_folder
 from continuum_grasp.examples import Example, examples
-from continuum_grasp.results import digest, write_text
+from continuum_grasp.results import Run, write_text
 
 ROOT = Path(__file__).absolute().parents[1]
 RECORD, PAGE, PICTURES = (ROOT / "docs" / name for name in ("gallery.json", "gallery.md", "pictures"))
@@ -182,7 +182,7 @@ def status_of(one: Example, folder: Path, code: int, said: str) -> str:
 def made_with(one: Example) -> str:
     """Changes where the content of an example changes, not where it is only written otherwise."""
     files = [file for file in one.files if file.suffix == ".yaml"]
-    return digest([cg.load(ROOT / file) for file in files])[:16]
+    return Run.digest([cg.load(ROOT / file) for file in files])[:16]
 
 
 # -- pictures ----------------------------------------------------------------------------------------------------------
