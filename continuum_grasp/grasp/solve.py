@@ -380,7 +380,9 @@ class _Verdict:
             advice = "Raise fidelity.elements, or leave it out: the program takes as many as are needed."
         elif curled := self.search.curled:
             message = f"no grasp was found in which {', '.join(sorted(curled))} does not pass through itself"
-            advice = "Take a shorter finger, or place its base where it need not curl up."
+            advice = (
+                "Take a shorter finger, or place its base where it need not curl up (base_free lets the search move it)."
+            )
         elif closest is not None and closest.attempt.optimal:
             names = ", ".join(check.name for check in closest.certificate.failed)
             message = f"the solver converged, but the independent check rejects: {names}"
@@ -390,8 +392,8 @@ class _Verdict:
             message = f"no grasp was found: {self._fruitless(outcomes)}; no limit explains it, and no two at once"
             first = f"Try {self._more}, which tries more starts; else likely" if self._more else "Likely"
             advice = (
-                f"{first} the geometry: move the base or the object, or let the middle contact be elsewhere "
-                "(contacts.middle_range)."
+                f"{first} the geometry: move the base or the object (base_free lets the search move the base), or let "
+                "the middle contact be elsewhere (contacts.middle_range)."
             )
             if outcomes == {OVERDETERMINED}:
                 advice = "Add a contact: let the object lie against a support, or another finger hold it."
