@@ -380,9 +380,7 @@ class _Verdict:
             advice = "Raise fidelity.elements, or leave it out: the program takes as many as are needed."
         elif curled := self.search.curled:
             message = f"no grasp was found in which {', '.join(sorted(curled))} does not pass through itself"
-            advice = (
-                "Take a shorter finger, or place its base where it need not curl up (base_free lets the search move it)."
-            )
+            advice = "Take a shorter finger, or a base where it need not curl up: base_free lets the search find one."
         elif closest is not None and closest.attempt.optimal:
             names = ", ".join(check.name for check in closest.certificate.failed)
             message = f"the solver converged, but the independent check rejects: {names}"
