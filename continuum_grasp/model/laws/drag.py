@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import casadi as ca
 
 from continuum_grasp.model.family import Family
-from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, points
+from continuum_grasp.model.laws.ports import points
+from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene import Finger
 

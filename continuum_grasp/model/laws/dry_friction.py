@@ -17,7 +17,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from continuum_grasp.model.family import Family
-from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, cells, numbers_of_branches
+from continuum_grasp.model.laws.ports import cells
+from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, numbers_of_branches
 from continuum_grasp.model.memory import Memory
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene import Finger

@@ -14,13 +14,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from continuum_grasp.model.family import Family
+from continuum_grasp.model.laws.ports import linear_points
 from continuum_grasp.model.laws.section import (
     Bend,
     Kind,
     Number,
     Numbers,
     SectionLaw,
-    linear_points,
     numbers_of_branches,
 )
 from continuum_grasp.model.planar import Scalar
