@@ -18,9 +18,9 @@ from scipy.linalg import eigh
 
 from continuum_grasp.base import Array
 from continuum_grasp.rod import RodEquations
-from continuum_grasp.rod.dense_rod import PanelMesh, panel_edges, with_places
 from continuum_grasp.rod.dimensionless import read_problem
 from continuum_grasp.rod.frequencies import mass_matrix
+from continuum_grasp.rod.mesh import PanelMesh, panel_edges, with_places
 from continuum_grasp.scene import Scene
 
 _PANEL, _NODES = 1 / 48, 6

@@ -25,7 +25,7 @@ from .runtime_curves import CurvesSpec as CurvesSpec
 from .stumpff_functions import stumpff as stumpff
 from .surfaces import nearest as nearest
 from .surfaces import surface_of as surface_of
-from .surfaces.offset_polygon import SHARP as SHARP
+from .surfaces.polygon_outline import SHARP as SHARP
 from .surfaces.surface import Feature as Feature
 from .surfaces.surface import PartOutline as PartOutline
 from .surfaces.surface import Surface as Surface

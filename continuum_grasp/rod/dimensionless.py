@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from continuum_grasp.base import InputError
-from continuum_grasp.rod.dense_rod import PanelMesh, panel_edges, with_places
+from continuum_grasp.rod.mesh import PanelMesh, panel_edges, with_places
 from continuum_grasp.scene import (
     Consumer,
     Curve,

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import Array
-from continuum_grasp.rod.dense_rod import PanelMesh, panel_edges
 from continuum_grasp.rod.dimensionless import RodProblem, TendonMoment
+from continuum_grasp.rod.mesh import PanelMesh, panel_edges
 
 Complex = NDArray[np.complex128]
 

@@ -17,16 +17,13 @@ from numpy.typing import NDArray
 
 from continuum_grasp.base import Array, InputError, check_arguments, nearest
 from continuum_grasp.scene.document import text_of
-from continuum_grasp.scene.units import QUANTITIES, factor_to_si, units_of
+from continuum_grasp.scene.table_text import COMMA, HEADING, number_in, parsed
+from continuum_grasp.scene.units import factor_to_si, units_of
 
 MAX_BYTES = 200_000_000
 """Greatest size of a file: cells as Python texts take some ten times that in memory."""
 _LARGEST = 1e15
 """Greatest number in a file [its unit]: larger ones were never measured, and its square may overflow."""
-_UNITS = "|".join(re.escape(unit) for si in QUANTITIES for unit in units_of(si))
-_HEADING = re.compile(rf"^(.*?)\s*(?:[\[(]((?<=\[)[^\]]*(?=\])|(?<=\()(?:{_UNITS})(?=\)))[\])])?$")
-"""Heading with a unit: any in brackets, those that are known in parentheses, where other words may stand."""
-_COMMA, _POINT = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?"), re.compile(r"[-+]?\d*\.\d*(?:[eE][-+]?\d+)?")
 _MISSING = ("", "-", "--", "n/a", "na", "nan", "none", "null")
 """Cells without a value, in small letters, as cameras, spreadsheets and Python write them."""
 _SUFFIX = re.compile(r"(.+?)(?:_|\s*/\s*|,?\s+in\s+|,\s*|\s+)(mm|cm|m|deg|rad|s|ms|N|mN|g|Hz|Nm)")
@@ -37,13 +34,6 @@ between the right unit and one that is a thousand times as large."""
 _SLOW = 1.0
 """Time between rows without a unit from which the unit is asked for [s]: fingers move faster, and milliseconds of a
 logger of 1 kHz are 1 apart."""
-_COMMENTS = ("#", "%", "//")
-"""Beginnings of lines that are comments, beside the semicolon, which separates cells in other files."""
-_DIRECTIVE = re.compile(r"sep=.?")
-"""First line that states the character between cells to Excel."""
-_WORD = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
-_OF_SI = {unit for si in QUANTITIES for unit in units_of(si)}
-"""Units that a line below the headings may state."""
 _WEIGHTS = {"g": "gf", "kg": "kgf"}
 """Masses that stand for their weight where a force is expected."""
 _SURE = 0.6
@@ -79,7 +69,7 @@ class DataTable:
     @classmethod
     def of(cls, columns: Sequence[str], rows: Sequence[tuple[str, ...]]) -> DataTable:
         """A table of columns, with units in brackets, that is in no file."""
-        parts = [cast(re.Match[str], _HEADING.fullmatch(column)) for column in columns]
+        parts = [cast(re.Match[str], HEADING.fullmatch(column)) for column in columns]
         lines = tuple(range(2, len(rows) + 2))
         return cls("", tuple(part[1] for part in parts), tuple(part[2] for part in parts), tuple(rows), lines, 1)
 
@@ -115,30 +105,9 @@ class DataTable:
         >>> table.headings, table.units, table.rows[0]
         (('t', 'x'), ('s', 'mm'), ('0.0', '1.5'))
         """
-        name, text = str(path), text_of(path, MAX_BYTES)
-        separator, numbered = _written(text)
-        headed = _with_headings(text, separator, numbered)
-        if not names or _columns(headed[:1], separator) == set(names):  # else any comment may have as many words
-            numbered = headed
-        if len(numbered) < (1 if names else 2):
-            raise InputError("expected a line of headings and rows of numbers", file=name)
-        cells = _trimmed([_cells(line, separator) for _, line in numbered])
-        top, names = (0, names) if names and _number_in(cells[0][0]) is not None else _headings(cells)
-        header_line = numbered[max(top - 1, 0)][0]
-        # headings again, where a file was begun anew
-        retained = [k for k in range(top, len(cells)) if cells[k] != cells[top - 1] or not top]
-        rows, row_lines = tuple(cells[k] for k in retained), tuple(numbered[k][0] for k in retained)
-        if not rows:
-            raise InputError("expected rows of numbers below the headings", file=name, line=header_line)
-        parts = [_HEADING.fullmatch(cell) for cell in names]
-        headings = tuple(part[1] if part else cell for part, cell in zip(parts, names, strict=True))
-        units = tuple(part[2] if part else None for part in parts)
-        _check_headings(headings, names, name, header_line)
-        _check_widths(rows, row_lines, headings, separator, name)
-        every = [cell for row in rows for cell in row]
-        comma = not any(map(_POINT.fullmatch, every)) and any(map(_COMMA.fullmatch, every))
-        table = DataTable(name, headings, units, rows, row_lines, header_line, comma)
-        return table if cells[0][0] != "scorer" else _sure(table)
+        found, of_deep_lab_cut = parsed(text_of(path, MAX_BYTES), names, str(path))
+        table = DataTable(str(path), *found)
+        return _sure(table) if of_deep_lab_cut else table
 
     @staticmethod
     def csv_text(headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
@@ -149,7 +118,7 @@ class DataTable:
 
     def index(self, heading: str) -> int:
         """Number of a column, from 0, by its heading with or without the unit."""
-        wanted = _HEADING.fullmatch(heading.strip())
+        wanted = HEADING.fullmatch(heading.strip())
         name = wanted[1] if wanted and heading not in self.headings else heading
         if name in self.headings:
             return self.headings.index(name)
@@ -281,136 +250,18 @@ class DataTable:
             return math.nan
         if not text:
             raise self.empty(at, row)
-        value = _number_in(text.replace(",", ".") if self.comma else text)
+        value = number_in(text.replace(",", ".") if self.comma else text)
         if value is None:
             hint, (first, *more) = "", text.split()
-            if _COMMA.fullmatch(text):
+            if COMMA.fullmatch(text):
                 hint = " (write a decimal point, not a comma)"
-            elif more and _number_in(first) is not None:
+            elif more and number_in(first) is not None:
                 hint = f" (write units in the heading: {self.headings[at]} [{' '.join(more)}])"
             raise self.error(f"column {self.headings[at]}: expected a number, got {text[:40]!r}{hint}", at, row)
         if not abs(value) <= _LARGEST:  # NaN too
             wanted = f"a number up to {_LARGEST:g}" if math.isfinite(value) else "a finite number"
             raise self.error(f"column {self.headings[at]}: expected {wanted}, got {text[:40]!r}", at, row)
         return value
-
-
-def _check_headings(headings: Sequence[str], names: Sequence[str], file: str, line: int) -> None:
-    """Refuse headings that are empty, numbers, or there twice; ``names`` have their units with them."""
-    for k, heading in enumerate(headings):
-        if not heading:
-            raise InputError(f"column {k + 1} has no heading", file=file, line=line)
-        if heading in headings[:k]:
-            place = 1 + sum(len(cell) + 1 for cell in names[:k])
-            message = f"two columns are called {heading!r}: rename one, as nothing reads it then"
-            raise InputError(message, file=file, line=line, column=place)
-        if _number_in(heading) is not None:
-            raise InputError(f"expected headings, got the number {heading}", file=file, line=line)
-
-
-def _check_widths(
-    rows: Sequence[Sequence[str]], lines: Sequence[int], headings: Sequence[str], separator: str, file: str
-) -> None:
-    """Refuse rows that have not as many cells as there are headings."""
-    for line, row in zip(lines, rows, strict=True):
-        if len(row) == len(headings):
-            continue
-        hint = ""
-        if separator == "," and len(row) > len(headings):
-            hint = "; write decimal points, or semicolons between cells"
-        if len(headings) == 1:
-            hint = f"; begin lines above the headings with #, as {headings[0]!r:.40}"
-        elif line == lines[-1] and len(row) < len(headings):
-            hint = "; the last line is cut off: delete it"
-        raise InputError(f"expected {len(headings)} cells, got {len(row)}{hint}", file=file, line=line)
-
-
-def _written(text: str) -> tuple[str, list[tuple[int, str]]]:
-    """Character between cells, and lines of a table with their numbers, without those that are empty or comments.
-
-    A line that begins with a semicolon is a comment too, unless semicolons separate as many cells as in other lines.
-    """
-    numbered = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
-    if numbered and _DIRECTIVE.fullmatch(numbered[0][1].strip()):
-        numbered = numbered[1:]
-    written = [(k, line) for k, line in numbered if not line.lstrip().startswith(_COMMENTS)]
-    if not written:
-        return ",", []
-    last = next((line for _, line in reversed(written) if line.lstrip()[0] != ";"), written[-1][1])
-    separator = _separator(last)
-    width = len(_cells(last, separator)) if separator == ";" else 0
-    return separator, [(k, line) for k, line in written if line.lstrip()[0] != ";" or line.count(";") + 1 == width]
-
-
-def _with_headings(text: str, separator: str, numbered: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    """Lines with that of the headings, which is in the last comment above them where they begin with numbers."""
-    if not numbered or any(_number_in(cell) is None for cell in _cells(numbered[0][1], separator) if cell):
-        return numbered
-    width, first = len(_cells(numbered[0][1], separator)), numbered[0][0]
-    for k, line in reversed(list(enumerate(text.splitlines()[: first - 1], 1))):
-        heading = line.strip().lstrip("#%/;").strip()
-        for between in (separator, _separator(heading)):
-            if len(cells := _cells(heading, between)) == width:
-                return [(k, separator.join(cells) if between != separator else heading), *numbered]
-    return numbered
-
-
-def _separator(line: str) -> str:
-    """Character between the cells of a line of numbers: of semicolon, tab, blank and comma the first that is there."""
-    if ";" in line or "\t" in line:
-        return ";" if ";" in line else "\t"
-    words = line.split()
-    numbers = [_COMMA.fullmatch(word) or _number_in(word) is not None for word in words]
-    return " " if len(words) > 1 and all(numbers) else ","
-
-
-def _cells(line: str, separator: str) -> tuple[str, ...]:
-    """Cells of a line; between blanks a heading has its unit with it."""
-    if separator == " ":
-        return tuple(_WORD.findall(line))
-    return tuple(cell.strip() for cell in next(csv.reader([line], delimiter=separator)))
-
-
-def _trimmed(rows: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
-    """Rows without what separators behind the last cells begin: columns in which no row has anything."""
-    width = max((k for row in rows for k, cell in enumerate(row, 1) if cell), default=1)
-    return [row[:width] for row in rows]
-
-
-def _columns(line: list[tuple[int, str]], separator: str) -> set[str]:
-    """Headings in a line, without their units."""
-    cells = [cell for _, text in line for cell in _cells(text, separator)]
-    return {part[1] if (part := _HEADING.fullmatch(cell)) else cell for cell in cells}
-
-
-def _headings(rows: Sequence[Sequence[str]]) -> tuple[int, Sequence[str]]:
-    """Number of lines above the numbers, and a heading per column.
-
-    DeepLabCut has lines of scorer, individuals, bodyparts and coords: a column is called BODYPART_x. Tracker has a line
-    of its tracks above t, x, y: a column is called TRACK_x where there are several tracks, x of one.
-    """
-    if rows[0][0] == "scorer":
-        top = next((k for k, row in enumerate(rows) if row[0] == "coords"), 2) + 1
-        columns = list(zip(*rows[1:top], strict=True))[1:]
-        return top, ["frame", *("_".join(dict.fromkeys(part for part in cells if part)) for cells in columns)]
-    first, second = rows[0], rows[min(1, len(rows) - 1)]
-    if (
-        (len(first) != len(second) or not all(first))
-        and "t" in second
-        and all(_number_in(cell) is None for cell in second)
-    ):
-        tracks = [word for word in first if word]
-        if len(tracks) < 2:
-            return 2, second
-        names, last = list[str](), ""
-        for k, cell in enumerate(second):
-            last = first[k] if k < len(first) and first[k] else last
-            names.append(cell if cell == "t" else f"{last}_{cell}")
-        return 2, names
-    units = [cell.strip("[]()") for cell in second]
-    if len(first) == len(second) and any(units) and all(unit in _OF_SI for unit in units if unit):
-        return 2, [f"{cell} [{unit}]" if unit else cell for cell, unit in zip(first, units, strict=True)]
-    return 1, first
 
 
 def _sure(table: DataTable) -> DataTable:
@@ -428,13 +279,6 @@ def _sure(table: DataTable) -> DataTable:
     return replace(table, rows=tuple(map(tuple, rows)))
 
 
-def _number_in(text: str) -> float | None:
-    try:
-        return None if "_" in text else float(text)  # which Python takes between digits
-    except ValueError:
-        return None
-
-
 def _same(cell: str, text: str) -> bool:
-    a, b = _number_in(cell), _number_in(text)
+    a, b = number_in(cell), number_in(text)
     return cell == text if a is None or b is None else math.isclose(a, b, rel_tol=1e-12)

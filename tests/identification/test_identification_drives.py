@@ -14,7 +14,7 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.addons.identification import Estimate, IdentifyScene, Poses, Reading, TipPath, design_experiments
 from continuum_grasp.addons.identification.blocks import PosesBlock
-from continuum_grasp.addons.identification.experiments import commands_text, scene_text
+from continuum_grasp.addons.identification.experiment_plan import commands_text, scene_text
 from continuum_grasp.addons.identification.path_block import PathBlock
 from continuum_grasp.addons.identification.segments import base_of, patterns_of
 from continuum_grasp.addons.identification.unknowns import read_unknowns

@@ -8,7 +8,7 @@ from .data import Poses as Poses
 from .data import Reading as Reading
 from .data import TipPath as TipPath
 from .data_files import data_folder as data_folder
-from .experiments import ExperimentPlan as ExperimentPlan
+from .experiment_plan import ExperimentPlan as ExperimentPlan
 from .experiments import design_experiments as design_experiments
 from .fit import Fit as Fit
 from .fitting import compare as compare

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.collections import LineCollection
 
     from continuum_grasp.addons.identification.comparison import Predicted
-    from continuum_grasp.addons.identification.experiments import ExperimentPlan
+    from continuum_grasp.addons.identification.experiment_plan import ExperimentPlan
     from continuum_grasp.addons.identification.fit import Fit
     from continuum_grasp.addons.identification.replayed import Replay
 

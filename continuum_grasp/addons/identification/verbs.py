@@ -14,7 +14,7 @@ from continuum_grasp.cli import Output, option, run_verb
 
 if TYPE_CHECKING:
     from continuum_grasp.addons.identification.comparison import Predicted
-    from continuum_grasp.addons.identification.experiments import ExperimentPlan
+    from continuum_grasp.addons.identification.experiment_plan import ExperimentPlan
     from continuum_grasp.addons.identification.fit import Fit
     from continuum_grasp.scene import FingerScene, Scene
 

@@ -16,7 +16,7 @@ from continuum_grasp.addons.identification.commissioning.bench import FRICTION, 
 from continuum_grasp.addons.identification.commissioning.plan import checked, design_commissioning, names_of
 from continuum_grasp.addons.identification.commissioning.result import Alternative, Commissioning
 from continuum_grasp.addons.identification.doubts import doubts, doubts_of_elements
-from continuum_grasp.addons.identification.experiments import ExperimentPlan
+from continuum_grasp.addons.identification.experiment_plan import ExperimentPlan
 from continuum_grasp.addons.identification.fit import estimates
 from continuum_grasp.addons.identification.path_block import MOST_STEPS
 from continuum_grasp.addons.identification.periods import columns_of

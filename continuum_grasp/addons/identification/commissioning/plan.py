@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.addons.identification.commissioning.bench import Bench, BenchBlock, Log
-from continuum_grasp.addons.identification.experiments import ExperimentPlan, plan_of
+from continuum_grasp.addons.identification.experiment_plan import ExperimentPlan
+from continuum_grasp.addons.identification.experiments import plan_of
 from continuum_grasp.addons.identification.scene import Excitation
 from continuum_grasp.addons.identification.segments import CommandDesign, patterns_of
 from continuum_grasp.base import Array, CheckedArgument, InputError, NumericalError, check_arguments
