@@ -153,7 +153,9 @@ class Output:
     def line(self, text: str) -> None:
         """Print text for people, on a terminal as much of it as one line takes."""
         width = shutil.get_terminal_size().columns
-        self.say(text if not sys.stdout.isatty() or len(text) <= width else f"{text[: width - 1]}…")
+        if sys.stdout.isatty() and len(text) > width:
+            text = f"{text[: width - 1]}…"
+        self.say(text)
 
     def pairs(self, rows: Mapping[str, Any]) -> None:
         """Print names and values in two columns."""

@@ -22,6 +22,23 @@ def _interface(contents: Contents) -> dict[str, object]:
     structs = {s.name: [[f.name, list(f.shape), "real", f.unit] for f in s.fields] for s in contents.structs}
     if any(function.types[0] == "controller" for function in contents.stateful):
         structs["diagnosis"] = [[number.exported, [], number.kind, number.text] for number in ControlParts.diagnosis]
+    functions, stateful = dict[str, object](), dict[str, object]()
+    for call in contents.calls:
+        functions[call.name] = {
+            "text": call.text,
+            "inputs": [[a.name, a.kind.name if a.is_struct else None] for a in call.inputs],
+            "output": [call.output.name, call.output.kind.name],
+        }
+    for function in contents.stateful:
+        stateful[function.types[0]] = {
+            "text": function.text,
+            "function": function.name,
+            "bytes": [int(words[f"{name}_bytes"]) for name in function.types],
+            "members": _members(contents.subject, function),
+            "inputs": list(function.inputs),
+            "output": function.output,
+            "methods": {m.name: {"text": m.text, "inputs": m.inputs, "output": m.output} for m in function.methods},
+        }
     return {
         "real": contents.subject.real.name,
         "abi": int(words["abi"][:-1], 16),
@@ -29,26 +46,8 @@ def _interface(contents: Contents) -> dict[str, object]:
         "structs": structs,
         "begun": _beginnings(contents),
         "open": list(_OPEN),
-        "functions": {
-            call.name: {
-                "text": call.text,
-                "inputs": [[a.name, a.kind.name if a.is_struct else None] for a in call.inputs],
-                "output": [call.output.name, call.output.kind.name],
-            }
-            for call in contents.calls
-        },
-        "stateful": {
-            function.types[0]: {
-                "text": function.text,
-                "function": function.name,
-                "bytes": [int(words[f"{name}_bytes"]) for name in function.types],
-                "members": _members(contents.subject, function),
-                "inputs": list(function.inputs),
-                "output": function.output,
-                "methods": {m.name: {"text": m.text, "inputs": m.inputs, "output": m.output} for m in function.methods},
-            }
-            for function in contents.stateful
-        },
+        "functions": functions,
+        "stateful": stateful,
     }
 
 

@@ -114,7 +114,10 @@ class Struct:
 
     def declaration(self, prefix: str) -> str:
         """C of the typedef."""
-        rows = [(f"  {prefix}_real {f.name}{''.join(f'[{n}]' for n in f.shape)};", _comment(f)) for f in self.fields]
+        rows = []
+        for field in self.fields:
+            shape = "".join(f"[{n}]" for n in field.shape)
+            rows.append((f"  {prefix}_real {field.name}{shape};", _comment(field)))
         width = max(len(code) for code, _ in rows)
         lines = "\n".join(f"{code:<{width}}  {comment}" for code, comment in rows)
         text = "\n".join(textwrap.wrap(self.text, LINE - 3, initial_indent="/* ", subsequent_indent="   "))

@@ -68,18 +68,19 @@ def export_casadi(given: Given, folder: str | os.PathLike[str], *, what: Sequenc
     functions = {name: getattr(model, name) for name in names}
     files = {f"{name}.casadi": _stored(function) for name, function in functions.items()}
     digests = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in sorted(files.items())}
+    described = {}
+    for name, function in functions.items():
+        inputs = {key: list(function.size_in(key)) for key in function.name_in()}
+        described[name] = {
+            "inputs": inputs,
+            "outputs": {key: list(function.size_out(key)) for key in function.name_out()},
+        }
     values = {
         "name": source.name,
         "versions": {"continuum_grasp": __version__, "casadi": str(ca.CasadiMeta.version())},
         "configuration_hash": hashlib.sha256("".join(digests.values()).encode()).hexdigest()[:16],
         "model": model_description(model),
-        "functions": {
-            name: {
-                "inputs": {key: list(function.size_in(key)) for key in function.name_in()},
-                "outputs": {key: list(function.size_out(key)) for key in function.name_out()},
-            }
-            for name, function in functions.items()
-        },
+        "functions": described,
         "entries": {vector: getattr(model, f"{vector}_names") for vector in "qxuwp"},
         "nominal_parameters": dict(zip(model.p_names, map(float, model.p_nominal), strict=True)),
         "configuration": source.configuration,

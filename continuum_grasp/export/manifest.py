@@ -76,25 +76,23 @@ def manifest(
 
 def _functions(contents: Contents, report: Report) -> dict[str, Any]:
     """Inputs, output, test cases and rounding errors by function, and of those that keep something their memory."""
-    of_model = {
-        call.name: {
+    functions = dict[str, Any]()
+    for call in contents.calls:
+        functions[call.name] = {
             "inputs": [a.name if a.is_struct else entry(a.fields[0]) for a in call.inputs],
             "output": call.output.name,
             "test_cases": report.cases.get(call.name, 0),
             **_errors(report.errors.get(call.name, ())),
         }
-        for call in contents.calls
-    }
-    return of_model | {
-        function.name: {
+    for function in contents.stateful:
+        functions[function.name] = {
             "inputs": list(function.inputs),
             "output": function.output,
             "test_cases": report.cases.get(function.name, 0),
             **_errors(report.errors.get(function.name, ())),
             "memory_bytes": {name: int(contents.words[f"{name}_bytes"]) for name in function.types},
         }
-        for function in contents.stateful
-    }
+    return functions
 
 
 def _steps(contents: Contents) -> dict[str, Any]:

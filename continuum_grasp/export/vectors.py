@@ -170,16 +170,17 @@ def _runner(subject: Subject, call: Call) -> str:
     pointers = {name: k for k, name in enumerate(["model", *(a.name for a in structs)], 1)}
     # The name of no function: local names hide those of the package, whose prefix may be the first word of an output.
     local = {call.output.name: "result"}
+    taken = []
+    for name in ("model", *(a.name for a in call.inputs), call.output.name):
+        given = f"null == {pointers[name]} ? 0 : &{local.get(name, name)}" if name in pointers else ""
+        taken.append(given or f"row[{ends[name] - 1}]")
     words = {
         "p": subject.prefix,
         "call": call,
         "indent": " " * len(f"static int {call.name}_run("),
         "declared": [(a.kind.name, local.get(a.name, a.name)) for a in structs],
         "copied": [(a, ends[a.name] - a.size) for a in passed if a.is_struct],
-        "passed": [
-            f"null == {pointers[name]} ? 0 : &{local.get(name, name)}" if name in pointers else f"row[{ends[name] - 1}]"
-            for name in ("model", *(a.name for a in call.inputs), call.output.name)
-        ],
+        "passed": taken,
     }
     return fill("tests/run.c", words)
 

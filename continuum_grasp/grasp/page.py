@@ -28,16 +28,13 @@ def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None) -> 
     # A scene that was made in Python may not have its version set, which a file needs.
     configuration = {"schema_version": scene.schema_version, **scene.model_dump(mode="json", exclude_unset=True)}
     extra = {"Contacts": _friction(beside), "Resisted disturbances": _resistance(beside)}
-    sections = [
-        section(
-            part.title,
-            *([f'<p class="quiet">{escaped(part.lead)}. Recomputed from the stored numbers.</p>'] if part.lead else []),
-            table(part.head if any(part.head) else (), part.rows, part.numbers),
-            *(f"<p>{escaped(note)}.</p>" for note in part.notes),
-            extra.get(part.title, ""),
-        )
-        for part in parts(result)
-    ]
+    sections = []
+    for part in parts(result):
+        lead = f'<p class="quiet">{escaped(part.lead)}. Recomputed from the stored numbers.</p>'
+        head = part.head if any(part.head) else ()
+        notes = [f"<p>{escaped(note)}.</p>" for note in part.notes]
+        written = table(head, part.rows, part.numbers)
+        sections.append(section(part.title, *[lead] * bool(part.lead), written, *notes, extra.get(part.title, "")))
     if result.arrays and not result.verified:
         lead = f'<p class="quiet">{_WORTH[result.answer]}</p>'
         sections = [details(answer_words(result), "\n".join((lead, *sections)))]

@@ -246,19 +246,14 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
     if result.certificate is not None:
         failed = [check.name for check in result.certificate.failed]
         about["certificate"] |= {"checks": len(result.certificate.checks), "failed": failed}
-    answer = (
-        {
-            "tension": result.tension,
-            "object": result.object_pose,
-            "fingers": {
-                name: _plain(finger) | {"drives": [_plain(drive) for drive in result.drives.get(name, ())]}
-                for name, finger in result.fingers.items()
-            },
-            "contacts": [_plain(contact) for contact in result.contacts],
-        }
-        if result.arrays
-        else None
-    )
+    answer: dict[str, Any] | None = None
+    if result.arrays:
+        fingers = {}
+        for name, finger in result.fingers.items():
+            drives = [_plain(drive) for drive in result.drives.get(name, ())]
+            fingers[name] = _plain(finger) | {"drives": drives}
+        contacts = [_plain(contact) for contact in result.contacts]
+        answer = {"tension": result.tension, "object": result.object_pose, "fingers": fingers, "contacts": contacts}
     summary = {
         "name": result.scene.name,
         "status": result.status.value,

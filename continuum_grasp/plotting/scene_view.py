@@ -121,12 +121,11 @@ class SceneView:
             return {}
         if not isinstance(self.inner, GraspScene):
             return {"finger": [*self.inner.contacts, self.inner.finger.rod.length]}
-        return {
-            setup.name: [
-                at for at, switch in zip(_spots(setup), setup.switches.values(), strict=True) if switch != "off"
-            ]
-            for setup in self.inner.setups
-        }
+        contacts = {}
+        for setup in self.inner.setups:
+            switched = zip(_spots(setup), setup.switches.values(), strict=True)
+            contacts[setup.name] = [at for at, switch in switched if switch != "off"]
+        return contacts
 
     @cached_property
     def loads(self) -> list[AppliedLoad]:

@@ -140,11 +140,7 @@ def written(
         "above": {"light": 4.0 * finger.profile.length, "camera": 3.0 * finger.profile.length},
         "links": [_link(scene, links, k, sites.get(k, {})) for k in range(-1, tip + 1)],
         # What a rod's bend draws in, exactly: a path through sites would be off by a share of the bend at each hinge.
-        "tendons": [
-            (control, [(k, lever) for k, lever in enumerate(control.levers(links.at), 1) if lever != 0.0])
-            for control in controls
-            if control.channel is not None
-        ],
+        "tendons": [(control, _levers(control, links)) for control in controls if control.channel is not None],
         "stops": _stops(finger, links),
         "controls": controls,
         "qpos": [*angles, *rest],
@@ -211,3 +207,8 @@ def _stops(finger: Finger, links: Links) -> list[tuple[int, float, float, float]
     # 1e3: bend of a hinge that no finger has, for the side without stops [rad]
     bands = [[sign * (bend if sign in signs else 1e3) for sign in (-1.0, 1.0)] for bend in links.stop]
     return [(k + 1, more * links.stiffness[k], low, high) for k, (low, high) in enumerate(bands)]
+
+
+def _levers(control: Control, links: Links) -> list[tuple[int, float]]:
+    """Hinges that a control bends, from one on, with their levers."""
+    return [(k, lever) for k, lever in enumerate(control.levers(links.at), 1) if lever != 0.0]

@@ -285,11 +285,12 @@ class DesignProblem:
         if tangents is None or before is None:
             return {}
         step = at - before
-        return {
-            aim: held.attempt.x + np.sum([s * tangent[aim] for s, tangent in zip(step, tangents, strict=False)], axis=0)
-            for aim, held in grasps.held.items()
-            if all(aim in tangent for tangent in tangents)
-        }
+        guesses = dict[str, Array]()
+        for aim, held in grasps.held.items():
+            if all(aim in tangent for tangent in tangents):
+                moves = [s * tangent[aim] for s, tangent in zip(step, tangents, strict=False)]
+                guesses[aim] = held.attempt.x + np.sum(moves, axis=0)
+        return guesses
 
     def _row(self, text: str, values: CaseValues, chosen: list[float]) -> DesignNumber:
         """An expression of a case; of a variable's name, the value that is chosen, without its error."""

@@ -37,10 +37,8 @@ def measured_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], len
         place = None if reading.of_drive or reading.of_mode else length if reading.at is None else reading.at
         unit = UNIT_OF[reading.quantity]
         columns.append(MeasuredColumn(what, group, unit, reading.sigma, reading.quantity, place))
-    values, offsets = (
-        np.stack([np.broadcast_to(getattr(reading, key), at.shape) for reading in data.measured], axis=1).astype(float)
-        for key in ("values", "offset")
-    )
+    values = np.stack([np.broadcast_to(reading.values, at.shape) for reading in data.measured], axis=1).astype(float)
+    offsets = np.stack([np.broadcast_to(reading.offset, at.shape) for reading in data.measured], axis=1).astype(float)
     ordered = isinstance(data, TipPath) or data.sequence
     signals = () if isinstance(data, TipPath) else data.signals
     return MeasuredSet(data.name, tuple(columns), at, values, fitted, moves, ordered, offsets, signals)

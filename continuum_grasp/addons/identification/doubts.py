@@ -76,13 +76,19 @@ def _missed(problem: FitProblem, solution: Solution, inference: Inference) -> li
     blind = np.asarray(slopes[:, unknown].any(axis=1))
     slopes[:, lost], covariance[lost], covariance[:, lost] = 0.0, 0.0, 0.0
     variance = solution.sigma**2 + np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
-    groups = [
-        (of.name, group, part)
-        for of, rows in zip(problem.sets, problem.slices, strict=True)
+    # Of groups whose scatter is known: from what was fitted of them, or as it is stated.
+    known = {
+        group: members
         for group, members in problem.groups.items()
         if (members & problem.fitted).any() or any(problem.described[k].sigma for k in np.flatnonzero(members))
-        if (part := np.flatnonzero(members[rows] & ~problem.fitted[rows] & ~blind[rows]) + rows.start).size
-    ]
+    }
+    groups = []
+    for of, rows in zip(problem.sets, problem.slices, strict=True):
+        held_out = ~problem.fitted[rows] & ~blind[rows]
+        for group, members in known.items():
+            part = np.flatnonzero(members[rows] & held_out) + rows.start
+            if part.size:
+                groups.append((of.name, group, part))
     for name, group, part in groups:
         by, off = (float(np.sqrt(np.mean(v[part] ** 2))) for v in (missed / np.sqrt(variance), missed))
         if by > surely(inference.freedom, len(groups)) and off > _MATTERS * float(np.std(problem.measured[part])):

@@ -62,11 +62,9 @@ class Periods:
         if not any(self._columns[name][0].size for name in self._names):
             file = None if isinstance(log, ControlLog) else str(log)
             raise InputError(f"the log has none of {', '.join(self._names)}", file=file)
-        stamps, commanded = (
-            np.unique(np.concatenate([self._columns[name][0] for name in names]))
-            for names in ((*self._names, *inputs), inputs)
-        )
-        self.calls = calls = calls_of(stamps, commanded, controller.period)
+        commanded = np.concatenate([self._columns[name][0] for name in inputs])
+        stamps = np.concatenate([*(self._columns[name][0] for name in self._names), commanded])
+        self.calls = calls = calls_of(np.unique(stamps), np.unique(commanded), controller.period)
         self.t, self._y = calls.t, self._last(self._names)
         self.logged = self._last(inputs)
         # A command that is given at a call acts from then on: what acted until then is the one before.

@@ -127,18 +127,13 @@ def _read(data_set: DataSet, table: DataTable, scene: Scene, name: str, key: str
         conditions = {
             which: points.same(v, which) for which, v in _conditions(table, data_set.conditions, scene, key).items()
         }
-        return [
-            Poses(
-                [reading.selected(rows) for reading in have],
-                {which: values[rows] for which, values in conditions.items()},
-                chosen[rows],
-                scene,
-                name if k == 0 else f"{name} ({k + 1})",
-                data_set.sequence,
-                data_set.plane,
-            )
-            for k, (have, rows) in enumerate(points.patterns(data_set.measured))
-        ]
+        sets = list[Data]()
+        for k, (have, rows) in enumerate(points.patterns(data_set.measured)):
+            readings = [reading.selected(rows) for reading in have]
+            under = {which: values[rows] for which, values in conditions.items()}
+            called = name if k == 0 else f"{name} ({k + 1})"
+            sets.append(Poses(readings, under, chosen[rows], scene, called, data_set.sequence, data_set.plane))
+        return sets
     time = as_column(data_set.t)
     t, heading = _column(table, time, "s"), time.column
     table.check_clock(t, heading, "s" if time.scale != 1.0 else time.unit)

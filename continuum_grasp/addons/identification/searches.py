@@ -142,10 +142,13 @@ def choose_law(
         raise SolverError("no law could be fitted", status="no fit", violated=failed, advice="fit them one by one")
     sigma = np.min([fit.sigma for fit in fits.values()], axis=0)
     squares = {name: ((fit.predictions - any_of.measured) / sigma) ** 2 for name, fit in fits.items()}
-    within, errors = (
-        dict.fromkeys(candidates, math.inf) | {name: float(np.sqrt(np.mean(of[rows]))) for name, of in squares.items()}
-        for rows in (any_of.fitted, ~any_of.fitted)
-    )
+
+    def root_means(rows: NDArray[np.bool_]) -> dict[str, float]:
+        of_fits = {name: float(np.sqrt(np.mean(of[rows]))) for name, of in squares.items()}
+        return dict.fromkeys(candidates, math.inf) | of_fits
+
+    within = root_means(any_of.fitted)
+    errors = root_means(~any_of.fitted)
     best = min(fits, key=lambda name: errors[name])
     alike = [name for name in fits if name == best or not _differ(any_of, squares[name] - squares[best])]
     chosen = min(alike, key=lambda name: (candidates[name].shared, errors[name]))

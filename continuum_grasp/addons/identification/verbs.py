@@ -169,15 +169,12 @@ def show_plan(design: Callable[[Callable[[float], None]], ExperimentPlan], outpu
         output.table(("segment", "from", "to", "shows"), *segments, left=(3,))
         output.say("")
     columns = plan.names, plan.values, plan.before, plan.deviations, plan.units, plan.shown_by
-    output.table(
-        ("unknown", "assumed", "95 % now", "95 % then", "unit", "shown best by"),
-        *(
-            # 1.96: half of a 95 % interval per standard deviation
-            (name, f"{value:.4g}", *(f"+/- {1.96 * deviation:.2g}" for deviation in deviations), unit, shown)
-            for name, value, *deviations, unit, shown in zip(*columns, strict=True)
-        ),
-        left=(5,),
-    )
+    rows = []
+    for name, value, *deviations, unit, shown in zip(*columns, strict=True):
+        # 1.96: half of a 95 % interval per standard deviation
+        intervals = [f"+/- {1.96 * deviation:.2g}" for deviation in deviations]
+        rows.append((name, f"{value:.4g}", *intervals, unit, shown))
+    output.table(("unknown", "assumed", "95 % now", "95 % then", "unit", "shown best by"), *rows, left=(5,))
     output.conclude(plan, files, **plan.details())
     return plan
 

@@ -68,7 +68,9 @@ def frames_of(t: Array) -> NDArray[np.intp]:
     for k in range(1, len(t)):
         if t[k] - t[chosen[-1]] >= least * (1.0 - 1e-9):
             chosen.append(k)
-    return np.array(chosen if chosen[-1] == len(t) - 1 else [*chosen, len(t) - 1])
+    if chosen[-1] != len(t) - 1:
+        chosen.append(len(t) - 1)
+    return np.array(chosen)
 
 
 def trajectory_record(run: Trajectory, plant: WebPlant) -> RecordedStates:

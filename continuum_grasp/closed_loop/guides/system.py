@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -156,11 +155,12 @@ class ChainSystem(Functions):
 
     def _of_winches(self, others: ca.SX | Array) -> list[tuple[Winch, list[Scalar]]]:
         """The winches with their states."""
-        ends = np.cumsum([0, *(winch.states for winch in self.winches)]).tolist()
-        return [
-            (winch, [others[k] for k in range(a, b)])
-            for winch, (a, b) in zip(self.winches, pairwise(ends), strict=True)
-        ]
+        winches, at = [], 0
+        for winch in self.winches:
+            states: list[Scalar] = [others[k] for k in range(at, at + winch.states)]
+            winches.append((winch, states))
+            at += winch.states
+        return winches
 
     @cached_property
     def drums(self) -> ca.Function:

@@ -167,10 +167,11 @@ class _Record:
         off, apart = (self._differences(of, usual) for of in (self._exact, alone))
         size = np.abs([out[: self._close] for _, out in self._exact])[usual].max(axis=0)
         columns = off[-1 - int(_DECIDED * len(off))], size, off[-1], apart[-1]
-        return tuple(
-            OutputError(field.name, field.unit, *(float(f"{value:.2g}") for value in values))
-            for field, *values in zip(output.fields, *columns, strict=True)
-        )
+        errors = []
+        for field, *values in zip(output.fields, *columns, strict=True):
+            rounded = [float(f"{value:.2g}") for value in values]
+            errors.append(OutputError(field.name, field.unit, *rounded))
+        return tuple(errors)
 
     def _differences(self, exact: Sequence[_Call], usual: NDArray[np.bool_]) -> Array:
         """Differences of the first outputs in usual rows, each from the least to the greatest (rows, outputs).

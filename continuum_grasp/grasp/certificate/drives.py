@@ -78,8 +78,9 @@ class WoundTendons:
     @property
     def _wound_by_pulley(self) -> float:
         """Length that the pulley winds up of the one and pays out of the other, counted from zero [m]."""
-        first = self.tensions[0] >= self.tensions[1]
-        return float(self.wound[0] - self.law.start if first else self.law.start - self.wound[1])
+        if self.tensions[0] >= self.tensions[1]:
+            return float(self.wound[0] - self.law.start)
+        return float(self.law.start - self.wound[1])
 
     @property
     def held(self) -> Array:
@@ -111,7 +112,9 @@ class WoundTendons:
             commanded = held - law.servo * self.tensions
         off = np.abs(_softened(commanded - self.paths, law.onset) / self.compliances - self.tensions).max()
         # Of a motor on a pulley under a torque also the difference of the tensions.
-        return float(max(off, abs(left - right - held[0])) if law.pulley and not law.locks else off)
+        if law.pulley and not law.locks:
+            off = max(off, abs(left - right - held[0]))
+        return float(off)
 
     @property
     def over_torque(self) -> tuple[float, float] | None:

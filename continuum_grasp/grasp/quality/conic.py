@@ -92,10 +92,14 @@ def solve_conic(
     rows = np.asarray(rows, dtype=float).reshape(-1, n)
     # The bounds are limits of the unknowns as those of the rows are: all of them are treated together.
     every = np.concatenate([rows, np.eye(n)])
-    low, high = (
-        np.concatenate([np.broadcast_to(np.asarray(v, dtype=float), count) for v, count in ((a, len(rows)), (b, n))])
-        for a, b in ((row_lower, lower), (row_upper, upper))
-    )
+
+    def joined(of_rows: ArrayLike, of_unknowns: ArrayLike) -> Array:
+        spread = [np.broadcast_to(np.asarray(of_rows, dtype=float), len(rows))]
+        spread.append(np.broadcast_to(np.asarray(of_unknowns, dtype=float), n))
+        return np.concatenate(spread)
+
+    low = joined(row_lower, lower)
+    high = joined(row_upper, upper)
     if np.isnan([low, high]).any():
         raise InputError("a linear problem with a limit that is not a number")
     if not (np.isfinite(cost).all() and np.isfinite(rows).all()):

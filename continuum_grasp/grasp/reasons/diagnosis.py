@@ -206,13 +206,13 @@ class Repairs(Elastic):
     def reasons(self) -> list[Reason]:
         """The reasons so far; of several limits at once each is needed: none is enough without the others."""
         alone = {limits[0]: repair.total for limits, repair in self.found.items() if len(limits) == 1}
-        needed = [
-            repair
-            for limits, repair in self.found.items()
-            if len(limits) == 1
-            or not any(alone.get(limit, math.inf) <= (1.0 + NEAR) * repair.parts[limit] for limit in limits)
-        ]
-        return ordered(self._reason(reason) for repair in needed if (reason := self.as_demanded(repair)) is not None)
+        needed = []
+        for limits, repair in self.found.items():
+            enough = [alone.get(limit, math.inf) <= (1.0 + NEAR) * repair.parts[limit] for limit in limits]
+            if len(limits) == 1 or not any(enough):
+                needed.append(repair)
+        demanded = map(self.as_demanded, needed)
+        return ordered(self._reason(reason) for reason in demanded if reason is not None)
 
     def _reason(self, repair: Repair) -> Reason:
         """A repair in words; where little is missing, whether its posture needs none after all is tried."""

@@ -133,7 +133,8 @@ class StyledAxes:
         drawn = LineCollection(list(lines), linewidths=width, **look)
         drawn.set_array(at)
         # a run of one instant has no range of its own
-        drawn.set_clim(float(t[0]), float(t[-1]) if t[-1] > t[0] else float(t[0]) + 1.0)
+        end = float(t[-1]) if t[-1] > t[0] else float(t[0]) + 1.0
+        drawn.set_clim(float(t[0]), end)
         self.ax.add_collection(drawn)
         self.color_bar(drawn)
         return drawn

@@ -156,11 +156,10 @@ def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], N
     mute = [name for name in log.names if name not in Wiring.TIP and name not in cells]
     used = [k for k, name in enumerate(log.names) if name not in mute]
     log = log._replace(readings=log.readings[:, used], names=tuple(log.names[k] for k in used))
-    drives = [
-        tuple(Connection(of=k + 1, sign=sign) for k, sign in zip(order, signs, strict=True))  # type: ignore[arg-type]
-        for order in permutations(range(nu))
-        for signs in product((1, -1), repeat=nu)
-    ]
+    drives = []
+    for order, signs in product(permutations(range(nu)), product((1, -1), repeat=nu)):
+        pairs = zip(order, signs, strict=True)
+        drives.append(tuple(Connection(of=k + 1, sign=sign) for k, sign in pairs))  # type: ignore[arg-type]
     stated = scene.mounting is not None and "mirrored" in scene.mounting.camera.model_fields_set
     sides = [scene.mounting.camera.mirrored] if stated and scene.mounting is not None else [False, True]
     rough = sorted(_rough(bench, log, drives, sides, start), key=lambda trial: trial[0])

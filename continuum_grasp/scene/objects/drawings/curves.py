@@ -141,7 +141,8 @@ def distinct(points: Iterable[PlanePoint]) -> tuple[PlanePoint, ...]:
     for point in chain:
         if not once or math.dist(point, once[-1]) > least:
             once.append(point)
-    return tuple(once[:-1] if len(once) > 1 and math.dist(once[0], once[-1]) <= least else once)
+    closed = len(once) > 1 and math.dist(once[0], once[-1]) <= least
+    return tuple(once[:-1]) if closed else tuple(once)
 
 
 def _paper(outer: DrawnCurve, ground: list[DrawnCurve], file: str) -> list[str]:

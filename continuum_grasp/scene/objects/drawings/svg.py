@@ -71,11 +71,11 @@ def read_svg(given: OutlineFile) -> Drawing:
             if not curves and shape.clip is None:
                 drawing.ignored["shape that is not visible"] += 1
     clipped = {shape.source: shape.clipped for shape in plain.shapes}
-    drawing.curves = [
-        _on_page(part, elements[0].width, elements[0].height)
-        for curve in drawing.curves
-        for part in _clipped(curve, [regions[k] for k in clipped[curve.source]])
-    ]
+    shown = []
+    for curve in drawing.curves:
+        within = [regions[k] for k in clipped[curve.source]]
+        shown += [_on_page(part, elements[0].width, elements[0].height) for part in _clipped(curve, within)]
+    drawing.curves = shown
     return drawing
 
 
