@@ -153,7 +153,8 @@ def calls_per_period(made: Mapping[str, Any], clock: float) -> dict[str, tuple[f
 
     At one instruction per cycle of the ``clock`` [Hz], which neither waits for memory nor takes long divisions.
     """
-    cycles, counts = clock * made["loop"]["period_s"], made["measured"]["functions"]
+    cycles = clock * made["loop"]["period_s"]
+    counts = made["measured"]["functions"]
     return {
         name: (count["mean_instructions"] / cycles, count["most_instructions"] / cycles)
         for name, count in counts.items()

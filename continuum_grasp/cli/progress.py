@@ -57,7 +57,8 @@ def _lines(progress: Progress, done: threading.Event) -> None:
         tenth, last = int(10.0 * (share or 0.0)), now
         known, left = "", ""
         if share is not None:
-            first, known = first or (now, share), f"{100.0 * share:.0f} %, "
+            first = first or (now, share)
+            known = f"{100.0 * share:.0f} %, "
             if first[1] < share < 1.0:
                 left = f", about {(now - first[0]) * (1.0 - share) / (share - first[1]):.0f} s left"
         _say(f"{progress.what}: {known}{now:.0f} s{left}")

@@ -115,7 +115,8 @@ class SerialBoard:
             try:
                 if fields is None or fields[0] != "y" or len(fields) != self._readings + 2:
                     raise ValueError
-                number, values = int(fields[1]), [float(field) if field else math.nan for field in fields[2:]]
+                number = int(fields[1])
+                values = [float(field) if field else math.nan for field in fields[2:]]
             except ValueError:
                 self.damaged += 1
                 continue

@@ -38,7 +38,8 @@ class Integration(Remade):
         states, done, why = self._steps(x, np.ascontiguousarray(u, dtype=float), start, period / substeps, substeps)
         if done == substeps:
             return states
-        time, last = start + done * period / substeps, states[done]
+        time = start + done * period / substeps
+        last = states[done]
         text = why.format(time=f"{time:g}", last=last.tolist())
         raise NumericalError(text, time=time, state=last, result=states[: done + 1])
 

@@ -134,7 +134,8 @@ class Links:
         from scipy.optimize import brentq
 
         # No modes of the damping any more: the same condition, of the matrices.
-        mass, stiffness = 4.0 * self.mass_matrix, np.diag(ratio * self.stiffness) + springs
+        mass = 4.0 * self.mass_matrix
+        stiffness = np.diag(ratio * self.stiffness) + springs
 
         def spare(step: float) -> float:
             rest = mass + np.diag(2.0 * step * self.damping) - step**2 * stiffness

@@ -72,7 +72,9 @@ class Plant:
         self._wired = scene.mounting != scene.bench_mounting
         self.x, self.t = self.model.start.copy(), 0.0
         # What measurements may still show: instants, states, and the inputs that led to them.
-        self._past_t, self._past_x, self._past_u = np.zeros(1), self.x[None], self.model.rest_input[None]
+        self._past_t = np.zeros(1)
+        self._past_x = self.x[None]
+        self._past_u = self.model.rest_input[None]
 
     def seen(self) -> tuple[float, Array]:
         """Return instant [s] and state (nx) that measurements which arrive now show."""
@@ -151,7 +153,8 @@ class SharedPlant:
     @property
     def _integration(self) -> Integration:
         """Integrators of the plants, made once for each model."""
-        model, method = self._joint or self.plants[0].model, self.plants[0].method.name
+        model = self._joint or self.plants[0].model
+        method = self.plants[0].method.name
         if method not in model.integrations:
             model.integrations[method] = ChainIntegration(model) if method == GUIDES else Integration(model, method)
         integration: Integration = model.integrations[method]
@@ -243,7 +246,9 @@ def _friction_states(plant: PlantModel, prediction: Prediction) -> dict[str, ca.
     states: dict[str, ca.SX] = {}
     for number, cells in enumerate(prediction.system.finger_model.structure.cell_sets):
         edges = np.cumsum([0.0, *(cell.length for cell in cells.cells)])
-        names, tendon, side = cells.names(number + 1), cells.tendons[0], cells.sides[0]
+        names = cells.names(number + 1)
+        tendon = cells.tendons[0]
+        side = cells.sides[0]
         parts = [(0.0, edges[-1])] * (len(names) - len(cells.cells)) + list(pairwise(edges.tolist()))
         for name, (a, b) in zip(names, parts, strict=True):
             # The inverse of the cubic by which a state acts.

@@ -117,7 +117,8 @@ class PlantModel(Remade):
         self.nx, self.nu, self.nw = len(self.x_names), len(self.u_names), len(self.w_names)
         self._x, self._u = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu)
         self._w, self._p = ca.SX.sym("w", self.nw), ca.SX.sym("p", self.system.np + varied_lag)
-        self.command, self.symbols = self._u, (self._x, self._u, self._w, self._p)
+        self.command = self._u
+        self.symbols = (self._x, self._u, self._w, self._p)
         # What equations of the system take: loads that it knows, and parameters as they are by now.
         self._loads, self._now = self._w[: self.system.nw], ca.SX(self._p[: self.system.np])
         if falls:
@@ -485,7 +486,8 @@ class PlantModel(Remade):
         """Expression of each number that an estimator measures, by its name and unit, by sensor."""
         finger, values = self.scene.finger, ca.vertsplit(self.tensions)
         names = [f"tension_{k + 1} [N]" for k in range(len(values))] if finger.winches else self.u_names[: len(values)]
-        tensions, motors = dict(zip(names, values, strict=True)), self.system.finger_model.structure.motors
+        tensions = dict(zip(names, values, strict=True))
+        motors = self.system.finger_model.structure.motors
         shape = self.quantities(prediction, self.command, None)
         return shape.sensed(measured, motors, self.named_states, self.command, tensions)
 

@@ -108,11 +108,13 @@ class Readings:
             kappa = self._rows(self.plant.curvature, x, u, w)
             exceeded.append(Bound("curvature", "1/m", (np.abs(kappa) - limits).max(axis=1), float(limits.min())))
         if bounds.speed is not None:
-            rates, limit = self.plant.quantities(self._prediction, u, None).bending_rate(), bounds.speed
+            rates = self.plant.quantities(self._prediction, u, None).bending_rate()
+            limit = bounds.speed
             exceeded.append(Bound("speed", "rad/s", np.abs(self._rows(rates, x, u, w)).max(axis=1) - limit, limit))
         if bounds.keep_out:
             at = np.linspace(0.0, self._length, _FINE + 1)[1:]
-            fine, half = self._sections(at, x, u, w), self.plant.scene.finger.profile.half_thickness(at)
+            fine = self._sections(at, x, u, w)
+            half = self.plant.scene.finger.profile.half_thickness(at)
             for name, zone in bounds.keep_out.items():
                 of = slice(None) if zone.of == "backbone" else slice(-1, None)
                 # The surface, half a thickness from the backbone, without the clearance that is asked for.

@@ -201,7 +201,8 @@ def _loop(
         for k in range(steps):
             asked = []
             for loop, later in zip(loops, ahead, strict=True):
-                reference, measured = loop.rows(loop.plant.t + later), loop.plant.measure()
+                reference = loop.rows(loop.plant.t + later)
+                measured = loop.plant.measure()
                 asked.append((measured, reference[0], loop.control.step(measured, reference)))
             states = shared.advance([of[-1].u for of in asked])
             # The period is recorded at once and whole, wherever an interruption falls.
@@ -227,7 +228,8 @@ def _result(loop: FingerLoop, first: tuple[float, Array], steps: list[_Step], fi
     t = np.asarray(first[0] + plant.period * np.arange(count + 1), dtype=float)
     x = np.array([first[1], *[step.x for step in steps]])
     u = np.array([c.u for c in commands]).reshape(count, stages.nu)
-    held, last = np.vstack([rest, u]), np.vstack([u, u[-1:] if count else rest])
+    held = np.vstack([rest, u])
+    last = np.vstack([u, u[-1:] if count else rest])
     w = plant.model.forces(t)
     readings = Readings(scene, plant.model, stages, model)
     by_commands = _of_commands(commands, model, stages, touches=scene.estimator is not None)

@@ -107,7 +107,8 @@ class SharedModel:
 
     def _arguments(self, functions: Sequence[ca.Function]) -> tuple[dict[str, ca.SX], list[dict[str, ca.SX]]]:
         """Symbols of a function of all plants by the names of the plants' ``functions``, and those of each."""
-        symbols, parts = dict[str, ca.SX](), list[dict[str, ca.SX]]([{} for _ in functions])
+        symbols = dict[str, ca.SX]()
+        parts = list[dict[str, ca.SX]]([{} for _ in functions])
         states = self._state_places
         for name in functions[0].name_in():
             sizes = [function.size_in(name) for function in functions]
@@ -142,12 +143,16 @@ class SharedModel:
         The functions give the rates of a plant's ``states``, of other plants than the first then what it exerts on the
         object: force [N], moment about its center of mass [N m] and force out of the plane [N].
         """
-        rates, outputs, exerted = ca.SX(_size(at), 1), list[list[ca.SX]](), ca.SX(4, 1)
+        rates = ca.SX(_size(at), 1)
+        outputs = list[list[ca.SX]]()
+        exerted = ca.SX(4, 1)
         for function, part, places in zip(functions[1:], parts[1:], at[1:], strict=True):
             rate, wrench, *rest = function.call([*part.values()])
             rates[places], exerted = rate, exerted + wrench
             outputs.append(rest)
-        lead, first, more = self.plants[0], parts[0], ca.SX(self.plants[0].nw, 1)
+        lead = self.plants[0]
+        first = parts[0]
+        more = ca.SX(self.plants[0].nw, 1)
         for name, total in zip(PlantModel.WRENCH, ca.vertsplit(exerted), strict=False):
             if outputs:
                 more[lead.w_names.index(name)] = total

@@ -71,7 +71,8 @@ def missed_setpoints(
     """Say what ends how far from setpoints r (K + 1, nr) which stood long enough to be met, by names of columns."""
     messages = []
     for group in tracked_groups(names):
-        rows, off = r[:, group.columns], tracking_of(group, tracked - r).final
+        rows = r[:, group.columns]
+        off = tracking_of(group, tracked - r).final
         others = np.flatnonzero((rows != rows[-1]).any(axis=1))
         stood = t[-1] - t[others[-1] + 1 if others.size else 0]
         # Zeros that are not stated are a default, and no aim.

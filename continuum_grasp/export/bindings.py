@@ -53,7 +53,9 @@ def _interface(contents: Contents) -> dict[str, object]:
 
 def _beginnings(contents: Contents) -> dict[str, dict[str, object]]:
     """First values of structs that have a function to fill them; others begin with zeros."""
-    subject, loop, beginnings = contents.subject, contents.subject.loop, dict[str, dict[str, object]]()
+    subject = contents.subject
+    loop = contents.subject.loop
+    beginnings = dict[str, dict[str, object]]()
     if contents.calls and subject.touching is not None:
         beginnings["state"] = {**subject.state.named(subject.start)}
     if loop is not None and contents.stateful:

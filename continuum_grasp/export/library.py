@@ -118,7 +118,8 @@ class WasmController:
     """
 
     def __init__(self, scene: ControlScene, phases: Callable[[Stages], ExportedPhases] | None = None) -> None:
-        kind, names = CReal.KINDS["double"], ["mpc", *(["mission"] if phases is not None else [])]
+        kind = CReal.KINDS["double"]
+        names = ["mpc", *(["mission"] if phases is not None else [])]
         self.loop = Loop.of(scene, kind, names, phases)
         self._contents = contents_of(Subject("finger", kind, loop=self.loop), names, title_of(scene))
         files = library_files(self._contents)

@@ -214,7 +214,9 @@ def _checked(
     contents: Contents, limit: float, report: Callable[[float, str], None]
 ) -> tuple[list[Vectors], dict[str, str], dict[str, tuple[OutputError, ...]]]:
     """Test vectors, files of the library, and rounding errors in single precision, which the ``limit`` may refuse."""
-    subject, double, errors = contents.subject, None, dict[str, tuple[OutputError, ...]]()
+    subject = contents.subject
+    double = None
+    errors = dict[str, tuple[OutputError, ...]]()
     if subject.real.name == "float":
         # The same in double: the truth for the errors of single precision.
         names = [part.name for part in contents.parts]
@@ -282,7 +284,9 @@ def contents_of(
     # What is too large is refused before the spectral radius is looked for, which step needs.
     made = {name: PARTS[name](subject) for name in sorted(names, key=lambda name: name == "step")}
     match = re.match(r"\d+(\.\d+)*", __version__)
-    prefix, number, single = subject.prefix, match[0] if match else "0", subject.real.name == "float"
+    prefix = subject.prefix
+    number = match[0] if match else "0"
+    single = subject.real.name == "float"
     contents = Contents(subject, [made[name] for name in names], {})
     paths = [path for path in contents.sources if path.startswith("src/") and path.endswith(".c")]
     sources = [prefix, f"{prefix}_kernels", *(path.removeprefix("src/").removesuffix(".c") for path in paths)]

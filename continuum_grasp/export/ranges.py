@@ -95,7 +95,8 @@ class ModelFields:
         usual_moment = model.finger.rod.stiffness * max(model.ranges) / model.finger.rod.length
         fields = []
         for field in _fields(model, model.u_names):
-            size, drive = _usual_drive(model, field.name), re.fullmatch(_DRIVE, field.name)
+            size = _usual_drive(model, field.name)
+            drive = re.fullmatch(_DRIVE, field.name)
             if size is None or drive is None:
                 fields.append(field.around(usual_moment))
             elif drive[1] in ("tension", "pressure"):

@@ -36,7 +36,8 @@ def readme(contents: Contents, report: Report, *, header: str, source: str, wasm
     subject, stateful = contents.subject, contents.stateful
     finger, names = subject.finger, {part.name for part in contents.parts}
     note = "" if finger is None else moment_note(subject)
-    both, prefix = list[Call | Stateful]([*contents.calls, *stateful]), subject.prefix
+    both = list[Call | Stateful]([*contents.calls, *stateful])
+    prefix = subject.prefix
     tested = {f"{prefix}_{f.name}": (f.text.removesuffix(note).rstrip(), report.cases[f.name]) for f in both}
     bounds, differences = (
         [(f.name, error) for f in functions for error in report.errors.get(f.name, ())]

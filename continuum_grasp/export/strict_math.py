@@ -172,7 +172,8 @@ def _turn(x: Array, n: SimpleNamespace, quarters: int) -> Array:
     """Cosine of x less so many quarters of a turn."""
     k = _nearest(np.clip(x, -n.most_angle, n.most_angle) * n.per_half_pi)
     r = ((x - k * n.pi_1) - k * n.pi_2) - k * n.pi_3
-    square, at = r * r, (k.astype(np.int64) - quarters) & 3
+    square = r * r
+    at = (k.astype(np.int64) - quarters) & 3
     # cos(r + at pi/2) is cos r, -sin r, -cos r, sin r for at = 0, 1, 2, 3.
     value = np.where(at & 1, r * _horner(n.sin, square), _horner(n.cos, square))
     value = np.where((at == 1) | (at == 2), -value, value)
@@ -205,7 +206,8 @@ def _log(x: Array, n: SimpleNamespace) -> Array:
     exponent = (scaled >> bits(mantissa)).astype(np.int64) - bias
     m = ((scaled & bits((1 << mantissa) - 1)) | bits(bias << mantissa)).view(n.real.dtype)
     beyond = m > n.root_two
-    m, k = np.where(beyond, n.half * m, m), (exponent - n.up_power * small + beyond).astype(n.real.dtype)
+    m = np.where(beyond, n.half * m, m)
+    k = (exponent - n.up_power * small + beyond).astype(n.real.dtype)
     ratio = (m - n.one) / (m + n.one)
     value = k * n.ln2_1 + (k * n.ln2_2 + ratio * _horner(n.log, ratio * ratio))
     return np.asarray(np.where(x > 0, value, np.where(x < 0, n.real.dtype(np.nan), n.real.dtype(-np.inf))))
@@ -233,7 +235,8 @@ def _tanh(x: Array, n: SimpleNamespace) -> Array:
 
 def _sinh(x: Array, n: SimpleNamespace) -> Array:
     size = np.abs(x)
-    root, e = _exp(n.half * size, n), _expm1(size, n)
+    root = _exp(n.half * size, n)
+    e = _expm1(size, n)
     return _signed(x, np.where(size > n.tanh_most, n.half * root * root, n.half * (e + e / (e + n.one))))
 
 

@@ -306,7 +306,9 @@ def _greatest_rates(
     NumericalError where it is not finite.
     """
     rng = np.random.default_rng(0)  # a package must come out the same every time
-    reach, radius, resolved = np.array([field.high for field in states[: model.n]]), 0.0, 0.0
+    reach = np.array([field.high for field in states[: model.n]])
+    radius = 0.0
+    resolved = 0.0
     moving = model if touching is None else touching
     for p in _corners(moving, parameters, rng):
         for shape in _shapes(reach, rng):

@@ -124,7 +124,8 @@ class SweptKernel(Kernel):
 
         outer = {name: rows[name] for name in ("u", "w", "p") if name in rows} | {"x": x, "lag": x[:, 2 * n :]}
         head = part("head", **outer)
-        q, qd = np.hstack([x[:, :n], head["tip"]]), np.hstack([x[:, n : 2 * n], head["tip_rate"]])
+        q = np.hstack([x[:, :n], head["tip"]])
+        qd = np.hstack([x[:, n : 2 * n], head["tip_rate"]])
         row = [np.tile(made.rows[k].astype(t), (count, 1)) for k in links]
         window = [slice(k * made.stride, k * made.stride + made.local) for k in links]
         spin = [np.zeros((count, self._sizes["carry"]["spun"]), dtype=t)]
@@ -141,7 +142,8 @@ class SweptKernel(Kernel):
             acting = part("loads", turns=np.hstack([turns[k] for k in made.loaded]), **outer)["force"]
             for link, load in zip(made.loaded, np.split(acting, len(made.loaded), axis=1), strict=True):
                 force[link] = force[link] + load
-        end, gains = part("tip", spin=spin[-1], **outer)["end"], []
+        end = part("tip", spin=spin[-1], **outer)["end"]
+        gains = []
         for k in reversed(links):
             results = part("inward", end=end, row=row[k], force=force[k], **bodies[k], **outer)
             end = results["handed"]

@@ -44,7 +44,8 @@ def _vectors(subject: Subject, call: Call, seed: int, count: int) -> Vectors:
     arguments = subject.passed_to(call)
     rows = _sample(subject, arguments, seed).astype(subject.real.dtype)
     outputs, codes = call.reference(split(rows, arguments))
-    good, refused = np.flatnonzero(codes >= 0), np.flatnonzero(codes < 0)
+    good = np.flatnonzero(codes >= 0)
+    refused = np.flatnonzero(codes < 0)
     chosen = np.sort(np.concatenate([good[: count - min(_REFUSED, len(refused))], refused[:_REFUSED]]))
     rows, outputs, codes = rows[chosen], outputs[chosen], codes[chosen]
     base = int(np.flatnonzero(codes >= 0)[0])  # a good row, in which one number at a time is made bad
@@ -73,7 +74,8 @@ def press(subject: Subject, arguments: Sequence[Argument], rows: Array, rng: np.
     arrays, count = split(rows, list(arguments)), len(rows)
     whole = [arrays[key] if arrays[key].size else np.zeros((count, getattr(system, f"n{key}"))) for key in "xuwp"]
     touch = system.touch.map(count)(*(np.asarray(array, dtype=float).T for array in whole))
-    gap, normal = np.array(touch[0]).T, np.array(touch[6]).reshape(2, count, -1)
+    gap = np.array(touch[0]).T
+    normal = np.array(touch[6]).reshape(2, count, -1)
     stations = sum(name.startswith("finger.") for name in system.touch_names)
     station, each = rng.integers(0, stations, count), np.arange(count)
     depth = subject.pressed * rng.uniform(*_DEPTHS, count)
@@ -102,10 +104,12 @@ def _sample(subject: Subject, arguments: list[Argument], seed: int) -> Array:
     fields = [field for a in arguments for field in a.numbers]
     low, high = reach_of(arguments)
     scales = np.array([f.scale for f in fields])
-    low, high = np.maximum(low, -scales), np.minimum(high, scales)
+    low = np.maximum(low, -scales)
+    high = np.minimum(high, scales)
     rows = rng.uniform(low, high, (_DRAWN, len(fields)))
     first = 0 if subject.parameters is None else subject.parameters.size
-    nominal, at_rest = np.array(subject.moving.p_nominal), np.clip(np.zeros(len(fields)), low, high)
+    nominal = np.array(subject.moving.p_nominal)
+    at_rest = np.clip(np.zeros(len(fields)), low, high)
     state = slice(first, first + subject.moving.nx)
     at_rest[state] = subject.start
     sides = rows[5 : 5 + _SIDES]

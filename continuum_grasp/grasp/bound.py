@@ -111,11 +111,13 @@ def _best_multipliers(need: Array, used: Array, cuts: list[list[Array]]) -> tupl
     count = len(cuts)
     planes = [np.concatenate([-effect, np.eye(count)[k]]) for k, mine in enumerate(cuts) for effect in mine]
     rows = np.array([*planes, np.concatenate([need, np.zeros(count)])])
-    low, high = np.zeros(len(rows)), np.full(len(rows), np.inf)
+    low = np.zeros(len(rows))
+    high = np.full(len(rows), np.inf)
     low[-1] = high[-1] = 1.0
     # Any multipliers are valid.
     far = FAR * used / np.linalg.norm(need)
-    cost, upper = np.repeat([0.0, 1.0], [6, count]), np.concatenate([far, np.full(count, np.inf)])
+    cost = np.repeat([0.0, 1.0], [6, count])
+    upper = np.concatenate([far, np.full(count, np.inf)])
     optimum = solve_conic(cost, rows, low, high, np.concatenate([-far, np.zeros(count)]), upper)
     return optimum.x[:6], optimum.objective
 
@@ -139,7 +141,10 @@ def _balances(scene: GraspScene) -> tuple[Array, Array]:
 
 def _contacts(scene: GraspScene) -> list[_Places]:
     """All contacts that there may be: one that is off is as good as one without force."""
-    body, pose, com, size = scene.object, scene.object.pose, complex(*scene.object.com), scene.object.size
+    body = scene.object
+    pose = scene.object.pose
+    com = complex(*scene.object.com)
+    size = scene.object.size
     outlines = object_outlines(scene)
 
     def anywhere(friction: float, center: complex = 0j, reach: float = math.inf, half: float = 0.0) -> _Places:
@@ -225,15 +230,19 @@ class _Places:
     def _effect(self, y: Array, point: complex, angle: float) -> Array:
         """Effect on the object of the force with this maximum."""
         force, lift = self._arms(y, np.array(point))
-        across, up = float((force * cmath.exp(-1j * angle)).imag), float(lift)
+        across = float((force * cmath.exp(-1j * angle)).imag)
+        up = float(lift)
         size = math.hypot(across, up) or 1.0
         push = cmath.exp(1j * angle) * (1.0 + 1j * self.friction * across / size)
-        arm, raised = (point - self.com) / self.size, self.friction * up / size
+        arm = (point - self.com) / self.size
+        raised = self.friction * up / size
         moment = (arm.conjugate() * push).imag
         return np.array([push.real, push.imag, moment, raised, arm.real * raised, arm.imag * raised])
 
     def _any_normal(self, y: Array) -> tuple[float, Array]:
-        force, lift, mu = complex(y[0], y[1]), float(y[3]), self.friction
+        force = complex(y[0], y[1])
+        lift = float(y[3])
+        mu = self.friction
         size = abs(force)
         # Where g c + mu sqrt(g^2 (1 - c^2) + v^2) has its greatest value, c being the cosine of force and normal.
         cosine = min(1.0, math.sqrt((size**2 + lift**2) / (1.0 + mu**2)) / size) if size > 0.0 else 1.0
@@ -259,14 +268,19 @@ class _Places:
             near = np.abs(lines).min(axis=0) - bow * np.abs(lines[1] - lines[0]) <= self.reach
             if not near.any():
                 return (1.0 + SAME) * best, at
-            low, high, turn, way, lines = low[near], high[near], turn[near], way[near], lines[:, near]
+            low = low[near]
+            high = high[near]
+            turn = turn[near]
+            way = way[near]
+            lines = lines[:, near]
             points = np.stack([first.point[near], last.point[near]])
             angles = np.stack([first.angle[near], last.angle[near]])
             works = self._work(y, points, angles)
             there = np.where(np.abs(lines) <= self.reach, works, 0.0)
             end, row = np.unravel_index(int(np.argmax(there)), works.shape)
             if there[end, row] > best:
-                best, at = float(there[end, row]), (complex(points[end, row]), float(angles[end, row]))
+                best = float(there[end, row])
+                at = (complex(points[end, row]), float(angles[end, row]))
             force, _ = self._arms(y, points)
             # The work is Lipschitz in force and lift; turning the normal is turning the force.
             rise = steep * (abs(y[2]) * way / self.size + np.abs(force).max(axis=0) * turn)

@@ -199,7 +199,8 @@ def _by_move(scene: GraspScene, tried: Tried, x: float, y: float, turn: float) -
     """Derivative of the problem's numbers by a move of the object about its center of mass: all bases move back."""
     c, s = np.cos(scene.object.angle), np.sin(scene.object.angle)
     com = np.asarray(scene.object.position) + np.array([[c, -s], [s, c]]) @ scene.object.com
-    at, out = tried.solver.problem.numbers.at, np.zeros(tried.solver.problem.numbers.size)
+    at = tried.solver.problem.numbers.at
+    out = np.zeros(tried.solver.problem.numbers.size)
     for name, finger in scene.named_fingers.items():
         if f"{name}.base" in at:
             arm = np.asarray(finger.base.position) - com

@@ -123,8 +123,10 @@ def skin(thickness: Curve) -> Curve:
     """Half thickness [m] whose kinks and jumps are rounded by cubics, with a continuous slope."""
     length, corners = thickness.edges[-1], []
     for k, at in enumerate(thickness.edges[1:-1], 1):
-        before, after = thickness.local(k - 1, at), thickness.local(k, at)
-        jump, bend = after(0.0) - before(0.0), after.deriv()(0.0) - before.deriv()(0.0)
+        before = thickness.local(k - 1, at)
+        after = thickness.local(k, at)
+        jump = after(0.0) - before(0.0)
+        bend = after.deriv()(0.0) - before.deriv()(0.0)
         if abs(jump) > ROUNDING * length or abs(bend) > ROUNDING:
             # Not beyond half-way to the next edge.
             half_width = 0.5 * min(at - thickness.edges[k - 1], thickness.edges[k + 1] - at)
@@ -134,7 +136,8 @@ def skin(thickness: Curve) -> Curve:
     widths = {k: width for k, _, width in corners}
     edges, pieces = [0.0], []
     for k, (a, b) in enumerate(zip(thickness.edges[:-1], thickness.edges[1:], strict=True)):
-        start, end = a + widths.get(k, 0.0), b - widths.get(k + 1, 0.0)
+        start = a + widths.get(k, 0.0)
+        end = b - widths.get(k + 1, 0.0)
         edges.append(end)
         pieces.append(tuple(thickness.local(k, start).coef.tolist()))
         if k + 1 in widths:

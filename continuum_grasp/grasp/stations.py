@@ -140,7 +140,8 @@ def _exchanges(scene: GraspScene, arrays: Mapping[str, Array]) -> Iterator[Grasp
 
 def _better(search: GraspSearch, start: GraspStart, options_at: int = 2) -> bool:
     """Whether a start leads to a grasp that is better."""
-    tried, best = {frozenset(t.attempt.start.contacts) for t in search.tried}, search.best
+    tried = {frozenset(t.attempt.start.contacts) for t in search.tried}
+    best = search.best
     if search.budget.over or not start.contacts or frozenset(start.contacts) in tried:
         return False
     search.attempt(start, options_at=options_at, iterations=None if best is None else FIRST_CAP)
@@ -211,7 +212,8 @@ def _slope(scene: GraspScene, at: Tried) -> Array:
         for k in range(place.start, place.stop) if moves else ():
             off = np.zeros(attempt.x.size)
             off[k] = _STEP
-            ahead, behind = value(attempt.x + off) - here, here - value(attempt.x - off)
+            ahead = value(attempt.x + off) - here
+            behind = here - value(attempt.x - off)
             # Where a contact leaves the edge of its friction cone the eigenvalue jumps, either way.
             jumps = abs(ahead - behind) > 0.5 * max(abs(ahead), abs(behind))
             slope[k] = (ahead if jumps else 0.5 * (ahead + behind)) / _STEP

@@ -103,7 +103,8 @@ class NLP:
         slope = gradient + np.array(jacobian.T @ forces).ravel() + bounds
         fixed = start.low == start.high  # no condition: the multiplier is whatever balances
         low, high = np.concatenate([start.low, start.lower]), np.concatenate([start.high, start.upper])
-        at, scale = np.concatenate([x, g]), np.concatenate([np.ones(x.size), by_g])
+        at = np.concatenate([x, g])
+        scale = np.concatenate([np.ones(x.size), by_g])
         pressed = by_f * np.concatenate([bounds, forces]) / scale
         if not all(np.isfinite(v).all() for v in (at, slope, pressed)):
             return float("inf")

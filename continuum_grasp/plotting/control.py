@@ -105,7 +105,9 @@ def plot_tracking_error(ax: Axes, run: ControlRun) -> str:
     quantity.
     """
     if run.tip_reference is not None:
-        size, name, unit = np.linalg.norm(run.tip - run.tip_reference, axis=1), "tip", "m"
+        size = np.linalg.norm(run.tip - run.tip_reference, axis=1)
+        name = "tip"
+        unit = "m"
     else:
         name, unit = split_unit(run.r_names[0])
         name = name.rstrip("0123456789_")  # entries of one quantity differ in their number
@@ -138,7 +140,8 @@ def plot_disturbances(ax: Axes, run: ControlRun) -> str:
     unit = split_unit(names[0]).unit if names else ""
     chosen = [k for k, name in enumerate(names) if split_unit(name).unit == unit]
     for k, color in zip(chosen, Color.distinct(len(chosen)), strict=True):
-        value, spread = run.disturbance[:, k], 2.0 * run.disturbance_std[:, k]
+        value = run.disturbance[:, k]
+        spread = 2.0 * run.disturbance_std[:, k]
         ax.fill_between(run.t[:-1], value - spread, value + spread, color=color, alpha=0.15, linewidth=0.0)
         ax.plot(run.t[:-1], value, color=color, linewidth=1.4, label=split_unit(names[k]).words)
     return f"estimated disturbance [{unit}]"

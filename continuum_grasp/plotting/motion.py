@@ -167,7 +167,8 @@ def _box(points: Sequence[NDArray[Any]], arrows: ForceArrows) -> Box:
 def plot_shape(equilibrium: Equilibrium, *, ax: Axes | None = None) -> Axes:
     """Draw a finger at rest, with clamp, point masses and forces to scale."""
     finger, forces = equilibrium.model.finger, equilibrium.forces
-    shape, masses = np.asarray(equilibrium.backbone(bodies.backbone_points(finger))), bodies.masses_of(finger)
+    shape = np.asarray(equilibrium.backbone(bodies.backbone_points(finger)))
+    masses = bodies.masses_of(finger)
     outlines = _thickness(finger, shape[None])
     arrows = ForceArrows([forces], finger.rod.length)
     styled = StyledAxes.plane(ax, _box([shape, *outlines], arrows), colorbar=False)
@@ -201,7 +202,8 @@ def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
 def plot_coordinates(ax: Axes, trajectory: Moved) -> str:
     """Draw every bending coordinate over time, in order."""
     names = [split_unit(name) for name in trajectory.x_names[: trajectory.n]]
-    symbols, units = [symbol(name) for name, _ in names], ", ".join(dict.fromkeys(unit for _, unit in names))
+    symbols = [symbol(name) for name, _ in names]
+    units = ", ".join(dict.fromkeys(unit for _, unit in names))
     alone = len(names) == 1  # which the axis names; the others have a legend
     StyledAxes(ax).curves(trajectory.t, np.asarray(trajectory.x)[:, : trajectory.n].T, [None] if alone else symbols)
     return f"{_QUANTITY.get(units, 'bending coordinate')}{f' {symbols[0]}' if alone else ''} [{units}]"
@@ -256,7 +258,8 @@ def plot_modes(
     drawn = _new_axes(wanted, box, modes.stable) if panels is None else panels[:wanted]
     for k, panel in enumerate(drawn):
         StyledAxes.plane(panel, box)
-        plus, minus = rest + swing[k], rest - swing[k]
+        plus = rest + swing[k]
+        minus = rest - swing[k]
         panel.plot(*rest.T, color=Color.GRAY, linewidth=1.4, linestyle="--", zorder=2)
         panel.plot(*plus.T, color=Color.BLUE, linewidth=2.0, zorder=3)
         panel.plot(*minus.T, color=Color.ORANGE, linewidth=2.0, zorder=3)

@@ -105,7 +105,8 @@ def _fingers(ax: Axes, view: SceneView) -> list[Label]:
     """Draw the fingers with their clamps, masses and contacts; returns their labels."""
     labels = []
     for k, (name, finger) in enumerate(view.fingers.items()):
-        line, color = view.backbones[name], FINGERS[k % len(FINGERS)]
+        line = view.backbones[name]
+        color = FINGERS[k % len(FINGERS)]
         bodies.draw_clamp(ax, line[:, 1:3], finger)
         bodies.draw_thickness(ax, line, finger, facecolor=color)
         ax.plot(*line[:, 1:3].T, color=color, linewidth=1.5, zorder=Z.CENTERLINE)
@@ -146,7 +147,8 @@ def _object(ax: Axes, view: SceneView) -> list[Label]:
 def _supports(view: SceneView) -> list[Label]:
     """Labels of supports and zones, each at a place of it that is seen."""
     left, right, low, high = view.box
-    middle, sides = np.array([left + right, low + high]) / 2.0, np.array([right - left, high - low])
+    middle = np.array([left + right, low + high]) / 2.0
+    sides = np.array([right - left, high - low])
     labels = [_label(peg.name, Color.INK, np.array(peg.position)) for peg in view.pegs]
     for wall in view.walls:
         along = np.array([-wall.normal[1], wall.normal[0]])

@@ -230,7 +230,8 @@ class GraspScene(Configuration, Supported):
         Both are exact where only the position is free; a support function changes by no more than the object's extent
         per angle.
         """
-        angle, extent = self.object.angle, max(part.extent for part in self.object.parts)
+        angle = self.object.angle
+        extent = max(part.extent for part in self.object.parts)
         *sides, (first, last) = self.object.pose_bounds
         if isinstance(body, Peg):
             gap = self.object.distance(body.position) - body.radius

@@ -140,7 +140,8 @@ class DataTable:
         """Rows that have the same text in a column, in the order of the first of each; None: each row by itself."""
         if heading is None:
             return [np.array([k]) for k in range(len(self.rows))]
-        at, groups = self.index(heading), dict[str, list[int]]()
+        at = self.index(heading)
+        groups = dict[str, list[int]]()
         for k, row in enumerate(self.rows):
             groups.setdefault(row[at], []).append(k)
         return [np.array(rows) for rows in groups.values()]

@@ -47,7 +47,8 @@ def parsed(text: str, names: Sequence[str], file: str) -> tuple[TableText, bool]
     header_line = numbered[max(top - 1, 0)][0]
     # headings again, where a file was begun anew
     retained = [k for k in range(top, len(cells)) if cells[k] != cells[top - 1] or not top]
-    rows, row_lines = tuple(cells[k] for k in retained), tuple(numbered[k][0] for k in retained)
+    rows = tuple(cells[k] for k in retained)
+    row_lines = tuple(numbered[k][0] for k in retained)
     if not rows:
         raise InputError("expected rows of numbers below the headings", file=file, line=header_line)
     parts = [HEADING.fullmatch(cell) for cell in names]
@@ -112,7 +113,8 @@ def _with_headings(text: str, separator: str, numbered: list[tuple[int, str]]) -
     """Lines with that of the headings, which is in the last comment above them where they begin with numbers."""
     if not numbered or any(number_in(cell) is None for cell in _cells(numbered[0][1], separator) if cell):
         return numbered
-    width, first = len(_cells(numbered[0][1], separator)), numbered[0][0]
+    width = len(_cells(numbered[0][1], separator))
+    first = numbered[0][0]
     for k, line in reversed(list(enumerate(text.splitlines()[: first - 1], 1))):
         heading = line.strip().lstrip("#%/;").strip()
         for between in (separator, _separator(heading)):
@@ -159,7 +161,8 @@ def _headings(rows: Sequence[Sequence[str]]) -> tuple[int, Sequence[str]]:
         top = next((k for k, row in enumerate(rows) if row[0] == "coords"), 2) + 1
         columns = list(zip(*rows[1:top], strict=True))[1:]
         return top, ["frame", *("_".join(dict.fromkeys(part for part in cells if part)) for cells in columns)]
-    first, second = rows[0], rows[min(1, len(rows) - 1)]
+    first = rows[0]
+    second = rows[min(1, len(rows) - 1)]
     if (
         (len(first) != len(second) or not all(first))
         and "t" in second

@@ -28,7 +28,8 @@ def scene_under(scene: CommandedScene, t: ArrayLike, u: ArrayLike, *, linear: bo
     before the motion. Output steps are the intervals, which are equal.
     """
     plain, finger, instants = scene.simulated, scene.finger, np.asarray(t, dtype=float)
-    duration, count = float(instants[-1] - instants[0]), len(instants) - 1
+    duration = float(instants[-1] - instants[0])
+    count = len(instants) - 1
     if not count:
         raise InputError("there is one instant only: nothing moves")
     least, most = ([getattr(each, side) for each in finger.inputs] for side in ("least", "most"))
@@ -40,7 +41,8 @@ def scene_under(scene: CommandedScene, t: ArrayLike, u: ArrayLike, *, linear: bo
     if "tip_moment" in finger.input_keys and scene.lag is not None:
         instants, rows, kind = *_lagging(instants, rows, float(before[0]), scene.lag, linear), "smooth"
     elif not linear:
-        instants, rows = np.insert(instants, 1, instants[0] + _AFTER), np.vstack([before, rows])
+        instants = np.insert(instants, 1, instants[0] + _AFTER)
+        rows = np.vstack([before, rows])
     times = tuple(instants.tolist())
     columns = [Samples(times=times, values=tuple(column), interpolation=kind) for column in rows.T.tolist()]
     timing = Timing(duration=duration, step=duration / count)
@@ -50,7 +52,9 @@ def scene_under(scene: CommandedScene, t: ArrayLike, u: ArrayLike, *, linear: bo
 def _lagging(t: Array, u: Array, before: float, lag: float, linear: bool) -> tuple[Array, Array]:
     """Instants (M,) and moments (M, 1) of a drive 1/(T s + 1)^2 that rests at first, under commands (N + 1, 1)."""
     drive = StateSpace([[0.0, 1.0], [-1.0 / lag**2, -2.0 / lag]], [[0.0], [1.0 / lag**2]], [[1.0, 0.0]], [[0.0]])
-    state, times, moments = np.array([before, 0.0]), [t[0]], [before]
+    state = np.array([before, 0.0])
+    times = [t[0]]
+    moments = [before]
     parts = max(_PARTS, math.ceil(float(np.diff(t).max()) / lag))
     for k in range(len(t) - 1):
         within = np.linspace(0.0, t[k + 1] - t[k], parts + 1)

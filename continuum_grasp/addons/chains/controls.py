@@ -82,7 +82,8 @@ def controls_of(scene: Scene) -> list[Control]:
     for k, load in enumerate(scene.loads):
         value = load.value
         if not isinstance(load, ForceLoad):
-            name, jumps = f"load_{k + 1}_moment", (load.at,) if load.at < tip else ()
+            name = f"load_{k + 1}_moment"
+            jumps = (load.at,) if load.at < tip else ()
             controls.append(Control(name, value, load.at, jumps, gear=(0.0, 0.0, 0.0, 0.0, 0.0, 1.0)))
             continue
         for component, axis in enumerate("xy"):
@@ -115,7 +116,9 @@ def _tendons(scene: Scene) -> list[Control]:
     lengths = (0.0,) * len(finger.winches) if actuation is None else actuation.values
     tensions = None if actuation is None else actuation.tensions
     for j, tendon in enumerate(finger.tendon_list):
-        name, pull, drive = f"tendon_{j + 1}", finger.pulls[j], tendon.drive
+        name = f"tendon_{j + 1}"
+        pull = finger.pulls[j]
+        drive = tendon.drive
         if not finger.winches:
             # Slack tendons, of a scene without input, have no tension at all.
             limits = (0.0 if tensions is None else tendon.min_tension, tendon.max_tension)

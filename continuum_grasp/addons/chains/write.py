@@ -213,8 +213,11 @@ def _start(scene: Scene, links: Links) -> tuple[Array, Array]:
         none = np.zeros(len(links.at))
         return (links.rest if scene.initial.pose == "rest" else none), none
     model = FingerModel(resolve_fidelity(scene)[0])
-    core, x, u = Core(model, compiled=False), initial_state(scene, model), Signals(scene, model).u(0.0)[0]
-    q, qd = x[: model.n], x[model.n : 2 * model.n]
+    core = Core(model, compiled=False)
+    x = initial_state(scene, model)
+    u = Signals(scene, model).u(0.0)[0]
+    q = x[: model.n]
+    qd = x[model.n : 2 * model.n]
 
     def bends(coordinates: Array) -> Array:
         return np.diff(np.asarray(core.batch("orientation", coordinates, u, links.edges[:, None], None)).ravel())

@@ -314,7 +314,8 @@ class DesignProblem:
             if design.over == "worst":
                 costs += rows
             else:
-                value, slope = float(np.mean([row.value for row in rows])), np.mean([row.slope for row in rows], axis=0)
+                value = float(np.mean([row.value for row in rows]))
+                slope = np.mean([row.slope for row in rows], axis=0)
                 costs.append(DesignNumber(design.minimize, "mean", signs, value, slope))
         return tuple(costs)
 
@@ -333,7 +334,9 @@ class DesignProblem:
                     if bound == 0.0:
                         change = max(abs(row.value), float(np.abs(row.slope[:n]).max()))
                         size = max(limit.max or 0.0, -(limit.min or 0.0)) or self._sizes.setdefault(text, change or 1.0)
-                    name, scale = f"{text} {word} {bound:g}", side / size
-                    value, slope = scale * (row.value - bound), scale * row.slope
+                    name = f"{text} {word} {bound:g}"
+                    scale = side / size
+                    value = scale * (row.value - bound)
+                    slope = scale * row.slope
                     limits.append(replace(row, name=name, value=value, slope=slope, size=size))
         return tuple(limits)

@@ -45,7 +45,8 @@ def _draw_grasp(ax: Axes, result: DesignResult) -> None:
             ax.plot(*line.T, color=Color.GRAY, linewidth=1.4, linestyle=(0, (4, 2)), zorder=Z.LABEL, label=text)
             (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
             margin = 0.03 * float(np.ptp(line, axis=0).max())
-            low, high = line.min(axis=0) - margin, line.max(axis=0) + margin
+            low = line.min(axis=0) - margin
+            high = line.max(axis=0) + margin
             ax.set_xlim(min(left, low[0]), max(right, high[0]))
             ax.set_ylim(min(bottom, low[1]), max(top, high[1]))
     ax.set_title("", loc="left")
@@ -58,7 +59,8 @@ def _draw_costs(ax: Axes, result: DesignResult) -> None:
     holds = np.isfinite(costs) & (result.violations <= 1e-6)
     trial = result.rounds == 0
     for chosen, color, text in ((trial, Color.GRAY, "full search"), (~trial, Color.BLUE, "by gradient")):
-        good, bad = chosen & holds, chosen & np.isfinite(costs) & ~holds
+        good = chosen & holds
+        bad = chosen & np.isfinite(costs) & ~holds
         if chosen.any():
             ax.plot(number[good], costs[good], "o", color=color, markersize=4.0, label=text)
             ax.plot(number[bad], costs[bad], "o", color=color, markersize=4.0, fillstyle="none")

@@ -97,7 +97,9 @@ _Own = tuple[dict[str, tuple[Variable, ...]], dict[str, str], dict[str, Any]]
 
 def _of_loop(structs: Mapping[str, tuple[Field, ...]], loop: Mapping[str, Any], preview: bool) -> _Own:
     """Setpoints, each held over the horizon or, with a ``preview``, one each stage from now on; settings."""
-    wanted, nodes, settings = structs["reference"], loop["nodes"], [*loop["nominal_settings"].values()]
+    wanted = structs["reference"]
+    nodes = loop["nodes"]
+    settings = [*loop["nominal_settings"].values()]
     ahead = [(f"[{k}]", f"setpoint {k * loop['stage_s']:g} s from now") for k in range(nodes)]
     rows = ahead if preview else [("", "setpoint, held over the horizon")]
     entries = [replace(field, name=field.name + at, text=text, shape=()) for field in wanted for at, text in rows]

@@ -158,7 +158,8 @@ def base_unit(unit: str) -> dict[str, int] | None:
         inner = None if match is None else _BASE.get(match[3]) if match[2] is None else base_unit(match[2])
         if match is None or inner is None:
             return None
-        power, at = (-1 if match[1] else 1) * int(match[4] or 1), match.end()
+        power = (-1 if match[1] else 1) * int(match[4] or 1)
+        at = match.end()
         for name, exponent in inner.items():
             exponents[name] = exponents.get(name, 0) + power * exponent
     return {name: power for name, power in exponents.items() if power}

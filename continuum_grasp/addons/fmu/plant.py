@@ -56,11 +56,13 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> UnitContents:
     _UNIT.check(scene)
     model, period = PlantModel(scene), scene.controller.step
     method = model.method_for(period)
-    sensors, step = Sensors(scene, model, Prediction(scene), None), period / method.substeps
+    sensors = Sensors(scene, model, Prediction(scene), None)
+    step = period / method.substeps
     named = _functions(model, sensors, method.name, step, identifier)
     source, header = _generated(f"{identifier}_plant", named)
     contacts = ContactFields(model.system.touch_names)
-    seen, noisy = (*TIP, *variables_of("contact", "output", contacts.by_name())), scene.estimator is not None
+    seen = (*TIP, *variables_of("contact", "output", contacts.by_name()))
+    noisy = scene.estimator is not None
     sensed = Field.named(sensors.names)
     return UnitContents(
         identifier=identifier,
@@ -165,7 +167,8 @@ def finger_unit(
     internal = subject.longest or manifest["steps"]["step"]["accurate_s"]
     # Of a model that takes the tip moment to be constant, the input is a number that is given once.
     acts: Kind = "fixed" if model.structure.moment_is_constant else "input"
-    signals, state = Signals(scene, model, nw=moving.nw), np.asarray(initial_state(scene, moving), dtype=float)
+    signals = Signals(scene, model, nw=moving.nw)
+    state = np.asarray(initial_state(scene, moving), dtype=float)
     parameters = list(manifest["nominal_parameters"].values())
     rates = [replace(field, text=f"rate of state.{field.name}") for field in structs["rate"]]
     groups = {

@@ -44,7 +44,8 @@ class Variable(Field):
     @property
     def c_source(self) -> str:
         """Row of the variable in the table in C."""
-        low, high = max(self.low, -sys.float_info.max), min(self.high, sys.float_info.max)
+        low = max(self.low, -sys.float_info.max)
+        high = min(self.high, sys.float_info.max)
         numbers = ", ".join(repr(float(value)) for value in (self.start, low, high))
         return f'  {{"{self.name}", "{self.unit}", {numbers}, {_C_KINDS[self.kind]}, {int(self.may_be_missing)}}}'
 
@@ -107,7 +108,8 @@ def variables_of(
     """Variables ``group.name`` of the fields of a struct, with their values to begin with."""
     variables = []
     for k, entry in enumerate(entries):
-        start, same = 0.0 if starts is None else float(starts[k]), {**vars(entry), "name": f"{group}.{entry.name}"}
+        start = 0.0 if starts is None else float(starts[k])
+        same = {**vars(entry), "name": f"{group}.{entry.name}"}
         variables.append(Variable(**same, kind=kind, start=start, may_be_missing=may_be_missing))
     return tuple(variables)
 

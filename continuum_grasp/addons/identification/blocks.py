@@ -147,7 +147,8 @@ class PosesBlock(MeasuredBlock):
         rows = data.conditions, data.rows
         self._shapes = RestShapes(scene, unknowns, data.name, *rows, sequence=data.sequence)
         self.followed = self._shapes.start
-        model, still = self._shapes.model, [reading for reading in data.measured if not reading.of_mode]
+        model = self._shapes.model
+        still = [reading for reading in data.measured if not reading.of_mode]
         check_tensions(model, still, data.name)
         q, u, w, p = symbols(model)
         history = ca.SX.sym("history", len(model.friction_names) + bool(model.friction_names))

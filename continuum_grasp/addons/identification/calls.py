@@ -57,7 +57,8 @@ def calls_of(stamps: Array, commanded: Array, period: float) -> Calls:
     start, step = _clock(known, period)
     # a row with a command tells the instant of its call; of the others, those of periods without one
     others = np.setdiff1d(stamps, known)
-    k, between = _apart(np.round((known - start) / step).astype(int)), np.round((others - start) / step).astype(int)
+    k = _apart(np.round((known - start) / step).astype(int))
+    between = np.round((others - start) / step).astype(int)
     free = ~np.isin(between, k)
     k, known = np.append(between[free], k), np.append(others[free], known)
     first = int(k.min())

@@ -72,7 +72,8 @@ def _missed(problem: FitProblem, solution: Solution, inference: Inference) -> li
         return []
     covariance = inference.correlation * np.outer(inference.deviations, inference.deviations)
     # what a hold-out has of its own was sought in it; a parameter that no row shows may be anything
-    slopes, unknown = solution.jacobian.copy(), lost & (np.arange(lost.size) < problem.shared)
+    slopes = solution.jacobian.copy()
+    unknown = lost & (np.arange(lost.size) < problem.shared)
     blind = np.asarray(slopes[:, unknown].any(axis=1))
     slopes[:, lost], covariance[lost], covariance[:, lost] = 0.0, 0.0, 0.0
     variance = solution.sigma**2 + np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
@@ -220,7 +221,8 @@ def doubts_of_laws(problem: FitProblem, solution: Solution) -> list[str]:
     further += _slips(problem, solution.predictions)
     readings = [rows for *_, rows in _shapes(problem)]
     about = [(problem.measured[rows] - problem.measured[rows].mean()) / solution.sigma[rows] for rows in readings]
-    least, named = _MATTERS * float(np.linalg.norm(np.concatenate([*about, [0.0]]))), list[Further]()
+    least = _MATTERS * float(np.linalg.norm(np.concatenate([*about, [0.0]])))
+    named = list[Further]()
     doubts = list[str]()
     chances = len(further)  # all make one verdict together
     while further:
@@ -249,7 +251,9 @@ def _judged(
     deviation.
     """
     (*_, unknown), values, jacobian, inference = problem.inferred(solution, *further)
-    step, deviation, others = float(values[-1]), float(inference.deviations[-1]), jacobian[:, :-1]
+    step = float(values[-1])
+    deviation = float(inference.deviations[-1])
+    others = jacobian[:, :-1]
     effect = step * jacobian[:, -1]
     beyond = effect - others @ np.linalg.lstsq(others, effect, rcond=None)[0]
     if unknown.target == _SHORTENING and step < 0.0:  # nothing lengthens under tension
@@ -344,7 +348,8 @@ def _widths(problem: FitProblem, predictions: Array) -> list[Further]:
     for k, column, rows in _shapes(problem):
         if problem.sets[k].moves or len(rows) < 2 * _LEAST:
             continue
-        way, slope = np.sign(np.gradient(predictions[rows])), np.zeros(len(predictions))
+        way = np.sign(np.gradient(predictions[rows]))
+        slope = np.zeros(len(predictions))
         if min(np.sum(way > 0), np.sum(way < 0)) >= _LEAST:
             slope[rows] = way
             size = float(np.ptp(predictions[rows]))
@@ -358,7 +363,8 @@ def _slips(problem: FitProblem, predictions: Array) -> list[Further]:
     """
     motions, before, behind = np.zeros((3, len(predictions)))
     for block, part, _ in problem.parts:
-        t, rows = block.measured.at, predictions[part].reshape(block.measured.values.shape)
+        t = block.measured.at
+        rows = predictions[part].reshape(block.measured.values.shape)
         moves = block.measured.moves
         if moves and not (block.free and block.own):  # which begins at its first row, wherever that is in time
             motions[part] = -(np.gradient(rows, t, axis=0) * np.gradient(t)[:, None]).ravel()
@@ -377,13 +383,16 @@ def _slips(problem: FitProblem, predictions: Array) -> list[Further]:
 
 def _of_law(name: str, problem: FitProblem, solution: Solution) -> list[Further]:
     """A parameter of a law, and the derivative (m,) of shapes by it, where the law has no effect yet."""
-    slope, count, unknown = np.zeros(len(problem.measured)), len(problem.sought), list[Unknown]()
+    slope = np.zeros(len(problem.measured))
+    count = len(problem.sought)
+    unknown = list[Unknown]()
     ranges = dict[int, list[float]]()
     for k, column, rows in _shapes(problem):
         if problem.sets[k].moves or name == "softening_ratio":
             per = problem.blocks[k].scene.finger.rod.length if column.unit == "m" else 1.0
             ranges.setdefault(k, []).append(float(np.ptp(problem.measured[rows])) / per)
-    pairs, starts = list[tuple[Scene, Data]](), list[float]()
+    pairs = list[tuple[Scene, Data]]()
+    starts = list[float]()
     for k, sizes in ranges.items():
         scene = problem.blocks[k].scene
         added = name == "softening_ratio" and scene.finger.softening is None

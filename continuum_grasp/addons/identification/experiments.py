@@ -104,14 +104,18 @@ def design_experiments(
     if logged:
         at_known = plain
         if measured:
-            problem, values = measured[0], measured[1].values[: measured[0].shared]
+            problem = measured[0]
+            values = measured[1].values[: measured[0].shared]
             at_known = applied(
                 plain, [(of.target, of.factor, of.added) for of in problem.unknowns[: values.size]], values
             )
         motion = CommandDesign(at_known, patterns_of(plain), scene.excitation).excited()
         blocks.append(_logged(motion.rehearsal, *logged[0], sought))
-    known, offered = _Known(measured, blocks, sought), list[dict[str, str]]()
-    each, cautious, budgets = list[Array](), list[Array](), list[tuple[NDArray[np.intp], int]]()
+    known = _Known(measured, blocks, sought)
+    offered = list[dict[str, str]]()
+    each = list[Array]()
+    cautious = list[Array]()
+    budgets = list[tuple[NDArray[np.intp], int]]()
     for (k, data_set), (headings, cells, poses), part in zip(proposed, tables, known.parts, strict=False):
         rows, jacobians = known.possible(part, f"data[{k}]")
         budgets.append((len(each) + np.arange(len(rows)), data_set.propose or 1))
@@ -197,7 +201,8 @@ class _Known:
         self, measured: tuple[FitProblem, Solution] | None, blocks: Sequence[MeasuredBlock], sought: Sequence[Unknown]
     ) -> None:
         self.problem = FitProblem([*(measured[0].blocks if measured else ()), *blocks], sought)
-        self.parts, self._scales = self.problem.parts[-len(blocks) :], dict[str, float]()
+        self.parts = self.problem.parts[-len(blocks) :]
+        self._scales = dict[str, float]()
         self.values, self.sizes = (
             np.array([getattr(of, key) for of in self.problem.unknowns]) for key in ("start", "typical")
         )
@@ -262,7 +267,8 @@ def plan_of(
     """
     chosen = {f"pose {k}": offered[index] for k, index in enumerate(made, 1)} | along
     free = [unknown._replace(lower=-np.inf, upper=np.inf) for unknown in unknowns]
-    values, known = np.array([unknown.start for unknown in free]), np.zeros((0, len(free))) if known is None else known
+    values = np.array([unknown.start for unknown in free])
+    known = np.zeros((0, len(free))) if known is None else known
     before, after, every = (
         infer(free, values, np.vstack([known, *rows]), None)
         for rows in ([], chosen.values(), [*offered, *along.values()])

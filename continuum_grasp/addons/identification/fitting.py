@@ -100,7 +100,8 @@ def identify(
     report, laws = progress or (lambda share: None), tuple[LawTrial, ...]()
     known, beside = scene_of(scene), folder_of(scene)
     if parameters is None and isinstance(known, IdentifyScene) and known.laws:
-        names, plain = [law.name for law in known.laws], cast(IdentifyScene, resolved(known)[0])
+        names = [law.name for law in known.laws]
+        plain = cast(IdentifyScene, resolved(known)[0])
         ways = [posed(variant, data, variant.estimate, beside) for variant in under_laws(plain)]
         tried = dict(zip(names, ways, strict=True))
         chosen, solution, laws = choose_law({name: fit.problem for name, fit in tried.items()}, report)
@@ -193,7 +194,9 @@ def compare(
     start = np.array([unknown.start for unknown in problem.unknowns])
     beyond = too_far(problem, start, np.array([column.sigma or 0.0 for column in problem.described]))
     predictions = problem.predict(start)[0]
-    predicted, warned, followed = problem.predicted(start, predictions), problem.warnings(start), problem.followed
+    predicted = problem.predicted(start, predictions)
+    warned = problem.warnings(start)
+    followed = problem.followed
     slips = doubts_of_data(problem, predictions)
     problem.followed = followed  # slips are tried elsewhere
     return Comparison(

@@ -73,7 +73,9 @@ def infer(
     blind = singular <= _BLIND * max(float(singular[0]), _TINY)
     seen, unseen = directions[~blind], directions[blind]
     lost = np.any(np.abs(unseen) > _PART, axis=0)
-    covariance, spread, quantile = np.full((count, count), np.inf), np.full(count, np.inf), np.inf
+    covariance = np.full((count, count), np.inf)
+    spread = np.full(count, np.inf)
+    quantile = np.inf
     # the pseudo-inverse of J^T J: a direction that is not seen has no finite variance, and is reported as such
     inverse = seen.T @ (seen / singular[~blind, None] ** 2)
     if residuals is None:
@@ -83,7 +85,8 @@ def infer(
     if freedom > 0:
         # as the parameters take of the sum of squares
         covariance = scattered / (1.0 - count / independent)
-        spread, quantile = np.sqrt(np.diag(covariance)), float(stdtrit(freedom, 0.975))
+        spread = np.sqrt(np.diag(covariance))
+        quantile = float(stdtrit(freedom, 0.975))
     spread[lost] = np.inf
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = covariance / np.outer(spread, spread)
@@ -123,7 +126,9 @@ def _independent(
     squares where the rows are independent, more where they are correlated.
     """
     rows, count = jacobian.shape
-    total, apart, freedom = float(residuals @ residuals), np.ones(rows, dtype=bool), 0.0
+    total = float(residuals @ residuals)
+    apart = np.ones(rows, dtype=bool)
+    freedom = 0.0
     middles = np.zeros((count, count))
     for entries in series:
         product, own_freedom = middle(jacobian[entries], residuals[entries])
@@ -203,7 +208,9 @@ def correlated(residuals: Array) -> tuple[int, float]:
         span = own[end // 2 + 1 : end + 1]
         sure = abs(float(span.sum())) * math.sqrt(count / span.size)
         # 2.0: deviations from which a span counts: a window that noise makes too long costs degrees of freedom alone
-        last, surest, end = end if sure > 2.0 else last, max(surest, sure), 2 * end
+        last = end if sure > 2.0 else last
+        surest = max(surest, sure)
+        end = 2 * end
     return last, surest
 
 
@@ -241,7 +248,8 @@ def _autocovariance(residuals: Array) -> Array:
 
 
 def _parzen(x: Array) -> Array:
-    near, far = 1.0 - 6.0 * x**2 + 6.0 * x**3, 2.0 * np.maximum(1.0 - x, 0.0) ** 3
+    near = 1.0 - 6.0 * x**2 + 6.0 * x**3
+    far = 2.0 * np.maximum(1.0 - x, 0.0) ** 3
     return np.where(x <= 0.5, near, far)
 
 
@@ -263,7 +271,8 @@ def allotted(
     """
     # 1e3: standard deviation, per typical size, with which an unknown is known before anything is measured: so wide
     # that it tells nothing, and the information has an inverse from the first experiment on
-    counts, total = np.zeros(len(each), dtype=np.intp), known + np.eye(len(known)) / 1e3**2
+    counts = np.zeros(len(each), dtype=np.intp)
+    total = known + np.eye(len(known)) / 1e3**2
 
     def variance(matrices: Array) -> Array:
         return np.asarray(np.einsum("...ii->...", np.linalg.inv(matrices)[..., :shared, :shared]))
@@ -289,5 +298,7 @@ def allotted(
                 if variance_sum < (1.0 - 1e-9) * reached:
                     counts[pick] -= 1
                     counts[other] += 1
-                    total, reached, exchanged = total - each[pick] + each[other], variance_sum, True
+                    total = total - each[pick] + each[other]
+                    reached = variance_sum
+                    exchanged = True
     return counts

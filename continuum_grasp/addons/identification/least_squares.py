@@ -72,7 +72,8 @@ def least_squares(
     free = np.ones(len(start), dtype=bool)
     while True:
         minimum = _search(function, minimum, lower, upper, sizes, free, evaluations, decrease)
-        values, gradient = minimum.values, (minimum.jacobian * sizes).T @ minimum.residuals
+        values = minimum.values
+        gradient = (minimum.jacobian * sizes).T @ minimum.residuals
         # 1e-6: distance from a bound per typical size at which a value is put on it; the iterates themselves stay
         # inside
         beside = np.where(gradient > 0.0, values - lower, upper - values) <= 1e-6 * sizes

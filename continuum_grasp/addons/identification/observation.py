@@ -75,7 +75,8 @@ def _at_drive(model: FingerModel, reading: Reading, u: ca.SX, tensions: ca.SX, s
     if reading.quantity == "tension":
         return tensions[number]
     start = sum(winch.states for winch in winches[:number])
-    winch, drive_states = winches[number], states[start : start + winches[number].states]
+    winch = winches[number]
+    drive_states = states[start : start + winches[number].states]
     if reading.quantity == "length":
         return winch.radius * drive_states[0]
     for refusal in _OF_MOTORS:
@@ -115,7 +116,8 @@ class MeasuredStart:
         # value, slope and curvature of a parabola
         parabola = np.linalg.lstsq(np.vander(after / after[-1], 3, increasing=True), first.T, rcond=None)[0]
         self._scale = np.array([1.0 / length if reading.quantity in ("x", "y") else 1.0 for reading in readings])
-        self._value, self._slope = self._scale * parabola[0], self._scale * parabola[1] / after[-1]
+        self._value = self._scale * parabola[0]
+        self._slope = self._scale * parabola[1] / after[-1]
         q, u, w, p = symbols(model)
         y = self._scale * observed(model, readings, q, u, p)
         inputs = [q, ca.vertcat(u, w, p), ca.SX.sym("target", self._value.size)]
@@ -144,7 +146,8 @@ class MeasuredStart:
 
         ``bends`` are standard deviations about these, of the bend of an element [rad] and of its rate [rad/s].
         """
-        model, known = self._model, [math.inf] * (2 * self._model.n)
+        model = self._model
+        known = [math.inf] * (2 * self._model.n)
         if bends is not None:
             family = model.structure.family
             element_lengths = [[h for k, h in enumerate(model.lengths) if i in family.local(k)] for i in range(model.n)]

@@ -76,7 +76,9 @@ class PathBlock(MeasuredBlock):
         self, scene: Scene, data: TipPath, unknowns: Sequence[Unknown], by: Sequence[int] | None = None
     ) -> None:
         super().__init__(scene, data, unknowns, by)
-        readings, self._t, targets = data.measured, column(f"{data.name}.t", data.t), [of.target for of in unknowns]
+        readings = data.measured
+        self._t = column(f"{data.name}.t", data.t)
+        targets = [of.target for of in unknowns]
         if LAG in targets and not scene.finger.winches:
             constant = unknowns[targets.index(LAG)].start
             scene = scene.model_copy(update={"finger": scene.finger.with_lags(constant)})
@@ -87,7 +89,8 @@ class PathBlock(MeasuredBlock):
         if self.free and self._late is not None:
             raise InputError("a delay needs commands that vary: actuation, or conditions, of the set", key=data.name)
         check_tensions(model, readings, data.name)
-        names, self._passed = [split_unit(label)[0] for label in model.p_names], list[Array]()
+        names = [split_unit(label)[0] for label in model.p_names]
+        self._passed = list[Array]()
         if data.start == "estimated":
             at, (shares, slopes) = self._t[:1], set_by(unknowns, names)
             p = shares * model.p_nominal + slopes @ np.array([unknown.start for unknown in unknowns])
@@ -160,7 +163,8 @@ class PathBlock(MeasuredBlock):
         # time before a command reaches the drive [s]
         delay = 0.0 if self._late is None else float(values[self._late])
         start, slope = self._begin(values, delay, p)
-        grid, acting = self._settle(start, p), np.concatenate([p, self._turned[:, self._by].ravel(order="F")])
+        grid = self._settle(start, p)
+        acting = np.concatenate([p, self._turned[:, self._by].ravel(order="F")])
         steps, constant = grid.steps_to(until - self._begins), self._signals.constant
         whole = np.concatenate([start, slope[:, self._by].ravel(order="F")])[None]
         # a Runge-Kutta step takes inputs and forces at its start, middle and end
@@ -181,7 +185,8 @@ class PathBlock(MeasuredBlock):
     def _begin(self, values: Array, delay: float, p: Array) -> Dual:
         """State where the motion starts: drives have reached their commands, and friction is that of the shape."""
         model, n, count = self.model, self.model.n, self._count
-        x, slope = np.zeros(model.nx), np.zeros((model.nx, len(values)))
+        x = np.zeros(model.nx)
+        slope = np.zeros((model.nx, len(values)))
         if self.own:
             x[: 2 * n], slope[: 2 * n, count:] = values[count:], np.eye(2 * n)
         elif self._shape is not None:
@@ -194,10 +199,12 @@ class PathBlock(MeasuredBlock):
             x[:n] = self._initial.q
         if not self.own and self._initial.qd is not None:
             x[n : 2 * n] = self._initial.qd
-        row, late = self._commands(np.array([self._begins]), delay)[0], np.zeros((model.nu, len(values)))
+        row = self._commands(np.array([self._begins]), delay)[0]
+        late = np.zeros((model.nu, len(values)))
         if self._late is not None:
             late[:, self._late] = row[model.nu :]
-        u, how = row[: model.nu], model.structure.friction_of(self._initial, needed=False)
+        u = row[: model.nu]
+        how = model.structure.friction_of(self._initial, needed=False)
         # friction is that of the first shape, and goes on from there
         history = model.friction_history((*self._passed, x[:n])[0], u, p, **how)
         x[2 * n :], slope[2 * n :] = self._start(Dual(x[:n], slope[:n]), Dual(u, late), Dual(p, self._turned), history)

@@ -54,10 +54,8 @@ class Periods:
         if controller.estimation is None:
             raise InputError("a replay needs an estimator", key="estimator")
         self.controller, self.estimation = controller, controller.estimation
-        self._names, inputs = (
-            controller.measurement_names,
-            tuple(ControlLog.COMMANDED + n for n in controller.stages.u_names),
-        )
+        self._names = controller.measurement_names
+        inputs = tuple(ControlLog.COMMANDED + n for n in controller.stages.u_names)
         self._columns, repeated = columns_of(log, (*self._names, *inputs), controller.period)
         if not any(self._columns[name][0].size for name in self._names):
             file = None if isinstance(log, ControlLog) else str(log)
@@ -179,7 +177,8 @@ class Periods:
         least: measurements are asked for once in each.
         """
         period, stated, shown = self.controller.period, self.controller.scene.delay_periods, self.shown()
-        unknown, trials = Retuned("delay", "s", period * stated, math.nan), list[Array]()
+        unknown = Retuned("delay", "s", period * stated, math.nan)
+        trials = list[Array]()
         ages = np.arange(stated + LATER)
         for age in ages if shown.any() else ():
             compared = innovations(self.run(self.measured(int(age) - stated)))
@@ -189,7 +188,8 @@ class Periods:
             return unknown
         k = int(np.argmin(left))
         normalized = trials[k][:, 0] / np.sqrt(trials[k][:, 1])
-        count, known = int(np.isfinite(normalized).sum()), np.nan_to_num(normalized)
+        count = int(np.isfinite(normalized).sum())
+        known = np.nan_to_num(normalized)
         alike = float(middle(np.ones((*known.shape, 1)), known)[0].item()) / float(np.sum(known**2))
         # 3.84: twice the logarithm of a ratio of likelihoods, by which intervals of 95 % end
         allowed = left[k] + 3.84 * max(left[k], 1.0) * max(alike, 1.0) / count
@@ -199,7 +199,8 @@ class Periods:
         if 0 < k < ages[-1]:
             before, here, after = left[k - 1 : k + 2]
             best += 0.5 * (before - after) / max(before - 2.0 * here + after, 1e-300)
-        low, high = max(min(inside[0], best - 0.5), 0.0), max(inside[-1], best + 0.5)
+        low = max(min(inside[0], best - 0.5), 0.0)
+        high = max(inside[-1], best + 0.5)
         if high >= ages[-1]:
             return unknown
         return unknown._replace(logged=period * best, low=period * low, high=period * high)
@@ -237,7 +238,8 @@ class Periods:
         # 1e-3: part of a number by which it is changed for a difference
         changes = 1e-3 * np.diag(numbers)
         slopes = [(missed(numbers + change) - missed(numbers - change)) / (2.0 * change.sum()) for change in changes]
-        time, (_, spread) = float(numbers[0]), _step(np.stack(slopes, axis=2), missed(numbers))
+        time = float(numbers[0])
+        _, spread = _step(np.stack(slopes, axis=2), missed(numbers))
         if not spread < time:
             return [unknown]
         return [unknown._replace(logged=time, low=time - spread, high=time + spread)]
@@ -285,7 +287,8 @@ def columns_of(
     """
     if isinstance(log, ControlLog):
         names = [*(ControlLog.COMMANDED + name for name in log.u_names), *log.y_names]
-        t, columns = log.t, dict(zip(names, [*log.u.T, *log.y.T], strict=True))
+        t = log.t
+        columns = dict(zip(names, [*log.u.T, *log.y.T], strict=True))
     else:
         table = DataTable.read(str(log))
         heading = "t" if "t" in table.headings else "time"

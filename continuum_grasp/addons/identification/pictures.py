@@ -59,7 +59,8 @@ def plot_shapes(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
     """
     from continuum_grasp.plotting import draw_clamp
 
-    finger, sets = result.scene.finger, dict[str, list[tuple[float, int, int, int]]]()
+    finger = result.scene.finger
+    sets = dict[str, list[tuple[float, int, int, int]]]()
     markers = list(dict.fromkeys(result.described[x].name for x, _ in result.points.values()))
     for (name, at, *_), (x, y) in result.points.items():
         sets.setdefault(name, []).append((at, markers.index(result.described[x].name), x, y))
@@ -88,7 +89,8 @@ def plot_shapes(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
             if chosen.any():
                 x, y = measured[chosen].T
                 axes.scatter(x, y, s=20, color=color, linewidth=0, zorder=5, label=what)
-        count, every = len(lines.at), len(np.unique(rows[:, 0]))
+        count = len(lines.at)
+        every = len(np.unique(rows[:, 0]))
         some = f" ({count} of {every})" if count < every else ""
         axes.plot([], [], color=Color.BLUE, linewidth=1.6, label=f"simulated{some}")
         StyledAxes(axes).head(f"{name}{_off(result, name)}", 3)
@@ -160,7 +162,8 @@ def _scale(above: Axes, below: Axes, measured: NDArray[Any], predicted: NDArray[
     size = float(np.ptp(measured))
     if not size:  # one number, or one again and again
         size = float(np.abs(measured).max()) or 1.0
-        middle, reach = float(measured[0]), max(1.2 * float(np.abs(predicted - measured).max()), 0.2 * size)
+        middle = float(measured[0])
+        reach = max(1.2 * float(np.abs(predicted - measured).max()), 0.2 * size)
         above.set_ylim(middle - reach, middle + reach)
     # 0.01: part of the range that was measured which the axis of errors shows at least
     reach = 1.1 * max(float(np.abs(predicted - measured).max()), 0.01 * size)

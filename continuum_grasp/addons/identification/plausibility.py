@@ -142,7 +142,8 @@ def misfits(problem: FitProblem, predictions: Array) -> list[Misfit]:
         kinds = [KIND_OF.get(column.quantity, column.quantity) for column in of.columns]
         for kind in dict.fromkeys(kinds) if len(missed) else ():
             members = [j for j, other in enumerate(kinds) if other == kind]
-            values, columns = of.values[of.fitted][:, members], [of.columns[j] for j in members]
+            values = of.values[of.fitted][:, members]
+            columns = [of.columns[j] for j in members]
             scatter = float(np.std(values - values.mean(axis=0))) if len(values) > 2 else math.inf
             limit = _limit(kind, values, block.scene.finger.rod.length)
             stated = max(column.sigma or 0.0 for column in columns)
@@ -172,7 +173,8 @@ def too_far(problem: FitProblem, values: Array, sigma: Array) -> str:
     """Measurements beyond the reach of the finger: farther from the base than the finger is long up to there."""
     message, farthest = "", 0.0
     for (block, part, mix), of in zip(problem.parts, problem.sets, strict=True):
-        finger, noise = block.scene.finger, sigma[part].reshape(of.values.shape)
+        finger = block.scene.finger
+        noise = sigma[part].reshape(of.values.shape)
         sought = {unknown.target: float(value) for unknown, value in zip(problem.sought, mix @ values, strict=False)}
         base = [at + sought.get(f"base_position_{k}", 0.0) for k, at in zip("xy", finger.base.position, strict=True)]
         offsets = np.broadcast_to(of.offsets, of.values.shape)
@@ -182,7 +184,8 @@ def too_far(problem: FitProblem, values: Array, sigma: Array) -> str:
                 markers.setdefault((column.place, *offsets[:, j]), []).append(j)
         for (place, *_), here in markers.items():
             away = of.values[:, here] - [base["xy".index(of.columns[j].quantity)] for j in here]
-            distance, reach = np.linalg.norm(away, axis=1), place + float(np.abs(offsets[:, here]).max())
+            distance = np.linalg.norm(away, axis=1)
+            reach = place + float(np.abs(offsets[:, here]).max())
             beyond = distance - reach
             beyond -= np.maximum(_PART * finger.rod.length, _BEYOND * noise[:, here].max(axis=1))
             if beyond.max() > farthest:

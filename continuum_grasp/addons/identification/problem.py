@@ -59,7 +59,8 @@ def with_sets(sought: Sequence[Unknown], blocks: Sequence[MeasuredBlock]) -> tup
             raise InputError(f"{vectors[0].name} is estimated per plane: state the plane of {block.name}", key="data")
         unknowns += [of._replace(name=f"{of.name} of {block.name}") for of in mine if of.per == "set"]
         alone, across = (np.array([of.per == per for of in mine], dtype=bool) for per in ("set", "plane"))
-        mix, shares = np.zeros((len(mine), len(unknowns))), np.cos((block.plane or 0.0) - np.radians(DIRECTIONS))
+        mix = np.zeros((len(mine), len(unknowns)))
+        shares = np.cos((block.plane or 0.0) - np.radians(DIRECTIONS))
         mix[~alone, : len(common)] = np.eye(len(common))
         mix[alone, first:] = np.eye(len(unknowns) - first)
         mix[across, len(common) : len(common) + len(parts)] = np.kron(np.eye(len(vectors)), shares)
@@ -152,7 +153,8 @@ class FitProblem(MeasuredNumbers):
 
     def predict(self, values: Array, chosen: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
         """Predictions (m,) and their Jacobian (m, n) of all numbers, or of those that are chosen alone."""
-        y, jacobian = np.zeros(len(self.at)), np.zeros((len(self.at), len(values)))
+        y = np.zeros(len(self.at))
+        jacobian = np.zeros((len(self.at), len(values)))
         for block, rows, mix in self.parts:
             wanted = self.at[rows] if chosen is None else self.at[rows][chosen[rows]]
             if wanted.size:
@@ -168,7 +170,8 @@ class FitProblem(MeasuredNumbers):
         """
         from scipy.optimize import lsq_linear
 
-        unknowns, more = [*self.unknowns, *(of for of, _ in further)], [slope[:, None] for _, slope in further]
+        unknowns = [*self.unknowns, *(of for of, _ in further)]
+        more = [slope[:, None] for _, slope in further]
         missed, slopes = self.prior(solution.values)
         jacobian = (np.hstack([solution.jacobian, *more]) / solution.sigma[:, None])[self.fitted]
         jacobian = np.vstack([jacobian, np.pad(slopes, ((0, 0), (0, len(more))))])
@@ -181,7 +184,8 @@ class FitProblem(MeasuredNumbers):
             if np.any((values + step < lower) | (values + step > upper)):
                 ends = (lower - values) / sizes, (upper - values) / sizes
                 step = sizes * lsq_linear(jacobian * sizes, -residuals, ends, method="bvls").x
-            values, residuals = np.clip(values + step, lower, upper), residuals + jacobian @ step
+            values = np.clip(values + step, lower, upper)
+            residuals = residuals + jacobian @ step
         return Inferred(unknowns, values, jacobian, infer(unknowns, values, jacobian, residuals, self.series))
 
     def misfit(self, values: Array, *, early: bool = False) -> float:
@@ -237,7 +241,8 @@ class FitProblem(MeasuredNumbers):
         What all sets have stays: a prediction is of the law, from a start that is estimated as that of any set.
         """
         for part in self.parts:
-            chosen, sought = np.zeros(len(self.measured), dtype=bool), self._own(part)
+            chosen = np.zeros(len(self.measured), dtype=bool)
+            sought = self._own(part)
             chosen[part.rows] = True
             if sought.any() and not self.fitted[part.rows].any():
                 values = self._search(values, chosen, 1.0 / sigma, sought).values
@@ -262,14 +267,16 @@ class FitProblem(MeasuredNumbers):
         if first:
             # 2.0: greatest relative change of a parameter in a search on a part of the data, which may not see it yet
             reach = np.maximum(2.0 * np.abs(start[free]), sizes)
-            lower, upper = np.maximum(lower, start[free] - reach), np.minimum(upper, start[free] + reach)
+            lower = np.maximum(lower, start[free] - reach)
+            upper = np.minimum(upper, start[free] + reach)
 
         def residuals(sought: Array) -> tuple[Array, Array]:
             values = start.copy()
             values[free] = sought
             y, jacobian = self.predict(values, chosen)
             scale, known = weights[chosen], prior(unknowns, sought)
-            missed, slope = scale * (y - self.measured)[chosen], scale[:, None] * jacobian[chosen][:, free]
+            missed = scale * (y - self.measured)[chosen]
+            slope = scale[:, None] * jacobian[chosen][:, free]
             return np.append(missed, known[0]), np.vstack([slope, known[1]])
 
         evaluations = _FIRST if first else _EVALUATIONS
@@ -324,7 +331,9 @@ class FitProblem(MeasuredNumbers):
 
     def _new_sigma(self, predictions: Array, jacobian: Array, sigma: Array) -> Array:
         """Standard deviations from the residuals of each group, allowing for the parameters that it pays for."""
-        fitted, residuals, leverage = self.fitted, predictions - self.measured, self.leverage(jacobian, sigma)
+        fitted = self.fitted
+        residuals = predictions - self.measured
+        leverage = self.leverage(jacobian, sigma)
         deviations, first = sigma.copy(), self._first_sigma()
         for group in self.groups.values():
             members = group & np.isnan(self._known)

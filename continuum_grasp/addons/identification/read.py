@@ -240,7 +240,8 @@ class _Points:
         quantity, sign = m.quantity, 1.0
         if quantity in ("x", "y"):
             axis = data_set.axes["xy".index(quantity)]
-            quantity, sign = ("x" if axis[-1] == "x" else "y"), -1.0 if axis[0] == "-" else 1.0
+            quantity = "x" if axis[-1] == "x" else "y"
+            sign = -1.0 if axis[0] == "-" else 1.0
         elif quantity in KIND_OF and data_set.axes != ("x", "y"):
             raise InputError(f"axes are those of x and y: give {quantity} by scale", key=f"{self.key}.axes")
         origin = data_set.origin["xy".index(quantity)] if quantity in ("x", "y") else 0.0

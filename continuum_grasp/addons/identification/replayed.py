@@ -206,14 +206,13 @@ def replay(
     if frozen or (status == "mismatch" and explained):
         status = "sensor"
     seen = np.nan_to_num(y) @ estimation.mixing.T
-    name, sets, believed = (
-        log.name if isinstance(log, ControlLog) else Path(log).stem,
-        list[MeasuredSet](),
-        list[Array](),
-    )
+    name = log.name if isinstance(log, ControlLog) else Path(log).stem
+    sets = list[MeasuredSet]()
+    believed = list[Array]()
     for j, (what, unit) in enumerate(map(split_unit, estimation.y_names)):
         there = np.isfinite(std[:, j])
-        numbers, fitted = seen[there, j, None], np.ones(there.sum(), dtype=bool)
+        numbers = seen[there, j, None]
+        fitted = np.ones(there.sum(), dtype=bool)
         sets.append(
             MeasuredSet(name, (MeasuredColumn(what, what, unit),), periods.t[there], numbers, fitted, moves=True)
         )

@@ -29,7 +29,8 @@ def runtime_names(scene: Scene, unknowns: Sequence[Unknown], more: Sequence[str]
 
 def set_by(unknowns: Sequence[Unknown], names: Sequence[str]) -> tuple[Array, Array]:
     """Entries of a model by unknowns: share of their own values (entries,), and derivatives (entries, unknowns)."""
-    shares, derivative = np.ones(len(names)), np.zeros((len(names), len(unknowns)))
+    shares = np.ones(len(names))
+    derivative = np.zeros((len(names), len(unknowns)))
     for k, unknown in enumerate(unknowns):
         if unknown.target not in (DELAY, START):
             at = names.index(unknown.target)
@@ -107,8 +108,10 @@ class RestShapes:
         self.start = [Resting(*fixed)] * rows
         self._reach = model.structure.family.coordinate_size(min(model.ranges), max(model.lengths))
         q, u, w, p = symbols(model)
-        z, history = ca.vertcat(u, w, p), ca.SX.sym("history", start.history.size)
-        still, past = ca.SX(model.n, 1), (history,) if start.history.size else ()
+        z = ca.vertcat(u, w, p)
+        history = ca.SX.sym("history", start.history.size)
+        still = ca.SX(model.n, 1)
+        past = (history,) if start.history.size else ()
         missing = model.inverse_dynamics(q, still, still, u, w, p, *past)
         self._missing = Chained("missing", missing, q, z, history)
         # What the next row finds: where friction has come to, less the sliding since the finger was straight.
@@ -154,7 +157,9 @@ class RestShapes:
             # implicit function theorem: Q(q, z, history) = 0
             _, stiffness, *others = self._missing.parts(q, target, history)
             slope = -np.linalg.solve(stiffness, chained(others, (target, history)))
-            state, done, step = Resting(target, Dual(q, np.asarray(slope)), history), done + step, 2.0 * step
+            state = Resting(target, Dual(q, np.asarray(slope)), history)
+            done = done + step
+            step = 2.0 * step
         return state
 
     def stable(self, resting: Resting) -> bool:

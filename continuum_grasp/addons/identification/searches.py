@@ -85,7 +85,9 @@ def _scanned(problem: FitProblem, scaled: NDArray[np.bool_]) -> list[Array]:
 
     about = np.array([unknown.start for unknown in problem.unknowns])
     lower, upper = (np.array([getattr(unknown, key) for unknown in problem.unknowns]) for key in ("lower", "upper"))
-    starts, least, chosen = list[Array](), problem.misfit(about, early=True), np.flatnonzero(scaled)
+    starts = list[Array]()
+    least = problem.misfit(about, early=True)
+    chosen = np.flatnonzero(scaled)
 
     def take_best(factors: Array, columns: NDArray[np.intp]) -> None:
         nonlocal about, least
@@ -173,5 +175,6 @@ def _differ(problem: FitProblem, more: Array) -> bool:
     for rows in rows_of:
         if rows.size:  # about the mean of all: a set may have one row
             spread, worth = middle(np.ones((rows.size, 1, 1)), (rows - every.mean())[:, None])
-            variance, freedom = variance + float(spread[0, 0]), freedom + worth
+            variance = variance + float(spread[0, 0])
+            freedom = freedom + worth
     return freedom > 2.0 and float(every.sum()) > float(stdtrit(freedom - 1.0, _SURE)) * math.sqrt(variance)

@@ -86,7 +86,8 @@ def patterns_of(scene: Scene) -> list[DrivePattern]:
     tendons, rod, key = finger.tendon_list, finger.rod, finger.input_keys[0]
     arms = [tendon.arm(rod.length) for tendon in tendons] or [chamber.arm for chamber in finger.chambers]
     model, both_ways, paid = FingerModel(scene, input_rates=False), key == "tip_moment", 0.0
-    bend, strong = float(sum(model.ranges)), max((tendon.max_tension for tendon in tendons), default=0.0)
+    bend = float(sum(model.ranges))
+    strong = max((tendon.max_tension for tendon in tendons), default=0.0)
     if key == "pressures":
         greatest = max(chamber.max_pressure for chamber in finger.chambers)
     elif key == "tip_moment":
@@ -94,7 +95,8 @@ def patterns_of(scene: Scene) -> list[DrivePattern]:
     elif key == "tensions":
         greatest = strong
     else:
-        drive, stiffness = finger.winches[0], float(model.structure.winches[0].stiffness)
+        drive = finger.winches[0]
+        stiffness = float(model.structure.winches[0].stiffness)
         # Cable for the whole bending range, and for the elongation by the greatest tension.
         offset = max(tendon.greatest_offset for tendon in tendons)
         greatest = bend * offset + strong / stiffness
@@ -196,7 +198,8 @@ class CommandDesign:
         """The scene under the commands."""
         points: list[tuple[float, Array]] = []
         for (form, k), segment in zip(self._parts, self.segments, strict=True):
-            greatest, commands = scale * self._greatest[k], self._patterns[k].commands
+            greatest = scale * self._greatest[k]
+            commands = self._patterns[k].commands
             for at, level in self._form(form, segment.end - segment.start):
                 points.append((segment.start + at, self._base + (greatest * level) * commands))
         return self._commanded(points)

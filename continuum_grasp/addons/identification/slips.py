@@ -72,7 +72,8 @@ def slips_of(given: Sequence[Pair]) -> Iterator[PossibleMistake]:
         for words, factor in _factors(group, *units[names[0]], names[0]) if names else ():
             yield PossibleMistake(f"{group} {words}", {name: (name, factor ** powers[name]) for name in names})
     names = [finger_input.name for finger_input in given[0][1].finger.inputs]
-    commands, readings = _renumbered(names), dict[str, tuple[str, float]]()
+    commands = _renumbered(names)
+    readings = dict[str, tuple[str, float]]()
     for quantity in UNIT_OF:
         if f"{quantity} 1" in units:
             readings |= _renumbered([f"{quantity} {k + 1}" for k in range(len(names))])

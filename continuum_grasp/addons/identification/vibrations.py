@@ -74,8 +74,10 @@ def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> Da
     start, span = _spectral_peak(at, values, name), float(at[-1])
     guess = np.array([start, 0.5 / span])
     # beside the peak by a factor of four; from growth by exp(5) over the record to decay within part of a period
-    lower, upper = (0.25 * start, -5.0 / span), (4.0 * start, 50.0 * start)
-    linear, free = np.linalg.lstsq(_basis(at, *guess), values, rcond=None)[0], [np.inf] * 4
+    lower = (0.25 * start, -5.0 / span)
+    upper = (4.0 * start, 50.0 * start)
+    linear = np.linalg.lstsq(_basis(at, *guess), values, rcond=None)[0]
+    free = [np.inf] * 4
 
     def signal_of(at: Array, frequency: float, decay: float, *weights: float) -> Array:
         return np.asarray(_basis(at, frequency, decay) @ weights)
@@ -84,7 +86,8 @@ def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> Da
         bounds = [*lower, *np.negative(free)], [*upper, *free]
         parameters, covariance = curve_fit(signal_of, at, values, [*guess, *linear], bounds=bounds, x_scale="jac")
     except RuntimeError:  # the search does not end
-        parameters, covariance = np.array([*guess, *linear]), np.full((6, 6), np.inf)
+        parameters = np.array([*guess, *linear])
+        covariance = np.full((6, 6), np.inf)
     left = values - signal_of(at, *parameters)
     sine = _basis(at, *parameters[:2])[:, :2] @ parameters[2:4]
     noise, strength = (float(np.sqrt(np.mean(v**2))) for v in (left, sine))
@@ -123,7 +126,8 @@ def _spectral_peak(t: Array, values: Array, name: str) -> float:
 
 
 def _basis(t: Array, frequency: float, decay: float) -> Array:
-    envelope, phase = np.exp(-decay * t), 2.0 * np.pi * frequency * t
+    envelope = np.exp(-decay * t)
+    phase = 2.0 * np.pi * frequency * t
     return np.stack([envelope * np.cos(phase), envelope * np.sin(phase), np.ones_like(t), t / t[-1]], axis=1)
 
 

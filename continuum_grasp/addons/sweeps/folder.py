@@ -95,7 +95,8 @@ def encode(row: Mapping[str, Any]) -> bytes:
 
 def decode(line: bytes) -> dict[str, Any] | None:
     """The row of a line; None where the line is torn or damaged."""
-    body, tail = line[:-_TAIL] + b"}", line[-_TAIL:]
+    body = line[:-_TAIL] + b"}"
+    tail = line[-_TAIL:]
     if tail != b',"check":"%08x"}\n' % zlib.crc32(body):
         return None
     try:

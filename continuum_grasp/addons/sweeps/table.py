@@ -123,7 +123,8 @@ class SweepTable(Result):
     def label(self, name: str) -> str:
         """Words for a column, with its unit."""
         numbers = self[name].dtype.kind in "iuf"
-        unit, (_, words) = self.units.get(name) or "1" * numbers, SWEEP_QUANTITIES.get(name, ("", name))
+        unit = self.units.get(name) or "1" * numbers
+        _, words = SWEEP_QUANTITIES.get(name, ("", name))
         return f"{words} [{unit}]" if unit else words
 
     def of_grasps(self, name: str) -> Array:
@@ -153,7 +154,8 @@ class SweepTable(Result):
         kind : ndarray of str, shape (ny, nx)
             Why there is none; empty where there is one, or no row yet.
         """
-        colors, kinds = self.of_grasps(color), np.where(self.solved, "", self.kinds)
+        colors = self.of_grasps(color)
+        kinds = np.where(self.solved, "", self.kinds)
         if not {x, y} <= set(self.grid_keys):
             return self[x], self[y], colors, kinds
         (xs, column), (ys, row) = _places(self[x]), _places(self[y])

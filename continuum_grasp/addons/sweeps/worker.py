@@ -81,7 +81,9 @@ def _run(job: Job, point: SweepPoint) -> SceneOutcome:
         status, message = "error", f"{type(error).__name__}: {error}"
     else:
         # Some numbers are only computed when they are asked for: their time counts.
-        status, message, numbers = str(result.status), result.message, quantities(result, job.record)
+        status = str(result.status)
+        message = result.message
+        numbers = quantities(result, job.record)
     numbers["seconds"] = float(f"{time.perf_counter() - began:.6g}")
     reason = result.reasons[0].title if result is not None and result.reasons else ""
     wanted = result is not None and (job.keep == "all" or (job.keep == "failed" and status not in SOLVED))

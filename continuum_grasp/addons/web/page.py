@@ -70,7 +70,8 @@ class Page:
 
     def _repr_html_(self) -> str:
         """The page in a notebook."""
-        text, title = html.escape(self.text), self.text.partition("<title>")[2].partition("</title>")[0]
+        text = html.escape(self.text)
+        title = self.text.partition("<title>")[2].partition("</title>")[0]
         return f'<iframe srcdoc="{text}" title="{title}" style="width:100%;height:860px;border:0"></iframe>'
 
 

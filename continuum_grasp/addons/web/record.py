@@ -100,7 +100,8 @@ def loop_record(run: ControlRun, plant: WebPlant, changes: Sequence[Any] = ()) -
         z[:, run.estimated_names.index(name)] = column
     columns = _columns(run.x_names, run.x), _columns(run.u_names, u), _columns(run.readings.plant.w_names, run.w)
     record, known = _record(plant, run.t, *columns), run.given_parameters
-    chosen, at = frames_of(run.t), np.arange(0.0, run.t[-1] + record.dt, record.dt)
+    chosen = frames_of(run.t)
+    at = np.arange(0.0, run.t[-1] + record.dt, record.dt)
     return replace(
         record,
         z=rounded(np.vstack([z, z[-1:]])[chosen]),

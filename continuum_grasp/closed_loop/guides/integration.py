@@ -54,7 +54,8 @@ def chain_source(model: SharedChains) -> str:
     places = ca.SX.sym("places", symbols["places"].numel())
     tension, x, u = symbols["tension"], symbols["others"], symbols["u"]
     force, rate = model.around(ca.reshape(places, symbols["places"].shape), *[symbols[name] for name in names[1:]])
-    drum, values = model.drums(x, u), ca.vertcat(ca.vec(force), rate)
+    drum = model.drums(x, u)
+    values = ca.vertcat(ca.vec(force), rate)
     slopes = ca.densify(ca.jacobian(values, ca.vertcat(places, tension, x)))
     drums = ca.Function("drums_of", [x, u], ca.cse([ca.densify(drum), ca.densify(ca.jacobian(drum, x))]))
     arguments = [places, *[symbols[name] for name in names[1:]]]

@@ -63,7 +63,8 @@ class ChainPlant(PlantModel):
 
     def _begun(self, scene: Scene, finger: Array, pose: list[float] | None) -> Array:
         model = self.system.finger_model
-        q, qd = finger[: model.n], finger[model.n : 2 * model.n]
+        q = finger[: model.n]
+        qd = finger[model.n : 2 * model.n]
         drives = finger[2 * model.n : 2 * model.n + model.structure.drive_states]
         x = self.chain.start(q, qd, drives, self.rest_input, scene.initial)
         if pose is not None:
@@ -88,7 +89,8 @@ class ChainPlant(PlantModel):
         the finger exerts on the object, and forces on the places; parameters are without those of the finger.
         """
         chain, (others, chain_states) = self.chain, self._others
-        places, tension = ca.SX.sym("places", 6, len(chain.places)), ca.SX.sym("tension", len(chain.tendons))
+        places = ca.SX.sym("places", 6, len(chain.places))
+        tension = ca.SX.sym("tension", len(chain.tendons))
         p = self._now[self.finger_parameters :]
         force, rate, *exerted = chain.around(places, tension, chain_states, self.acting, self._loads, p)
         names = ["places", "tension", "others", "u", "w", "p"]

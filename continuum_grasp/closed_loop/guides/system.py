@@ -87,7 +87,9 @@ class ChainSystem(Functions):
     def numbers(self, p: Array) -> Array:
         """All that the C of the motion needs to know, at run-time arguments."""
         factors = dict.fromkeys(OF_FINGER, 1.0) | dict(zip(self._finger_parameters, p.tolist(), strict=False))
-        links, base, points = self.links, self.scene.finger.base, [self._place(at) for at in self.places]
+        links = self.links
+        base = self.scene.finger.base
+        points = [self._place(at) for at in self.places]
         weights, carried = links.turning
         parts: list[ArrayLike] = [
             [*base.position, base.angle, links.at[0], *self.scene.gravity],
@@ -217,8 +219,12 @@ class ChainSystem(Functions):
 
     def _at(self, at: float) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """Position, velocity, angle and spin of a point of the chain."""
-        n, x, base, (bar, along) = self.n, self._x, self.scene.finger.base, self._place(at)
-        angle, spin = base.angle + ca.cumsum(x[:n]), ca.cumsum(x[n : 2 * n])
+        n = self.n
+        x = self._x
+        base = self.scene.finger.base
+        bar, along = self._place(at)
+        angle = base.angle + ca.cumsum(x[:n])
+        spin = ca.cumsum(x[n : 2 * n])
         start = float(self.links.at[0]) if bar >= 0 else along
         position = ca.SX(ca.DM(base.position)) + start * ca.DM([-np.sin(base.angle), np.cos(base.angle)])
         velocity = ca.SX(2, 1)

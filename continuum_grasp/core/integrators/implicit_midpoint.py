@@ -73,7 +73,8 @@ def _middle(model: Any) -> ca.Function:
 def _momenta(model: Any) -> ca.Function:
     """(x, u, p, xd) -> momenta P (n) of the finger's coordinates, their rate along xd, and the mass matrix (n, n)."""
     x, u, p = (ca.SX.sym(name, model.energy.size1_in(k)) for k, name in enumerate("xup"))
-    xd, rates = ca.SX.sym("xd", x.numel()), slice(model.n, 2 * model.n)
+    xd = ca.SX.sym("xd", x.numel())
+    rates = slice(model.n, 2 * model.n)
     momenta = ca.gradient(model.energy(x, u, p)[0], x)[rates]
     values = momenta, ca.jtimes(momenta, x, xd), ca.jacobian(momenta, x[rates])
     return ca.Function("momenta", [x, u, p, xd], ca.cse([ca.densify(value) for value in values]))

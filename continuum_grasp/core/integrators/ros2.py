@@ -37,6 +37,7 @@ def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.M
 
 def _ldl_solver(n: int) -> ca.Function:
     """(matrix, right) -> solution of a symmetric positive definite system."""
-    a, b = ca.SX.sym("a", n, n), ca.SX.sym("b", n)
+    a = ca.SX.sym("a", n, n)
+    b = ca.SX.sym("b", n)
     rows = [[a[i, j] for j in range(n)] for i in range(n)]
     return ca.Function("ldl", [a, b], [ca.vertcat(*solve_ldl(rows, [b[i] for i in range(n)]))])

@@ -39,7 +39,9 @@ def differentiated_step(
     stages: list[list[ca.MX]] = []
     for share in (1.0, 0.5)[: max(1, instants)]:
         # Butcher's table: the first stage at gamma, the second at 1, where it is the step itself (stiffly accurate).
-        arguments, base, stage = [h, ca.MX(share)], start, list[ca.MX]()
+        arguments = [h, ca.MX(share)]
+        base = start
+        stage = list[ca.MX]()
         for stage_of in corrections:
             k, at = call(first_guess, *arguments, base, *call(slope, base, *others))
             for _ in range(between):
@@ -81,7 +83,9 @@ class Sdirk2Stages:
         A stage ``y = base + step f(y, u)`` has derivatives Y with ``(I - step J) Y = Y_base + step J_u``.
         """
         symbols, step, ahead = self._given()
-        n, pattern, start = self.slope.size1_out(0), derivative_pattern(self.slope), symbols["start"]
+        n = self.slope.size1_out(0)
+        pattern = derivative_pattern(self.slope)
+        start = symbols["start"]
         k, before, reached = ca.SX.sym("k", n), ca.SX.sym("before", n), ca.SX.sym("reached", pattern)
         by_state, by_input = parts(symbols["jacobian"])
         unmoved = identity(pattern)

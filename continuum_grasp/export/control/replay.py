@@ -82,7 +82,8 @@ _MEMBERS = re.compile(r"^(#.*)$|(signed char|\w+) +(\w[^;]*);", re.MULTILINE)
 def _passed(header: str, prefix: str, names: Sequence[str]) -> dict[str, str]:
     """C that passes every member of the named types of a header, and of those that they have, which come first."""
     bodies = {name: body for body, name in _STRUCT.findall(_COMMENT.sub("", header))}
-    numbers, passed = {f"{prefix}_real", "int", "uint32_t", "signed char"}, dict[str, str]()
+    numbers = {f"{prefix}_real", "int", "uint32_t", "signed char"}
+    passed = dict[str, str]()
 
     def add(name: str) -> None:
         lines = list[str]()
@@ -336,7 +337,8 @@ def _mission_rows(loop: Loop, real: CReal, begin: _Begin) -> tuple[_Record, list
     rng, nu = np.random.default_rng(2), loop.command.size
     phases = [] if loop.phases is None else [*loop.phases.names]
     numbers = {} if loop.phases is None else loop.phases.members
-    begins, last = np.asarray(numbers["begin"]), float(np.sum(numbers["length"]))
+    begins = np.asarray(numbers["begin"])
+    last = float(np.sum(numbers["length"]))
     lifted, squeezed = (begins[phases.index(name)] for name in ("hold", "squeeze"))
     courses = ((last, 0), (lifted + 0.5 * last, 1), (squeezed + 0.5 * last, 2), (squeezed + 0.5 * last, 3))
     record = begin(nu + loop.start.size + 3, nu, sum(math.ceil(ends / loop.period) for ends, _ in courses))
@@ -345,7 +347,8 @@ def _mission_rows(loop: Loop, real: CReal, begin: _Begin) -> tuple[_Record, list
         opens = round((lifted if asked == 1 else squeezed) / loop.period) + 10
         for k in range(math.ceil(ends / loop.period)):
             flags = (k == 0, asked == 1 and k == opens, asked == 2 and k == opens, 1 if k == 0 else 0)
-            y, reported = finger.measured(u), 1 + (k % 7 == 3 if asked else 0)
+            y = finger.measured(u)
+            reported = 1 + (k % 7 == 3 if asked else 0)
             if k % 53 == 20:
                 y[rng.integers(len(y))] = np.nan
             if asked == 3 and k >= opens:
@@ -380,7 +383,8 @@ def stateful_vectors(
     report(0.0, "compiling the code for its test vectors")
     builds = _Host(contents, files), None if double is None else _Host(double, library_files(double))
     structs = {struct.name: struct for part in contents.parts for struct in part.structs}
-    vectors, errors = list[Vectors](), dict[str, tuple[OutputError, ...]]()
+    vectors = list[Vectors]()
+    errors = dict[str, tuple[OutputError, ...]]()
     for k, function in enumerate(contents.stateful):
 
         def vectors_of(share: float, done: int = k, name: str = function.name) -> None:

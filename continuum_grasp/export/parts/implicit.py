@@ -49,7 +49,8 @@ def implicit_step(subject: Subject) -> PackagePart:
                 ahead = guess.evaluate(real, start=base, **inputs)
                 inputs = {"h": part, **slope.evaluate(real, **{**rows, "x": ahead["at"]})}
                 results = stage.evaluate(real, start=x, k=ahead["k"], **inputs, **before)
-                base, before = results["next"], {"before": results["rates"]} if stage is first else {}
+                base = results["next"]
+                before = {"before": results["rates"]} if stage is first else {}
             off = size.evaluate(real, x=base, at=ahead["at"])["off"]
             with np.errstate(invalid="ignore"):
                 x, moved = base, np.where(off > moved, off, moved)

@@ -137,7 +137,8 @@ def contact(subject: Subject) -> PackagePart:
         "Gaps, forces and places of all contacts, by the contact law of the scene with its friction. It warns where "
         "the state is beyond what a step takes."
     )
-    inputs, output = subject.acting(forces="w" in kernel.inputs), Argument("contacts", struct, "result")
+    inputs = subject.acting(forces="w" in kernel.inputs)
+    output = Argument("contacts", struct, "result")
     call = evaluating(subject, kernel, "touch", text, inputs, output, warns=True)
     constants = {"CONTACTS": f"{len(system.touch_names)} /* {names} */"}
     return PackagePart("contact", (kernel, *subject.kernels), (call,), constants)

@@ -250,7 +250,8 @@ def _misfits(scene: GraspScene, arrays: Mapping[str, Any], *, reached: bool) -> 
     for setup in scene.setups:
         prefix, n = f"{setup.name}.", setup.elements
         # Of n elements, at D places each, by M coordinates: all of q, and the tip's curvature where that is none.
-        shapes, backbone = shape(f"{prefix}curvature_shapes") or (), shape(f"{prefix}backbone")
+        shapes = shape(f"{prefix}curvature_shapes") or ()
+        backbone = shape(f"{prefix}backbone")
         coordinates = (shapes[-1] if shapes else 0) - FAMILIES[setup.family].matches_tip
         expected |= {f"{prefix}q": (coordinates,), f"{prefix}lengths": (n,), f"{prefix}tip_curvature": ()}
         expected |= {f"{prefix}tensions": (2,), f"{prefix}base": (3,)}
@@ -338,7 +339,10 @@ def _object(grasp: RecomputedGrasp) -> Iterator[Check]:
     scene, body, size = grasp.scene, grasp.scene.object, grasp.size
     yield Check("object pose", _beyond(body.pose_bounds, grasp.pose, size), EXACT, f"{size:.4g} m")
     scale = grasp.force_scale
-    force, turn, lift, tilt = body.mass * np.asarray(scene.gravity_in_plane), 0.0, 0.0, np.zeros(2)
+    force = body.mass * np.asarray(scene.gravity_in_plane)
+    turn = 0.0
+    lift = 0.0
+    tilt = np.zeros(2)
     for contact in grasp.contacts:  # their forces are on what touches the object, lifts on the object
         arm, load = contact.point - grasp.object.com, contact.force
         force = force - load

@@ -214,7 +214,8 @@ def depth_of_wall(body: PlacedObject, wall: Wall) -> float:
             places = np.unique(np.append(np.linspace(low, high, 41), corners if first else []))
             away = body.nearest(middle + places[:, None] * along, body.parts[part]).distance
             k = int(away.argmin())
-            low, high = places[max(k - 1, 0)], places[min(k + 1, len(places) - 1)]
+            low = places[max(k - 1, 0)]
+            high = places[min(k + 1, len(places) - 1)]
         depth = -float(away[k])
         if depth > 0.0 and abs(float(along @ tip)) <= wall.half_length:
             depth = worst(depth, -float(normal @ tip))

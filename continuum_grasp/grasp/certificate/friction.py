@@ -35,7 +35,8 @@ def cell_nodes(edges: Array, *breaks: Sequence[float]) -> tuple[Array, Array, ND
     """
     inside = [at for at in np.concatenate(breaks) if edges[0] < at < edges[-1]] if breaks else []
     places = np.unique(np.concatenate([edges, inside]))
-    middle, half = 0.5 * (places[1:] + places[:-1])[:, None], 0.5 * np.diff(places)[:, None]
+    middle = 0.5 * (places[1:] + places[:-1])[:, None]
+    half = 0.5 * np.diff(places)[:, None]
     cell = np.searchsorted(edges, middle.ravel()) - 1
     return (middle + half * _NODES).ravel(), (half * _WEIGHTS).ravel(), np.repeat(cell, _NODES.size)
 
@@ -65,7 +66,8 @@ class TendonFriction:
         channel, profile = self._shape.channels[0], self._shape.profile
         ends = np.append(np.stack([self.edges[:-1], self.edges[:-1] + 0.5 * self._widths], axis=1), self.edges[-1])
         s, weights, half = cell_nodes(ends, profile.breaks, channel.shape.breaks)
-        bent, drawn = weights * self._shape.curvature(s), channel.shape(s)
+        bent = weights * self._shape.curvature(s)
+        drawn = channel.shape(s)
         turned, path = (np.bincount(half, each, ends.size - 1) for each in (bent * (drawn != 0.0), bent * drawn))
         return turned.reshape(-1, 2), path.reshape(-1, 2)
 

@@ -247,7 +247,8 @@ class RecomputedGrasp:
         depths = -self.object.distances(points) if len(self.object.parts) > 1 else np.zeros((1, len(contacts)))
         depths[parts, range(len(contacts))] = 0.0
         for k, c in enumerate(contacts):
-            c.surface_radius, c.tilt = float(seen.radius[k]), float(off[k])
+            c.surface_radius = float(seen.radius[k])
+            c.tilt = float(off[k])
             c.buried = float(np.max(depths[:, k]))
 
 

@@ -98,7 +98,8 @@ class _Chain:
         counts = np.maximum(2, np.round(cells * (np.diff(marks) / marks[-1]))).astype(int)  # between contacts
         pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(marks, marks[1:], counts, strict=False)]
         edges = np.concatenate([*pieces, marks[-1:]])
-        self.nodes, self.bounds = edges[1:], np.append(0.5 * (edges[1:] + edges[:-1]), marks[-1])
+        self.nodes = edges[1:]
+        self.bounds = np.append(0.5 * (edges[1:] + edges[:-1]), marks[-1])
         angle = finger.rod.at(finger.curvature, self.nodes)[1]
         mesh, profile = finger.rod.mesh, finger.profile
         # Turn per moment between nodes, the first being clamped, and mass beyond each node.

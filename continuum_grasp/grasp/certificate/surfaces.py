@@ -187,7 +187,8 @@ def _disc(center: Array, radius: float, points: Array) -> NearestPoints:
 
 def _curved_polygon(part: OffsetPolygon, points: Array) -> NearestPoints:
     """Everything within a radius of a core of lines and arcs, by the nearest point of each of them."""
-    core, rows = np.asarray(part.vertices, dtype=float), np.arange(len(points))
+    core = np.asarray(part.vertices, dtype=float)
+    rows = np.arange(len(points))
     feet, normals, radii = [], [], []
     for face in part.faces:
         start, end = np.asarray(face.start), np.asarray(face.end)
@@ -210,8 +211,12 @@ def _curved_polygon(part: OffsetPolygon, points: Array) -> NearestPoints:
     off = points - np.stack(feet)
     away = np.hypot(off[..., 0], off[..., 1])
     nearest = away.argmin(axis=0)
-    away, off, normal, foot = away[nearest, rows], off[nearest, rows], np.stack(normals)[nearest, rows], np.stack(feet)
-    foot, height = foot[nearest, rows], (off * normal).sum(axis=1)
+    away = away[nearest, rows]
+    off = off[nearest, rows]
+    normal = np.stack(normals)[nearest, rows]
+    foot = np.stack(feet)
+    foot = foot[nearest, rows]
+    height = (off * normal).sum(axis=1)
     extent = float(np.ptp(core, axis=0).max())
     # Along the normal there is no corner. At one, chords say on which side a point is: arcs beside it are no nearer.
     at_corner = np.abs(off[:, 0] * normal[:, 1] - off[:, 1] * normal[:, 0]) > ROUNDING * extent
@@ -270,7 +275,8 @@ def touched(part: Part, point: Array, normal: Array, depth: float) -> Part:
     _, height, beside = (row[0] for row in _seen(core, point[None]))
     away = np.hypot(height, beside)
     agrees = (height * (out @ normal) + beside * (along @ normal)) / np.maximum(away, 1e-300)
-    edge, count = int(np.where(away <= away.min() + depth, agrees, -np.inf).argmax()), len(core)
+    edge = int(np.where(away <= away.min() + depth, agrees, -np.inf).argmax())
+    count = len(core)
     first = last = edge
     while convex[first % count] and (first == edge or out[first % count] @ normal > 0.0):
         first -= 1
@@ -291,14 +297,16 @@ def _superellipse(axes: tuple[float, float], power: float, points: Array) -> Nea
     tried = _polar(a, b)
     grid = _curve(a, b, power, tried)[0]
     k = ((x[:, None] - grid[0]) ** 2 + (y[:, None] - grid[1]) ** 2).argmin(axis=1)
-    low, high = tried[np.maximum(k - 1, 0)], tried[np.minimum(k + 1, tried.size - 1)]
+    low = tried[np.maximum(k - 1, 0)]
+    high = tried[np.minimum(k + 1, tried.size - 1)]
     angle = tried[k]
     for _ in range(60):  # enough for bisection alone to reach rounding
         (px, py), (nx, ny), (dpx, dpy), (dnx, dny) = _curve(a, b, power, angle)
         # the way on is (-ny, nx): on along the curve where the point lies ahead
         ahead = (y - py) * nx - (x - px) * ny
         slope = (y - py) * dnx - (x - px) * dny - (dpy * nx - dpx * ny)
-        low, high = np.where(ahead > 0.0, angle, low), np.where(ahead < 0.0, angle, high)
+        low = np.where(ahead > 0.0, angle, low)
+        high = np.where(ahead < 0.0, angle, high)
         with np.errstate(divide="ignore", invalid="ignore"):
             after = angle - ahead / slope
         after = np.where((after >= low) & (after <= high), after, 0.5 * (low + high))
@@ -334,5 +342,6 @@ def _curve(a: float, b: float, power: float, angle: Array) -> tuple[tuple[Array,
     g = nx * c + ny * s
     r = g ** (-1.0 / power)
     dr = -r / g * (ny * c - nx * s)
-    dnx, dny = -(power - 1.0) * cb * s / a**2, (power - 1.0) * sb * c / b**2
+    dnx = -(power - 1.0) * cb * s / a**2
+    dny = (power - 1.0) * sb * c / b**2
     return (r * c, r * s), (nx, ny), (dr * c - r * s, dr * s + r * c), (dnx, dny)

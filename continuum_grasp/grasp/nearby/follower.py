@@ -38,7 +38,8 @@ class GraspFollower:
 
     def again(self, result: GraspResult) -> HeldGrasp | None:
         """The grasp of a result, its guarded places moved until they stand still; None where it is not found again."""
-        scene, start = result.scene, GraspStart.of(result.scene, dict(result.arrays))
+        scene = result.scene
+        start = GraspStart.of(result.scene, dict(result.arrays))
         if result.robustness is not None:
             return self._run_joint(scene, start, result.robustness.active, result.robustness.touching)
         return self._run(scene, start)
@@ -113,7 +114,8 @@ class GraspFollower:
         grasp = self._converged(scene, start, JointSolverRun(scene, start, errors, touching), x0=x0, features=features)
         if grasp is None:
             return None
-        budget, bounds = Budget.of(scene.solver), scene.robust or Robust.model_construct()
+        budget = Budget.of(scene.solver)
+        bounds = scene.robust or Robust.model_construct()
         exchange = Exchange(scene, bounds, grasp.arrays, budget, list(errors))
         while active := exchange.active(grasp.arrays):
             contacts = [response.begin.contacts for response in active]

@@ -242,7 +242,8 @@ def moved_start(before: GraspScene, after: GraspScene, start: GraspStart) -> Gra
     """A start of a scene in another one, whose fingers may have other lengths and whose object other dimensions."""
     fingers = {}
     for old, new in zip(before.setups, after.setups, strict=True):
-        finger_start, share = start.fingers[old.name], new.finger.rod.length / old.finger.rod.length
+        finger_start = start.fingers[old.name]
+        share = new.finger.rod.length / old.finger.rod.length
         joints, knots = (tuple(share * at for at in places) for places in (finger_start.joints, finger_start.knots))
         fingers[old.name] = replace(finger_start, joints=joints, knots=knots)
     contacts = dict(start.contacts)

@@ -62,7 +62,8 @@ class BentFinger(StoredFinger):
         left, right = self.tensions
         shares = np.ones(mesh.panels)
         if self.friction is not None:
-            arm, middles = channel.arms[0 if left >= right else 1], 0.5 * (self.rod.edges[1:] + self.rod.edges[:-1])
+            arm = channel.arms[0 if left >= right else 1]
+            middles = 0.5 * (self.rod.edges[1:] + self.rod.edges[:-1])
             shares = self.friction.shares(arm, middles)
         self.arm = abs(channel.arms[0])
         paths = mesh.to_edges(channel.shape(mesh.nodes) * hats.T).T
@@ -76,7 +77,9 @@ class BentFinger(StoredFinger):
         station = float(self._contacts.stations[contact])
         edge = self.rod.edge_index(station)
         thickness = skin(self.finger.profile.half_thickness)
-        half, lean, bent = float(thickness(np.array(station))), thickness.slope(station), self._curvature(edge)
+        half = float(thickness(np.array(station)))
+        lean = thickness.slope(station)
+        bent = self._curvature(edge)
         if self._contacts.names[contact] == self._tip:
             skin_curvature = 1.0 / half if half > 0.0 else math.inf
         else:
@@ -93,7 +96,9 @@ class BentFinger(StoredFinger):
 
         Pulled along, it stiffens; pushed, it softens.
         """
-        contacts, mesh, gravity = self._contacts, self.rod.mesh, np.asarray(self._contacts.scene.gravity_in_plane)
+        contacts = self._contacts
+        mesh = self.rod.mesh
+        gravity = np.asarray(self._contacts.scene.gravity_in_plane)
         beyond = (mesh.to_edges(self._density)[-1] - mesh.to_nodes(self._density))[:, None] * gravity
         forces = [(float(contacts.stations[k]), contacts.pushes[k]) for k in self.touching]
         forces += [(mass.at, mass.mass * gravity) for mass in self.finger.masses]

@@ -108,7 +108,9 @@ def solve_conic(
     nowhere = np.full(n, np.nan)
     if (low > high).any() or (low == np.inf).any() or (high == -np.inf).any():
         return ConicOutcome("infeasible", nowhere, float("nan"), float("nan"))
-    equal, most, least = low == high, (low < high) & np.isfinite(high), (low < high) & np.isfinite(low)
+    equal = low == high
+    most = (low < high) & np.isfinite(high)
+    least = (low < high) & np.isfinite(low)
     curved, offsets = cones.rows() if cones is not None else (np.zeros((0, n)), np.zeros(0))
     matrix = np.concatenate([every[equal], every[most], -every[least], curved])
     limits = np.concatenate([high[equal], high[most], -low[least], offsets])
@@ -127,7 +129,8 @@ def solve_conic(
     if status in ("infeasible", "unbounded"):
         return ConicOutcome(status, nowhere, float("nan"), float("nan"))
     x = np.asarray(found.x)
-    spare, size = limits - matrix @ x, 1.0 + np.abs(matrix) @ np.abs(x)
+    spare = limits - matrix @ x
+    size = 1.0 + np.abs(matrix) @ np.abs(x)
     first = limits.size - offsets.size
     over = np.concatenate([np.abs(spare[: equal.sum()]), -spare[equal.sum() : first]]) / size[:first]
     width, *vector = spare[first:].reshape(-1, 3).T

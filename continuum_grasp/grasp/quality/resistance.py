@@ -107,7 +107,8 @@ class _Limits:
         reach = float(np.abs(along).max(initial=0.0))
         if reach == 0.0:
             return math.inf, ()
-        unit, spans = self.scale / reach, np.abs(self.ranges[free]).max(axis=1)
+        unit = self.scale / reach
+        spans = np.abs(self.ranges[free]).max(axis=1)
         # Unknowns: the factor, and the change of each free difference of tensions per its span.
         effect = np.zeros((count, 2, 1 + free.size))
         effect[:, :, 0] = along / reach
@@ -123,14 +124,16 @@ class _Limits:
             self.friction[:, None] * effect[:, 0],
             (self.friction * self.forces[:, 0] + self.spare) / self.scale,
         )
-        normal, widest = self.forces[:, 0], np.maximum(np.abs(self.ranges).max(axis=1), self.scale)
+        normal = self.forces[:, 0]
+        widest = np.maximum(np.abs(self.ranges).max(axis=1), self.scale)
         rows = np.concatenate([effect[:, 0], moves / self.reach[:, None], pulls / widest[:, None]])
         still = np.ones(motion.size)
         row_low = np.concatenate([(self.low - normal) / self.scale, -still, self.ranges[:, 0] / widest])
         row_high = np.concatenate([(self.high - normal) / self.scale, still, self.ranges[:, 1] / widest])
         low, high = (np.append(of_factor, self.ranges[free, k] / spans) for k, of_factor in ((0, 0.0), (1, math.inf)))
         # 1e-7: worth of the square of a change of tensions per their span, beside the factor in its unit of force
-        cost, squares = np.append(-1.0, np.zeros(free.size)), np.append(0.0, np.full(free.size, 1e-7))
+        cost = np.append(-1.0, np.zeros(free.size))
+        squares = np.append(0.0, np.full(free.size, 1e-7))
         solution = solve_conic(cost, rows, row_low, row_high, low, high, cones, squares)
         if solution.status == "infeasible":
             return 0.0, self._reached(self.forces, 0.0 * differences, 0.0 * motion)
@@ -145,7 +148,8 @@ class _Limits:
 
     def _reached(self, forces: Array, changes: Array, motion: Array) -> tuple[str, ...]:
         """Names of the limits that are reached or passed."""
-        slack, words = EXACT * max(self.scale, float(np.abs(forces).max(initial=0.0))), []
+        slack = EXACT * max(self.scale, float(np.abs(forces).max(initial=0.0)))
+        words = []
         for k, name in enumerate(self.names):
             normal, friction, lift = forces[k]
             if normal <= self.low[k] + slack:

@@ -121,12 +121,14 @@ class GraspResponse:
         move[:, self._object : self._object + 2] = -np.eye(2)
         move[:, -1] = [arm[1], -arm[0]]
         turn = np.zeros(size)  # of the finger's section; supports do not turn
-        push, name = float(contacts.forces[k, 0]), contacts.finger_of(k)
+        push = float(contacts.forces[k, 0])
+        name = contacts.finger_of(k)
         if name is None:
             other = contacts.support_curvature(k)
         else:
             at = [setup.name for setup in self.setups].index(name)
-            part, (shift, section_turn, half, other) = self._slices[at], self._fingers[at].section(k)
+            part = self._slices[at]
+            shift, section_turn, half, other = self._fingers[at].section(k)
             turn[part] = section_turn
             move[:, part] += shift - half * np.outer(across, section_turn)
             # The surface circles about the backbone: h turn^2 / 2 along the normal, on which the normal force works.
@@ -140,7 +142,8 @@ class GraspResponse:
 
     def _solve(self, causes: Array, tendons: Tendons) -> UnitChanges:
         """Solve the saddle point problem of motions, contact forces and, where locked, tension differences."""
-        count, fingers = self.contacts.count, len(self._fingers) if tendons == "locked" else 0
+        count = self.contacts.count
+        fingers = len(self._fingers) if tendons == "locked" else 0
         with np.errstate(divide="ignore"):
             compliances = np.diag(1.0 / (np.array(self._springs) * self._arms)[:fingers])
         none = np.zeros((2 * count, fingers))

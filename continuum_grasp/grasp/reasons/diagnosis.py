@@ -88,7 +88,8 @@ def in_words(elastic: Elastic, repair: Repair) -> Reason:
 def part_of(elastic: Elastic, limit: RelaxedLimit, repair: Repair) -> Reason:
     """A limit of a repair, in the scene where the others are relaxed."""
     others = {other: part for other, part in repair.parts.items() if other is not limit}
-    scene, amount = elastic.relaxed(others, spare=1.0), repair.parts[limit] * limit.start(elastic.scene)
+    scene = elastic.relaxed(others, spare=1.0)
+    amount = repair.parts[limit] * limit.start(elastic.scene)
     bound, needed = limit.value(scene, 0.0), limit.value(scene, amount)
     eased = limit.relaxed(scene, amount if limit.limit is None else limit.enough(scene, amount))
     every = dict(changed_numbers(scene, eased))

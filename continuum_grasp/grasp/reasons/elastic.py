@@ -85,7 +85,8 @@ class Elastic:
             # Where something repairs the scene already, further repairs are not worth what the first one is.
             patience = PATIENCE if self.found else None
             start, parts, x0, options_at = begin, dict.fromkeys(limits, 1.0), None, 2
-        solver, usual = search.solver(start), {limit: limit.start(scene) for limit in limits}
+        solver = search.solver(start)
+        usual = {limit: limit.start(scene) for limit in limits}
         relaxed = [(limit, amount * parts.get(limit, 0.0)) for limit, amount in usual.items()]
         ends = {"iterations": FIRST_CAP, "standstill": STANDSTILL, "patience": patience}
         options: dict[str, Any] = {"options_at": options_at, "relaxed": relaxed, "x0": x0, **ends}
@@ -159,7 +160,9 @@ class Elastic:
             return None
         greatest = {limit: limit.sensible(scene) / limit.start(scene) for limit in repair.parts}
         parts = {limit: min(part + step, greatest[limit]) for limit, part in repair.parts.items()}
-        eased, start, bounds = self.relaxed(parts), repair.attempt.start, scene.robust or Robust.model_construct()
+        eased = self.relaxed(parts)
+        start = repair.attempt.start
+        bounds = scene.robust or Robust.model_construct()
         solver = search.solver(start)
         attempt = solver.run(eased, start, search.budget, options_at=2, x0=repair.attempt.x, iterations=FIRST_CAP)
         if not attempt.converged or not np.isfinite(attempt.x).all():

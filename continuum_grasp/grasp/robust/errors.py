@@ -101,7 +101,8 @@ class InError:
         self.pose: Pose = (x, y, angle)
         # Supports that the object touches; two contacts with one: a face lies on it and has no error of its angle.
         supports = [support.name for name in names if (support := scene.support_of(name)) is not None]
-        self.on, self.flat = frozenset(supports), len(supports) > len(set(supports))
+        self.on = frozenset(supports)
+        self.flat = len(supports) > len(set(supports))
         self._lies: dict[bytes, Pose] = {}
         # Coordinates of its pose that the supports leave.
         self.left = tuple({0, 1, 2} - set(pinned_by(self.scene, self.on, self.pose, flat=self.flat)))
@@ -169,7 +170,8 @@ class InError:
         of the problem, by the names of the unknowns.
         """
         x, y, turn = (np.array(self.pose_in_error(error)) - self.pose).tolist()
-        moved, landings = complex(x, y) * cmath.exp(-1j * self.pose[2]), {}
+        moved = complex(x, y) * cmath.exp(-1j * self.pose[2])
+        landings = {}
         for contact in spec.contacts:
             if spec.lands(contact) and contact.name in start.contacts:
                 place = cmath.exp(-1j * turn) * (complex(*start.contacts[contact.name].point) - moved)

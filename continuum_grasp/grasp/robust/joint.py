@@ -114,7 +114,8 @@ def robust_problem(
     jacobians = [part.nlp.functions["jac_g"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
     rows = ca.vertcat(ca.diagcat(*jacobians), ca.jacobian(ca.vertcat(*linked), x))
     jacobian = ca.Function("nlp_jac_g", [x, p], [g, rows], ["x", "p"], ["g", "jac_g_x"])
-    weight, forces = ca.MX.sym("weight"), ca.MX.sym("forces", g.numel())
+    weight = ca.MX.sym("weight")
+    forces = ca.MX.sym("forces", g.numel())
     shares = ca.vertsplit(forces, _starts([*(part.problem.rows.count for part in parts), *rows_linked]))
     each = list(zip(parts, xs, ps, shares, strict=False))
     blocks = [part.nlp.functions["hess_lag"](a, b, weight, multipliers) for part, a, b, multipliers in each]
@@ -176,7 +177,8 @@ class JointSolverRun:
         """
         features = features or contact_features(scene, start.contacts)
         problems = [solver.problem for solver in self._solvers]
-        sides, offsets = self._sides(scene, start, features), self._offsets(scene, start)
+        sides = self._sides(scene, start, features)
+        offsets = self._offsets(scene, start)
         values = [problem_values(problem, *side) for problem, side in zip(problems, sides, strict=True)]
         for error_values in values[1:]:
             error_values["effort weight"] = _EFFORT

@@ -78,7 +78,8 @@ class Responder:
         """The response to an error (6 + K,)."""
         near = self._nearest(error)
         best = self._with(self.start if near is None else near.begin, error)
-        tried, left = {frozenset(best.begin.contacts)}, list(self._next(best))
+        tried = {frozenset(best.begin.contacts)}
+        left = list(self._next(best))
         while left and not best.holds and len(tried) < SETS and self._fruitless < FRUITLESS:
             begin = left.pop(0)
             names = frozenset(begin.contacts)
@@ -176,7 +177,8 @@ class Responder:
 
     def _pinned(self, solver: GraspSolverRun, scene: GraspScene, start: GraspStart, error: Array) -> dict[str, Array]:
         """Unknowns that are given, in units of the problem; NaN where one is not."""
-        units, pinned = Units.of(scene), self.in_error.landings(solver.problem.spec, self.start, error)
+        units = Units.of(scene)
+        pinned = self.in_error.landings(solver.problem.spec, self.start, error)
         if not self.in_error.yields and scene.object.free is not None:
             # What the supports decide follows from their contacts.
             pose = np.array(units.pose(scene.object.pose))

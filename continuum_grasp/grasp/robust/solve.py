@@ -102,7 +102,8 @@ def with_robust(result: GraspResult, search: GraspSearch, budget: Budget) -> Gra
         return replace(changed, status=GraspStatus.UNSTABLE, message=message, advice=STEADIER)
     if robust.holds:
         return changed
-    count, unknown = robust.margins.size, int(np.isnan(robust.margins).sum())
+    count = robust.margins.size
+    unknown = int(np.isnan(robust.margins).sum())
     failed = count - robust.held - unknown
     shown = [f"{failed} of {count} draws do not hold"] if failed or not unknown else []
     shown += [f"of {unknown} of {count} draws nothing is known, the solver gave up"] if unknown else []
@@ -210,7 +211,8 @@ def _holds(result: GraspResult, bounds: Robust, share: float, budget: Budget) ->
         less_error = bounds.replaced(**{name: share * getattr(bounds, name) for name in BOUNDS})
         return find_robust(scene, less_error, result.arrays, budget).holds
     fingers = {setup.name: _less_friction(setup, share) for setup in scene.setups}
-    less, start = scene.with_fingers(fingers), GraspStart.of(scene, dict(result.arrays))
+    less = scene.with_fingers(fingers)
+    start = GraspStart.of(scene, dict(result.arrays))
     solver = GraspSolverRun.of(less, start.contacts)
     attempt = solver.run(less, start, budget, options_at=2)
     return attempt.converged and find_robust(less, bounds, solver.arrays(less, attempt), budget).holds

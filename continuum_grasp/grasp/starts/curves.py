@@ -84,7 +84,8 @@ def sample(knots: Array, curvatures: Array, at: Array) -> Array:
     angle = turning(knots, curvatures, inner.reshape(len(inner), 2 * step.shape[1])).reshape(inner.shape)
     move = np.empty(step.shape, complex)
     # Real functions: numpy's complex exponential takes longer.
-    move.real, move.imag = -0.5 * step * np.sin(angle).sum(axis=2), 0.5 * step * np.cos(angle).sum(axis=2)
+    move.real = -0.5 * step * np.sin(angle).sum(axis=2)
+    move.imag = 0.5 * step * np.cos(angle).sum(axis=2)
     return np.concatenate([np.zeros((len(move), 1), complex), np.cumsum(move, axis=1)], axis=1)
 
 

@@ -50,7 +50,8 @@ def _postures(
     length = setup.finger.rod.length
     most = min(_MOST_BEND, setup.elements * setup.bending_range)
     ends = np.stack(np.meshgrid(*[np.linspace(-most, most, _ENDS)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-    knots, places = np.tile([0.0, 1.0], (len(ends), 1)), np.linspace(0.0, 1.0, _PLACES)
+    knots = np.tile([0.0, 1.0], (len(ends), 1))
+    places = np.linspace(0.0, 1.0, _PLACES)
     line = sample(knots, ends, np.tile(places, (len(ends), 1)))
     world = complex(*base[:2]) + length * np.exp(1j * base[2]) * line
     local = (world - complex(*pose[:2])) * np.exp(-1j * pose[2])

@@ -213,7 +213,8 @@ def pinned_by(scene: GraspScene, on: frozenset[str], pose: Pose, *, flat: bool) 
 
 def _gap(shapes: tuple[PartOutline, ...], body: Wall | Peg, pose: Pose) -> tuple[float, complex, complex]:
     """Gap between object and support [m], normal along which it grows, and world arm of the object's nearest point."""
-    turn, origin = cmath.exp(1j * pose[2]), complex(pose[0], pose[1])
+    turn = cmath.exp(1j * pose[2])
+    origin = complex(pose[0], pose[1])
     if isinstance(body, Wall):
         normal = complex(*body.normal)
         arms = [point * turn for shape in shapes for point, _ in shape.extremes(-normal / turn, 0.0)]

@@ -144,7 +144,8 @@ def all_joints(setup: FingerSetup, on: dict[str, float]) -> tuple[float, ...]:
 
 def _knots(profile: Array, ends: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Knots and curvatures of a continuous profile near that of a finger, whose elements have D curvatures each."""
-    first, last = ends[:-1, None], ends[1:, None]
+    first = ends[:-1, None]
+    last = ends[1:, None]
     # Where curvatures of neighbors differ at their joint, their mean; of arcs, from middle to middle.
     if profile.shape[1] == 1:
         knots = np.concatenate([ends[:1], 0.5 * (ends[1:] + ends[:-1]), ends[-1:]])

@@ -35,7 +35,8 @@ def finger_outline(backbone: Array, finger: Finger) -> Array:
     at, half = _thickness_line(finger, s)
     if _cuts(finger):  # units are rigid: straight between cuts, and turned as their chords are
         edges = np.array(finger.rod.spirob.edges(finger.rod.length)) if finger.rod.spirob else s
-        line, s = np.column_stack([np.interp(edges, s, line[:, k]) for k in (0, 1)]), edges
+        line = np.column_stack([np.interp(edges, s, line[:, k]) for k in (0, 1)])
+        s = edges
         chord = np.diff(line, axis=0)
         turned = np.unwrap(np.arctan2(-chord[:, 0], chord[:, 1]))
         turn = turned[np.clip(np.searchsorted(edges, at, side="right") - 1, 0, len(turned) - 1)]
@@ -52,7 +53,8 @@ def side_path(side: Tendon | Chamber, backbone: Array, finger: Finger) -> Array:
     """Path of a tendon or a chamber (points, 2), towards the tip; backbone as of `finger_outline`."""
     line, s, angle = _placed(backbone, finger)
     length = finger.rod.length
-    begin, to = getattr(side, "start", 0.0), length if side.to is None else side.to
+    begin = getattr(side, "start", 0.0)
+    to = length if side.to is None else side.to
     at = np.concatenate([[begin], s[(s > begin) & (s < to)], [to]])
     turn = np.interp(at, s, angle)
     shape = side.shape(length)
@@ -225,7 +227,8 @@ def draw_supports(ax: Axes, supports: Mapping[str, Support]) -> list[Array]:
     diagonal = math.hypot(right - left, high - low)
     # a half-plane ends outside of the picture, wherever its point is in it
     # 0.035: thickness of the hatched material, as a part of the picture: two strokes of the hatching
-    far, depth = 2.0 * diagonal, 0.035 * max(right - left, high - low)
+    far = 2.0 * diagonal
+    depth = 0.035 * max(right - left, high - low)
     drawn: list[Array] = []
     for name, support in supports.items():
         for block, face in _blocks(support, name, far, depth):
@@ -234,7 +237,8 @@ def draw_supports(ax: Axes, supports: Mapping[str, Support]) -> list[Array]:
             drawn.append(block)
         for peg in support.pegs(name):
             # 0.012: least radius of a peg, as a part of the diagonal: a point peg is still seen
-            center, radius = np.array(peg.position), max(peg.radius, 0.012 * diagonal)
+            center = np.array(peg.position)
+            radius = max(peg.radius, 0.012 * diagonal)
             style = {**MATERIAL, "linewidth": 1.2, "edgecolor": Color.INK, "zorder": Z.SUPPORT}
             ax.add_patch(Circle((center[0], center[1]), radius, **style))
             drawn.append(center + radius * CIRCLE)
@@ -244,7 +248,9 @@ def draw_supports(ax: Axes, supports: Mapping[str, Support]) -> list[Array]:
 def _blocks(support: Support, name: str, far: float, depth: float) -> list[tuple[Array, Array]]:
     """Outline of the material and its face, of each straight part; a groove is one, so that its corner is filled."""
     if support.type == "v_groove":
-        apex, axis, half = np.array(support.apex), support.axis_angle, 0.5 * support.opening_angle
+        apex = np.array(support.apex)
+        axis = support.axis_angle
+        half = 0.5 * support.opening_angle
         face = np.array([apex + far * _direction(axis + half), apex, apex + far * _direction(axis - half)])
         left, right = (_direction(axis + turn) for turn in (half + 0.5 * math.pi, -half - 0.5 * math.pi))
         # the corner of two faces that are both moved outwards by the depth

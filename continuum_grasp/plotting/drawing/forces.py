@@ -60,7 +60,8 @@ class ForceArrows:
 
     def draw(self, ax: Axes, frame: int | None = None) -> list[Quiver]:
         """Draw all forces, or those of an instant by its number, from where they act; one patch for each kind."""
-        drawn, chosen = [], self.forces if frame is None else self.frames[frame]
+        drawn = []
+        chosen = self.forces if frame is None else self.frames[frame]
         for kind in _kinds(chosen):
             at, force = np.array([(p, f) for p, f, k in chosen if k == kind]).transpose(1, 2, 0)
             drawn.append(_arrows(ax, at, force * self.scale, _color(kind), 1.3))

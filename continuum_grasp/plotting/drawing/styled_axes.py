@@ -246,7 +246,8 @@ def bend_box(points: Sequence[NDArray[Any]], margin: float, slimmest: float = 0.
     flat = flat[np.isfinite(flat).all(axis=1)]
     if not len(flat):
         flat = np.zeros((1, 2))
-    low, high = flat.min(axis=0) - margin, flat.max(axis=0) + margin
+    low = flat.min(axis=0) - margin
+    high = flat.max(axis=0) + margin
     sides = high - low
     more = np.maximum(0.0, slimmest * sides.max() - sides) / 2
     low, high = low - more, high + more

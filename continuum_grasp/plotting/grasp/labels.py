@@ -93,7 +93,8 @@ class _Sheet:
         center = self._best(at, half, wanted, 0.0 if label.on_body else _ON_BODY)
         x, y = self.points.inverted().transform(center)
         text.set_position((float(x), float(y)))
-        low, high = self._cells(center - half), self._cells(center + half)
+        low = self._cells(center - half)
+        high = self._cells(center + half)
         self.texts[low[0] : high[0] + 1, low[1] : high[1] + 1] = True
         end = np.clip(at, center - half, center + half)
         if float(np.hypot(*(end - at))) > 1.6 * _NEAR:  # at all places but the nearest
@@ -136,7 +137,8 @@ class _Sheet:
         # a summed-area table: the share of a box costs four look-ups, however large it is
         sums = np.zeros(self.shape + 1, dtype=int)
         sums[1:, 1:] = taken.cumsum(axis=0).cumsum(axis=1)
-        (a, c), (b, d) = self._cells(low).T, self._cells(high).T + 1
+        a, c = self._cells(low).T
+        b, d = self._cells(high).T + 1
         return np.asarray((sums[b, d] - sums[a, d] - sums[b, c] + sums[a, c]) / ((b - a) * (d - c)))
 
     def _cells(self, points: Array) -> Array:

@@ -102,8 +102,10 @@ def plot_friction(result: GraspResult, *, ax: Axes | None = None) -> Axes:
         ax.text(0.0, 0.35, words, fontsize=8, color=Color.SLATE, va="center")
     for k, contact in enumerate(view.contacts):
         row, column = divmod(k, DISCS)
-        x, y = (column + 0.5) * _PITCH, -row * _TALL - 1.25
-        color, limit = view.color(contact.name), result.scene.friction(contact.name) * contact.normal_force
+        x = (column + 0.5) * _PITCH
+        y = -row * _TALL - 1.25
+        color = view.color(contact.name)
+        limit = result.scene.friction(contact.name) * contact.normal_force
         ax.add_patch(Circle((x, y), 1.0, facecolor=color, alpha=0.14, linewidth=0.0))
         ax.add_patch(Circle((x, y), 1.0, facecolor="none", edgecolor=color, linewidth=0.8))
         ax.plot([x - 1.0, x + 1.0], [y, y], color=Color.GRAY, linewidth=0.5)

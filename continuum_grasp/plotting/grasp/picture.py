@@ -135,7 +135,8 @@ def _at(figure: Figure, left: float, bottom: float, width: float, height: float)
 
 def _title(result: GraspResult, width: float) -> str:
     """Name, verdict, and why there is no grasp, in lines that are no wider [inch]."""
-    name, status = wrapped(plain(result.scene.name or "grasp"), width), result.status.word
+    name = wrapped(plain(result.scene.name or "grasp"), width)
+    status = result.status.word
     if result.solved:
         certificate = result.certificate
         unstable = certificate is not None and not certificate.stability.stable
@@ -185,7 +186,9 @@ def _draw_fingers(ax: Axes, view: GraspView) -> list[Array]:
     """Draw all fingers; returns their outlines and those of their clamps [m]."""
     drawn: list[Array] = []
     for name, finger in view.scene.named_fingers.items():
-        backbone, body, color = view.backbones[name], view.body(name), view.color(name)
+        backbone = view.backbones[name]
+        body = view.body(name)
+        color = view.color(name)
         line = backbone[:, 1:3]
         drawn += [body, draw_clamp(ax, line, finger)]
         edge, style = lighter(color, 0.25), "solid" if view.result.verified else "dashed"
@@ -262,13 +265,15 @@ def _draw_scale(ax: Axes, view: GraspView) -> list[Array]:
     # forces that the scale may show, times a power of ten
     size = max(k * decade for k in (0.5, 1.0, 2.0, 5.0) if k * decade <= view.greatest_force)
     left, right, bottom, top = view.box
-    unit, length = 0.01 * max(right - left, top - bottom), size * view.force_scale
+    unit = 0.01 * max(right - left, top - bottom)
+    length = size * view.force_scale
     x, y = right - 2.5 * unit, bottom + 2.5 * unit
     draw_arrow(ax, np.array([x - length, y]), np.array([x, y]), Color.SLATE)
     ax.text(
         x, y + unit, amount_text(size, "N", "g"), fontsize=8, color=Color.SLATE, ha="right", va="bottom", zorder=Z.SCALE
     )
-    begin, end = x - max(length, 9 * unit) - unit, y + 6 * unit
+    begin = x - max(length, 9 * unit) - unit
+    end = y + 6 * unit
     return [np.array([[begin, bottom], [right, bottom], [right, end], [begin, end]])]
 
 

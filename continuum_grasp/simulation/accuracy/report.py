@@ -187,7 +187,8 @@ def row_of(choice: Choice, truth: Truth, reference: TipMotion | None) -> tuple[A
         if reference is not None:
             try:
                 run = pace(scene, model, _EQUAL)
-                factor, motion = run.real_time_factor, rms(run.tip - reference.tip) / model.finger.rod.length
+                factor = run.real_time_factor
+                motion = rms(run.tip - reference.tip) / model.finger.rod.length
             except ContinuumGraspError:  # no such start, or no motion that stays finite
                 motion = math.inf
     frequencies = assessment.frequencies if reference is not None else (math.nan, math.nan)

@@ -76,13 +76,15 @@ class Bench:
             self.unknowns.append(Unknown(LAG, "s", LAG, start=lag, lower=0.02 * lag, upper=50.0 * lag, typical=lag))
         self.model = PlantModel(plain, parameters=[unknown.target for unknown in self.unknowns] + [FRICTION] * friction)
         self.nominal = self.model.p.copy()
-        period, delay = scene.controller.step, 0.0 if scene.estimator is None else scene.estimator.delay
+        period = scene.controller.step
+        delay = 0.0 if scene.estimator is None else scene.estimator.delay
         size = max(delay, period)
         self.unknowns.append(Unknown(DELAY, "s", DELAY, start=delay, lower=0.0, upper=1.0, typical=size))
         sides = np.sign([tendon.arm(finger.rod.length) for tendon in finger.tendon_list] or [1.0])
         opposed = len(sides) == 2 and sides.sum() == 0.0
         self.zeros = [0.5 * sides] if opposed else list(np.eye(len(sides)))
-        unit, greatest = split_unit(self.model.u_names[0]).unit, float(max(scene.input_limits[1]))
+        unit = split_unit(self.model.u_names[0]).unit
+        greatest = float(max(scene.input_limits[1]))
         self.unknowns += [
             Unknown(f"{ZERO}_{k + 1}", unit, ZERO, lower=-greatest, upper=greatest, typical=0.05 * greatest)
             for k in range(len(self.zeros))
@@ -143,13 +145,17 @@ class Bench:
 
     def _at_rest(self, u: Array, w: Array, p: Array) -> Array:
         """State at rest (nx) under a command (nu), which drives have reached; friction is near that of the start."""
-        x, names, n = self.model.start.copy(), self.model.x_names, self.model.system.finger_model.n
+        x = self.model.start.copy()
+        names = self.model.x_names
+        n = self.model.system.finger_model.n
         x[n : 2 * n] = 0.0
         exerted = {names.index(name): value for name, value in zip(self.model.u_names, u, strict=True) if name in names}
         x[[*exerted]] = [*exerted.values()]
         # Coordinates, with what materials and friction remember, by which accelerations and the rates of these vanish.
         others = [k for k in range(2 * n, self.model.system.nx) if k not in exerted]
-        sought, rows, first = [*range(n), *others], [*range(n, 2 * n), *others], x.copy()
+        sought = [*range(n), *others]
+        rows = [*range(n, 2 * n), *others]
+        first = x.copy()
 
         def rate(moved: Array) -> tuple[Array, Array]:
             x[sought] = first[sought] + moved
@@ -167,7 +173,8 @@ class Bench:
 
     def shown(self, log: Log, mounting: Mounting, values: Array, friction: float = 0.0) -> tuple[Array, Array]:
         """Instants (N,), and tip and exerted inputs (N, 2 + nu) without delay, by the values of ``unknowns``."""
-        p, u = self.parameters(values, friction), self.commanded(log.u, mounting)
+        p = self.parameters(values, friction)
+        u = self.commanded(log.u, mounting)
         # what the camera and load cells count, and a delay, does not change the motion
         end = max(float(log.at[-1]), float(log.t[-1]))
         key = b"".join(array.tobytes() for array in (log.t, u, p, np.array(end)))
@@ -195,8 +202,10 @@ class BenchBlock(MeasuredBlock):
         self.way = way.replaced(drives=way.drives or lines, tensions=way.tensions or lines)
         self.bench, self._log, self.scene = bench, log, bench.model.scene
         self._delay = [unknown.name for unknown in bench.unknowns].index(DELAY)
-        greatest, length = float(max(bench.scene.input_limits[1])), bench.scene.finger.rod.length
-        starts, sizes = (*way.camera.position, way.camera.angle, way.camera.scale), (0.05 * length,) * 2 + (0.1,) * 2
+        greatest = float(max(bench.scene.input_limits[1]))
+        length = bench.scene.finger.rod.length
+        starts = (*way.camera.position, way.camera.angle, way.camera.scale)
+        sizes = (0.05 * length,) * 2 + (0.1,) * 2
         rows = zip(CAMERA, ("m", "m", "rad", "1"), starts, sizes, strict=True)
         camera = [Unknown(name, unit, name, start=start, typical=size) for name, unit, start, size in rows]
         camera[-1] = camera[-1]._replace(lower=1e-6)

@@ -151,7 +151,8 @@ def _log_of(scene: ControlScene, bench: Bench, given: ControlLog | str | PathLik
 def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], None]) -> Commissioning:
     bench = Bench(scene)
     log, missing = _log_of(scene, bench, given)
-    start, nu = np.array([unknown.start for unknown in bench.unknowns]), bench.model.nu
+    start = np.array([unknown.start for unknown in bench.unknowns])
+    nu = bench.model.nu
     cells = _followed(bench, log, start)
     mute = [name for name in log.names if name not in Wiring.TIP and name not in cells]
     used = [k for k, name in enumerate(log.names) if name not in mute]
@@ -192,7 +193,8 @@ def _followed(bench: Bench, log: Log, start: Array) -> dict[str, tuple[int, int]
     lag = dict(zip((unknown.name for unknown in bench.unknowns), start, strict=True))
     late = lag[DELAY] + bench.scene.finger.drive_order * lag.get(LAG, 0.0)
     last = np.clip(np.searchsorted(log.t, log.at - late, side="right") - 1, 0, None)
-    commands, seen = log.u[last], log.readings[:, [log.names.index(name) for name in names]]
+    commands = log.u[last]
+    seen = log.readings[:, [log.names.index(name) for name in names]]
     together = np.corrcoef(np.hstack([seen, commands]).T)[: len(names), len(names) :]
     together = np.nan_to_num(together)
     rows, columns = linear_sum_assignment(-np.abs(together))

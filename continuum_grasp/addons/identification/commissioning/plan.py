@@ -100,7 +100,8 @@ def design_commissioning(
     to_bench = Wiring.of(known.mounting, (), bench.model.u_names, "mounting").commands
     sent = np.array([to_bench(row) for row in commands(motion.rehearsal)])
     sent_names = tuple(ControlLog.COMMANDED + name for name in bench.model.u_names)
-    at, t = np.array([unknown.start for unknown in unknowns]), motion.rehearsal.t
+    at = np.array([unknown.start for unknown in unknowns])
+    t = motion.rehearsal.t
     slopes = block(t, commands(motion.rehearsal)).predict(at)[1].reshape(len(t) - 1, len(names), -1)
     along = motion.by_segment(slopes / sigma[:, None])
     return plan_of(unknowns, motion, along, around, commands=sent, command_names=sent_names)

@@ -214,7 +214,8 @@ def _values(scene: Scene) -> dict[str, list[float]]:
 
 def _object_parameters(scenes: Sequence[ControlScene]) -> tuple[tuple[str, ...], Array]:
     """Names of the object's parameters that the model is to be given, and values (scenes, size) of all that it has."""
-    first, bodies = scenes[0], [scene.object for scene in scenes if scene.object is not None]
+    first = scenes[0]
+    bodies = [scene.object for scene in scenes if scene.object is not None]
     if first.object is None:
         return (), np.zeros((len(scenes), 0))
     friction = np.array([_friction_of(scene) / (_friction_of(first) or 1.0) for scene in scenes])

@@ -119,7 +119,8 @@ def sensing_of(plants: Plants, sensors: str | Sequence[str] | None) -> Sensing:
     std = [0.0 if name in exact else scene.plant.noise * scene.measurement_std(name) for name in read]
     touched = [k for k, name in enumerate(model.system.touch_names) if name.startswith("finger.")]
     forces = [model.touch["normal_force"][k] for k in touched]
-    held, r = ca.SX.sym("held", model.nu), ca.SX.sym("r", len(plants.outputs.names))
+    held = ca.SX.sym("held", model.nu)
+    r = ca.SX.sym("r", len(plants.outputs.names))
     error = model.tracked_expression(plants.prediction, held, scene.controller.horizon.stage) - r
     # The running cost of a controller, over a period of which it holds the command.
     cost = 0.5 * plants.period * ca.dot(ca.DM(plants.outputs.weights[:, 0]), error**2)
@@ -209,11 +210,13 @@ def state_bounds(plants: Plants, radius: float) -> Array:
     start = plants.start[:, :n]
     bounds = np.tile([-UNLIMITED, UNLIMITED], (model.nx, 1))
     # Above the shape at rest, which is zero of a finger that is straight; a start may be bent.
-    low, high = np.minimum(start.min(axis=0), 0.0) - reach, np.maximum(start.max(axis=0), 0.0) + reach
+    low = np.minimum(start.min(axis=0), 0.0) - reach
+    high = np.maximum(start.max(axis=0), 0.0) + reach
     bounds[:n] = np.stack([low, high], axis=1)
     # Rates of the fastest mode at that amplitude, as the estimator has it.
     bounds[n : 2 * n] = radius * np.stack([-reach, reach], axis=1)
-    base, length = np.array(model.scene.finger.base.position), model.scene.finger.rod.length
+    base = np.array(model.scene.finger.base.position)
+    length = model.scene.finger.rod.length
     pose = system.object_states
     for k in range(min(2, pose.stop - pose.start)):
         bounds[pose.start + k] = base[k] - _AWAY * length, base[k] + _AWAY * length

@@ -38,7 +38,8 @@ def choose_substeps(plants: Plants, sensing: Sensing, change: Array | float, rad
     commands = np.random.default_rng(0).uniform(low, high, (_PERIODS, _PLANTS, len(low)))
     commands = np.repeat(commands[::_HELD], _HELD, axis=0)
     # From gentle motions to those of the whole range of commands, in which a plant may leave that of its model.
-    share, rest = np.linspace(0.1, 1.0, _PLANTS)[:, None], plants.model.rest_input
+    share = np.linspace(0.1, 1.0, _PLANTS)[:, None]
+    rest = plants.model.rest_input
     commands = rest + share * (commands - rest)
     ends: dict[int, Array] = {}
     error = math.inf
@@ -80,14 +81,14 @@ def _tips(
 ) -> Array:
     """Tips (periods, count, 2) [m] of plants under commands; NaN from where one leaves the range of its model."""
     count, periods = len(chosen), sensing.periods
-    x, held = plants.start[chosen], np.tile(plants.model.rest_input, (count, 1))
+    x = plants.start[chosen]
+    held = np.tile(plants.model.rest_input, (count, 1))
     p, w = plants.p[chosen], plants.forces[chosen]
-    readings, rows = (
-        np.zeros((count, periods.sizes["y"])),
-        rows_of(plants.setpoints, chosen, np.zeros(count, dtype=np.int64)),
-    )
+    readings = np.zeros((count, periods.sizes["y"]))
+    rows = rows_of(plants.setpoints, chosen, np.zeros(count, dtype=np.int64))
     everything = np.tile([-np.inf, np.inf], (x.shape[1], 1)).T.copy()
-    tips, lost = np.full((len(commands), count, 2), np.nan), np.zeros(count, dtype=np.bool_)
+    tips = np.full((len(commands), count, 2), np.nan)
+    lost = np.zeros(count, dtype=np.bool_)
     for k, asked in enumerate(commands):
         u = np.clip(asked, held - change, held + change)
         _, stopped = periods(x, u, held, w, p, rows, everything, readings, substeps, plants.period / substeps)

@@ -158,7 +158,8 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         count = self.num_envs
         self.drawn = np.zeros(count, dtype=np.int64)
         self.x, self._u = np.empty((count, model.nx)), np.empty((count, model.nu))
-        self._p, self._w = np.empty((count, plants.p.shape[1])), np.empty((count, model.nw))
+        self._p = np.empty((count, plants.p.shape[1]))
+        self._w = np.empty((count, model.nw))
         self._at = np.zeros(count, dtype=np.int64)
         self._readings = np.empty((count, self._first.shape[1]))
         # What is observed is in single precision.
@@ -251,7 +252,8 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         held = self._u
         low, high = self._low, self._high
         if self._change < math.inf:
-            low, high = np.maximum(low, held - self._change), np.minimum(high, held + self._change)
+            low = np.maximum(low, held - self._change)
+            high = np.minimum(high, held + self._change)
         u = np.clip(asked, low, high)
         plants = self._plants
         rows = rows_of(plants.setpoints, self.drawn, self._at)
@@ -334,7 +336,8 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         return {"contact_force": self._readings[:, self._sensing.forces].copy(), "_contact_force": everywhere}
 
     def _observation(self) -> NDArray[np.float32]:
-        a, b = self._past.shape[2], self._past.shape[2] + self._u.shape[1]
+        a = self._past.shape[2]
+        b = self._past.shape[2] + self._u.shape[1]
         observation = np.empty((self.num_envs, len(self._least)), dtype=np.float32)
         sensed = self._past[0]
         if self._noisy:

@@ -313,7 +313,8 @@ def _pieces(path: Any) -> list[tuple[Array, bool]]:
         else:
             points.append([segment.end] if isinstance(segment, Line) else _curved(segment, size))
     m = path.transform
-    turn, shift = np.array([[m.a, -m.b], [m.c, -m.d]]), np.array([m.e, -m.f])
+    turn = np.array([[m.a, -m.b], [m.c, -m.d]])
+    shift = np.array([m.e, -m.f])
     return [
         (np.concatenate([np.asarray(p, dtype=float) for p in parts]) @ turn + shift, closed) for parts, closed in pieces
     ]
