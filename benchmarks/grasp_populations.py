@@ -2,7 +2,7 @@
 
     python -m benchmarks.grasp_populations run --population one two --elements 8 --out a.json
     python -m benchmarks.grasp_populations run --population one two --elements 8 --out b.json --source ../other
-    python -m benchmarks.grasp_populations compare a.json b.json
+    python -m benchmarks.grasp_populations compare a.json b.json --name grasp_populations
     python -m benchmarks.grasp_populations draw --population one --count 3 --folder scenes
 
 Scene k of a population depends on the seed and on k alone. A scene is solved by one warm process, which is started
@@ -34,7 +34,7 @@ import yaml
 
 from benchmarks.grasp_images import STRONGER, _body, _taper, mirrored, moved, scaled
 from benchmarks.grasp_oracle.scenes import G, _finger, _scene
-from benchmarks.report import Table, describe, markdown, plain
+from benchmarks.report import REMARK, Report, Table, describe, markdown, plain
 
 Data = dict[str, Any]
 
@@ -471,10 +471,13 @@ def _compare(asked: argparse.Namespace) -> None:
     files = {file.stem: json.loads(file.read_text(encoding="utf-8")) for file in asked.files}
     if len(files) < len(asked.files):
         raise SystemExit("files need different names")
-    for label, data in files.items():
-        print(f"- {label}: {', '.join(f'{key} {value}' for key, value in data['setting'].items())}")
-    for table in [*pairs(files, asked.names), *summary(files, asked.names)]:
+    settings = [[label, *data["setting"].values()] for label, data in files.items()]
+    columns = ["file", *next(iter(files.values()))["setting"]]
+    tables = [Table("Files", columns, settings), *pairs(files, asked.names), *summary(files, asked.names)]
+    for table in tables:
         _print(table)
+    if asked.name:
+        Report(asked.name, tables=tables, remark=asked.remark).finish()
 
 
 def _print(table: Table) -> None:
@@ -522,6 +525,8 @@ def main() -> None:
     draw.add_argument("--folder", type=Path, required=True)
     compare.add_argument("files", nargs="+", type=Path, help="of run; the first is A")
     compare.add_argument("--names", action="store_true", help="list the scenes behind the counts")
+    compare.add_argument("--name", help="of a report that is stored")
+    compare.add_argument("--remark", help=REMARK[1])
     asked = parser.parse_args()
     asked.what(asked)
 
