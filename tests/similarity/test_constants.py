@@ -5,7 +5,7 @@ from __future__ import annotations
 from tests.similarity.constants import constants
 
 LEFT = {
-    ("model/surfaces/offset_polygon.py", "SHARP"): "radius of an edge without one",
+    ("model/surfaces/polygon_outline.py", "SHARP"): "radius of an edge without one",
     ("model/surfaces/offset_polygon.py", "_SKIN"): "rounding of positions",
     ("simulation/rest.py", "1e12"): "beyond all numbers of a scene",
     ("simulation/accuracy/space.py", "_LONG"): "patience of a user, which changes no result",
