@@ -232,6 +232,7 @@ class _Library:
             parts=if_possible,
             title=source.title,
             sources={},
+            flags=list,
         )
 
 

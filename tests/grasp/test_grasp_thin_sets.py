@@ -1,0 +1,20 @@
+"""A grasp that holds at one friction holds at any greater one, however thin the set of postures is that touch."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.grasp_populations import document
+from continuum_grasp import optimize_grasp
+from continuum_grasp.scene import GraspScene
+
+
+def test_more_friction_loses_no_grasp_before_the_corner_of_a_box():
+    """Of 4,700 seeds some five arrive, and none of those that are nearest to the set."""
+    scene = GraspScene.model_validate(document("one", 7, elements=8))
+    tensions = []
+    for friction in (0.79, 0.85, 0.9):
+        result = optimize_grasp(scene.changed({"contacts.friction": friction}), raise_on_failure=False)
+        assert result.verified, result.message
+        tensions.append(result.tension)
+    assert tensions == pytest.approx(sorted(tensions, reverse=True), rel=1e-6)
