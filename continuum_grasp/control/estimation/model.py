@@ -111,8 +111,7 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     for k, disturbance in enumerate(disturbances):
         # A relative error of the stiffness needs no scale of its own; forces and moments add to the known ones.
         full[disturbance.parameter] += p[disturbance.parameter] * d[k] if disturbance.relative else d[k]
-    compared = _compared(scene, scene.estimator.measured, model, full)
-    outputs = ca.vertcat(*[row.value for row in compared])
+    compared = _compared(scene, scene.estimator.measured, model)
     measurement_names = tuple(dict.fromkeys(name for row in compared for name in row.parts))
 
     def function(name: str, inputs: dict[str, ca.SX], **results: ca.SX) -> ca.Function:
@@ -121,12 +120,16 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     inputs = {"z": z, "u": u, "p": p}
     parameters = function("estimated_parameters", {"z": z, "p": p}, full=full)
     # By the disturbed parameters themselves, as the stages' slope is, so that one kernel may serve both.
-    rate = model.dynamics(model.x, u, p)
     nominal = ca.SX.sym("nominal", model.np)
-    by_d = ca.mtimes(ca.jacobian(rate, p), ca.substitute(ca.jacobian(full, d), p, nominal))
-    derivatives = {"rate": rate, "jacobian": ca.horzcat(ca.jacobian(rate, model.x), by_d)}
-    slope = straight_function("estimator_slope", inputs | {"nominal": nominal}, derivatives)
-    outputs_of = function("estimator_outputs", inputs, y=outputs, H=ca.jacobian(outputs, z))
+    full_by_d = ca.substitute(ca.jacobian(full, d), p, nominal)
+
+    def by_z(value: ca.SX) -> ca.SX:
+        return ca.horzcat(ca.jacobian(value, model.x), ca.mtimes(ca.jacobian(value, p), full_by_d))
+
+    rate, seen = model.dynamics(model.x, u, p), ca.vertcat(*[row.value for row in compared])
+    at = inputs | {"nominal": nominal}
+    slope = straight_function("estimator_slope", at, {"rate": rate, "jacobian": by_z(rate)})
+    outputs_of = _outputs(function("estimator_values", at, y=seen, H=by_z(seen)), parameters)
     adapted = [k for k, disturbance in enumerate(disturbances) if disturbance.adapted]
     check_detectable(model, [disturbance.name for disturbance in disturbances], adapted, slope, outputs_of)
     step, flow, single = _steps(slope, parameters, method)
@@ -181,6 +184,13 @@ def _contact_forces(model: Prediction, disturbances: list[_Disturbance]) -> ca.F
     slope = ca.horzcat(ca.jacobian(force, model.x), *by_d)
     inputs = [ca.vertcat(model.x, d), model.u, model.p]
     return ca.Function("contact_forces", inputs, [force, ca.densify(slope)], ["z", "u", "p"], ["f", "H"])
+
+
+def _outputs(values: ca.Function, parameters: ca.Function) -> ca.Function:
+    """Write what is compared, with its derivative, at parameters with the disturbances."""
+    z, u, p = (ca.MX.sym(name, values.size1_in(k)) for k, name in enumerate("zup"))
+    found = call(values, z, u, *call(parameters, z, p), p)
+    return ca.Function("estimator_outputs", [z, u, p], found, ["z", "u", "p"], ["y", "H"])
 
 
 def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca.Function, ca.Function, ca.Function]:
@@ -241,15 +251,15 @@ class _Compared(NamedTuple):
     parts: dict[str, float]
 
 
-def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX) -> list[_Compared]:
+def _compared(scene: ControlScene, asked: Measured, model: Prediction) -> list[_Compared]:
     """List what the filter compares: readings, but of tensions without winches what of them bends the finger."""
     structure = model.system.finger_model.structure
     tensions = dict[str, ca.SX]()
     if structure.winches and asked.tension is not None:
-        pulled = ca.vertsplit(model.tensions(model.x, model.u, p))
+        pulled = ca.vertsplit(model.tensions(model.x, model.u, model.p))
         tensions = {f"tension_{k + 1} [N]": tension for k, tension in enumerate(pulled)}
     states = dict(zip(model.x_names, ca.vertsplit(model.x), strict=True))
-    shape = predicted(scene.controller.cost, model, p)
+    shape = predicted(scene.controller.cost, model)
     read = shape.sensed(asked, structure.motors, states, model.u, tensions)
     compared = list[_Compared]()
     for sensor, values in read.items():
@@ -262,7 +272,7 @@ def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX)
             # Of tendons that run alike, the difference alone bends the finger; their mean is no state of the model.
             first = next(arm for arm in moment.arms if arm)
             runtime = "tendon_offset [m]" in model.p_names
-            arm = p[model.p_names.index("tendon_offset [m]")] if runtime else first
+            arm = model.p[model.p_names.index("tendon_offset [m]")] if runtime else first
             inputs = model.u_names[: model.nu - len(scene.finger.chambers)]
             parts = {name: of / first for name, of in zip(inputs, moment.arms, strict=False)}
             compared.append(_Compared("tension", f"net_input_{k + 1} [{unit}]", model.x[moment.state] / arm, parts))

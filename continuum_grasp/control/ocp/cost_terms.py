@@ -163,9 +163,9 @@ TERMS: tuple[CostTerm, ...] = (
 first ``nt`` outputs; the input's rate last, since the supervisor raises the last ``nu`` weights."""
 
 
-def predicted(cost: Cost, model: Prediction, p: ca.SX, input_rate: ca.SX | None = None) -> Quantities:
-    """Quantities of a controller's model with parameters p (np)."""
-    inputs, names = (model.x, model.u, p), model.contact_names
+def predicted(cost: Cost, model: Prediction, input_rate: ca.SX | None = None) -> Quantities:
+    """Quantities of a controller's model."""
+    inputs, names = (model.x, model.u, model.p), model.contact_names
 
     def touched(key: str, values: ca.Function) -> ca.SX:
         return values(*inputs)[[names.index(name) for name in cost.tracked_contacts(key, names)]]
@@ -248,7 +248,7 @@ class Outputs:
 
     def residuals(self, input_rate: ca.SX | None = None) -> dict[str, Residual]:
         """Terms by the names of their setpoints, or of their weights where they have none."""
-        quantities = predicted(self.cost, self.model, self.model.p, input_rate)
+        quantities = predicted(self.cost, self.model, input_rate)
         return {
             term.reference or term.key: Residual(
                 term.value(quantities, self.cost),
@@ -260,5 +260,5 @@ class Outputs:
 
     def value(self, input_rate: ca.SX | None = None) -> ca.SX:
         """Expression of all entries; ``input_rate`` where the state knows the input before."""
-        quantities = predicted(self.cost, self.model, self.model.p, input_rate)
+        quantities = predicted(self.cost, self.model, input_rate)
         return ca.SX(ca.vertcat(*[term.value(quantities, self.cost) for term in self.terms]))

@@ -21,9 +21,8 @@ _TEXTS = {
     "last": "The second Newton iteration of the last slope, and the end of the step, with derivatives.",
     "derivatives": "The end of a step with its derivatives, as the horizon or the filter takes them.",
     "end": "The end of a step.",
-    "values": "What is tracked and bounded, with its Jacobian.",
+    "values": "What is tracked and bounded, or compared with measurements, with its derivatives.",
     "expanded": "Cost with gradient and Hessian; bounded rows with their Jacobian.",
-    "outputs": "What is compared with measurements, with its derivative.",
     "parameters": "Parameters with the disturbances.",
     "forces": "Normal forces at the contacts.",
 }
@@ -36,7 +35,7 @@ class Adapter:
 
     ``given`` has the C of the kernel's arguments by name, made of ``arg`` and ``res``, and ``unused`` of as many
     numbers, which holds what the function does not need. ``behind`` is the place of the second result from this number
-    on, or null with it.
+    on, or null with it; ``x`` has ``states`` numbers: the first ``common`` of the first argument, then zeros.
     """
 
     function: ca.Function
@@ -44,6 +43,8 @@ class Adapter:
     given: Mapping[str, str]
     unused: int = 0
     behind: int = 0
+    states: int = 0
+    common: int = 0
 
     def c_source(self, prefix: str) -> str:
         """C with the names of ``control/c``."""
@@ -58,11 +59,14 @@ class Adapter:
 
 
 def adapters_of(functions: Sequence[ca.Function]) -> list[Adapter]:
-    """Adapters of the functions and of those that they call; the slopes of stages and filter are one kernel where they
-    agree.
+    """Adapters of the functions and of those that they call; of stages and filter the slopes are one kernel where they
+    agree, and so are the values where most of them is the same.
     """
     straight = {f.name(): f for f in CSource(functions).straight}
-    shared = _slopes(straight.get("stage_slope"), straight.get("estimator_slope"))
+    stage = straight.get("stage_slope")
+    shared = _slopes(stage, straight.get("estimator_slope"))
+    if stage is not None and {"stage_values", "estimator_values"} <= straight.keys():
+        shared |= _values(straight["stage_values"], straight["estimator_values"], stage.size1_out(0))
     return [shared[name] if name in shared else _own(function) for name, function in straight.items()]
 
 
@@ -93,5 +97,40 @@ def _slopes(stage: ca.Function | None, filtered: ca.Function | None) -> dict[str
             expressions | {"nominal": "arg[3]", "by_u": "unused", "by_d": "behind"},
             max(by_u, 1),
             by_x,
+        ),
+    }
+
+
+def _values(stage: ca.Function, filtered: ca.Function, common: int) -> dict[str, Adapter]:
+    """Adapters of what the stages track and of what the filter compares, as of one tip; none if they share little.
+
+    The first ``common`` states are those of both. Stages ask for all but the last two results. The filter, once a
+    period, computes those of the stages, too.
+    """
+    s = {name: ca.SX.sym(name, stage.size1_in(k)) for k, name in enumerate(stage.name_in())}
+    s["nominal"] = ca.SX.sym("nominal", filtered.size1_in(3))
+    z = ca.vertcat(s["x"][:common], ca.SX(filtered.size1_in(0) - common, 1))
+    of_stage = dict(zip(stage.name_out(), stage.call([s["x"], s["u"], s["p"]]), strict=True))
+    of_filter = dict(zip(("seen", "by_z"), filtered.call([z, s["u"], s["p"], s["nominal"]]), strict=True))
+    both = straight_function("values", s, of_stage | of_filter)
+    sizes = [f.n_instructions() for f in (stage, filtered)]
+    if both.n_instructions() > max(sizes) + min(sizes) / 2:
+        return {}
+    text = "What is tracked and bounded, then what is compared with measurements, with their derivatives."
+    kernel = Kernel("values", both, text, called=True)
+    asked = {name: f"res[{k}]" for k, name in enumerate(stage.name_out())} | {"seen": "0", "by_z": "0"}
+    unused = dict.fromkeys(of_stage, "unused") | {"seen": "res[0]", "by_z": "res[1]"}
+    most = max(value.nnz() for value in of_stage.values())
+    return {
+        stage.name(): Adapter(
+            stage, kernel, {"x": "arg[0]", "u": "arg[1]", "p": "arg[2]", "nominal": "arg[2]"} | asked
+        ),
+        filtered.name(): Adapter(
+            filtered,
+            kernel,
+            {"x": "x", "u": "arg[1]", "p": "arg[2]", "nominal": "arg[3]"} | unused,
+            most,
+            states=stage.size1_in(0),
+            common=common,
         ),
     }
