@@ -183,8 +183,10 @@ def mirrored(data: Data) -> Data:
         if key == "base":  # points along the y axis of its frame
             x, y = value["position"]
             return {"position": (x, -y), "angle": math.remainder(math.pi - value["angle"], math.tau)}
-        if key in ("position", "point", "center_of_mass", "vector", "start", "end"):
+        if key in ("position", "point", "center_of_mass", "start", "end"):
             return value[0], -value[1]
+        if key == "gravity":
+            return value[0], -value[1], value[2]
         if key == "free":
             return {name: span if name == "x" else (-span[1], -span[0]) for name, span in value.items()}
         if key == "wrenches":
@@ -213,9 +215,9 @@ def moved(data: Data) -> Data:
         if key in ("position", "point", "start", "end"):
             z = complex(*value) * _TURN + _SHIFT
             return z.real, z.imag
-        if key == "vector":
-            z = complex(*value) * _TURN
-            return z.real, z.imag
+        if key == "gravity":
+            z = complex(*value[:2]) * _TURN
+            return z.real, z.imag, value[2]
         return math.remainder(value + cmath.phase(_TURN), math.tau) if key in ("angle", "normal_angle") else value
 
     body = data["object"]

@@ -100,7 +100,7 @@ def _run(scene: GraspScene, what: str, seed: int) -> tuple[GraspResult | None, O
 def _held(kind: str, row: dict[str, Any], scene: GraspScene) -> Outcome:
     """A scene that has a grasp."""
     setup = scene.setups[0]
-    what = f"{scene.object.shape}, {setup.family}, {scene.gravity.mode}"
+    what = f"{scene.object.shape}, {setup.family}, gravity {list(scene.gravity)}"
     what += f", {'middle' if setup.middles[0] == 'on' else 'tip'}" if kind in ("one", "fresh") else ""
     what += ", palm" if kind == "three" and scene.supports else ""
     result, out = _run(scene, what, row["seed"])

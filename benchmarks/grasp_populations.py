@@ -118,7 +118,7 @@ def document(population: str, k: int, seed: int = 0, elements: int | None = None
         data["contacts"]["friction"] = random.uniform(0.5, 1.2)
     data["object"]["mass"] *= 0.6 if kind.fingers == 1 else 0.15
     if support == "table":
-        data["gravity"] = {"mode": "planar", "vector": (-G, 0.0)}
+        data |= {"gravity": (-G, 0.0, 0.0), "upright": False}
     data["fidelity"] = {"family": "matched_clothoid"} | ({} if elements is None else {"elements": elements})
     # A stable grasp is rare between several tips.
     data["stability"] = str(random.choice(["require", *["ignore"] * (1 if kind.fingers == 1 else 3)]))

@@ -21,10 +21,7 @@ from continuum_grasp.scene import (
     GraspFinger,
     GraspScene,
     Line,
-    NoGravity,
-    OutOfPlaneGravity,
     Palm,
-    PlanarGravity,
     Point,
     PointMass,
     Rod,
@@ -35,9 +32,9 @@ from continuum_grasp.scene import (
 
 X, W = np.polynomial.legendre.leggauss(40)
 X60, W60 = np.polynomial.legendre.leggauss(60)
-PLANAR = PlanarGravity(mode="planar", vector=(0.0, -9.81))
-UPRIGHT = OutOfPlaneGravity(mode="out_of_plane", magnitude=9.81)
-WEIGHTLESS = NoGravity(mode="none")
+PLANAR = (0.0, -9.81, 0.0)
+INTO_PLANE = (0.0, 0.0, -9.81)
+WEIGHTLESS = (0.0, 0.0, 0.0)
 LENGTH, STIFFNESS, OFFSET, HALF = 0.2, 0.01, 0.005, 0.006
 UP, DOWN, RIGHT, LEFT = (np.array(v, dtype=float) for v in ((0, 1), (0, -1), (1, 0), (-1, 0)))
 
@@ -183,7 +180,7 @@ def squeezed_disc(radius=0.04, mass=0.2, press=4.0, family="matched_clothoid", f
         make_finger(half=half),
         Circle(shape="circle", diameter=2 * radius, mass=mass, position=(0.0, LENGTH + half + radius)),
         {"friction": friction},
-        UPRIGHT if mass else WEIGHTLESS,
+        INTO_PLANE if mass else WEIGHTLESS,
         family,
         supports={"palm": Palm(point=(0.3, LENGTH + half + 2 * radius), normal_angle=-math.pi / 2)},
     )
@@ -240,7 +237,7 @@ def pinched_box(width=0.06, height=0.05, press=6.0, mass=0.3, at=0.01, turn=0.0,
         {"a": make_finger(left, turn - math.pi / 2), "b": make_finger(right, turn + math.pi / 2)},
         body,
         {"friction": 0.4},
-        UPRIGHT,
+        INTO_PLANE,
         family,
         elements=3,
     )
@@ -315,7 +312,7 @@ def union_on_palm(press=5.0, mass=0.1):
     return pressed_down(body, {"palm": palm}, reactions, press, 0.065)
 
 
-def wrapped_disc(gravity=UPRIGHT, mass=0.3, used="both", mirrored=False, middles=1, friction=0.5):
+def wrapped_disc(gravity=INTO_PLANE, mass=0.3, used="both", mirrored=False, middles=1, friction=0.5):
     """Arcs, all but the first of which lie on the disc; forces of least tension by linear programming.
 
     The finger comes out of the palm beside the disc. Weight and masses of the finger act where gravity is planar.
@@ -346,7 +343,7 @@ def wrapped_disc(gravity=UPRIGHT, mass=0.3, used="both", mirrored=False, middles
         supports={"palm": Palm(point=(0.0, 0.0), normal_angle=0.0)},
     )
     center, joints = np.array([0.04, 0.0]), np.cumsum(lengths)
-    base, g = (0.0, -side * d, -math.pi / 2), np.array(gravity.vector if gravity.mode == "planar" else (0.0, 0.0))
+    base, g = (0.0, -side * d, -math.pi / 2), np.array(gravity[:2])
 
     def shape(q):
         """At the joints, and the work of the weight."""
@@ -373,15 +370,15 @@ def wrapped_disc(gravity=UPRIGHT, mass=0.3, used="both", mirrored=False, middles
         force[:, 1 + 3 * k], force[:, 2 + 3 * k] = n, (-n[1], n[0])
         moment[2 + 3 * k], lift[3 + 3 * k], tilt[:, 3 + 3 * k] = 1.0, 1.0, n
     rows = np.array([*rows, *force, moment, lift, *tilt])
-    upright = gravity.mode == "out_of_plane"
-    right = np.array([*right, *(mass * g), 0.0, mass * 9.81 * upright, 0.0, 0.0])
+    spatial = gravity[2] < 0.0
+    right = np.array([*right, *(mass * g), 0.0, -mass * gravity[2], 0.0, 0.0])
     cone = []
     for k in range(count):
         for a in np.linspace(0, 2 * np.pi, 96, endpoint=False):  # a polygon within the cone
             row = np.zeros(width)
             row[1 + 3 * k : 4 + 3 * k] = -friction * math.cos(math.pi / 96), math.cos(a), math.sin(a)
             cone.append(row)
-    bounds = [(0, 60)] + [(0, 40), (None, None), (None, None) if upright else (0, 0)] * count
+    bounds = [(0, 60)] + [(0, 40), (None, None), (None, None) if spatial else (0, 0)] * count
     found = linprog(np.eye(width)[0], A_ub=cone, b_ub=np.zeros(len(cone)), A_eq=rows, b_eq=right, bounds=bounds)
     if found.status:
         raise RuntimeError(found.message)

@@ -12,19 +12,16 @@ from continuum_grasp.scene import (
     GraspContacts,
     GraspFinger,
     GraspScene,
-    NoGravity,
-    OutOfPlaneGravity,
     Palm,
-    PlanarGravity,
     PointMass,
     Rod,
     Tendons,
 )
 
 CONFIGS = Path(__file__).parents[1] / "configs" / "grasp"
-PLANAR = PlanarGravity(mode="planar", vector=(0.0, -9.81))
-UPRIGHT = OutOfPlaneGravity(mode="out_of_plane", magnitude=9.81)
-WEIGHTLESS = NoGravity(mode="none")
+PLANAR = (0.0, -9.81, 0.0)
+INTO_PLANE = (0.0, 0.0, -9.81)
+WEIGHTLESS = (0.0, 0.0, 0.0)
 SHAPES = {
     "circle": {"shape": "circle", "diameter": 0.08},
     "ellipse": {"shape": "ellipse", "width": 0.09, "height": 0.06},
@@ -46,7 +43,7 @@ SHAPES = {
 PALM = {"palm": Palm(point=(0.0, 0.0), normal_angle=0.0)}
 
 
-def make_scene(family="matched_clothoid", gravity=UPRIGHT, base_y=-0.055, elements=2, **changes):
+def make_scene(family="matched_clothoid", gravity=INTO_PLANE, base_y=-0.055, elements=2, **changes):
     """The mug of the shipped scene, in numbers of this test's own."""
     finger = GraspFinger(
         rod=Rod(length=0.18, linear_density=0.034, bending_stiffness=6.11e-3),
@@ -135,7 +132,7 @@ HEXAGON = {
     },
     "supports": {"palm": {"type": "palm", "point": (0.0, 0.0), "normal_angle": 0.0}},
     "contacts": {"friction": 1.1265019631337605, "normal_force_max": 460.0180088633679, "middle": "on", "tip": "on"},
-    "gravity": {"mode": "planar", "vector": [4.243009249191035, -8.84494050354661]},
+    "gravity": [4.243009249191035, -8.84494050354661, 0.0],
     "fidelity": {"family": "matched_clothoid", "elements": 4, "bending_range": 3.4},
     "stability": "ignore",
 }

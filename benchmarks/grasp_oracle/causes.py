@@ -96,14 +96,14 @@ def _tension(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] |
 
 
 def _friction(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
-    if scene.gravity.mode == "none":  # a touch without force needs none
+    if not any(scene.gravity):  # a touch without force needs none
         return None
     needed = search.least_friction(search.numbers)
     return {"needed": needed, "limit": needed * random.uniform(0.5, 0.92)} if 0.02 < needed < 10.0 else None
 
 
 def _mass(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
-    if scene.gravity.mode == "none":
+    if not any(scene.gravity):
         return None
     best = search.best("mass")
     return None if best is None else {"needed": best.value, "limit": best.value * random.uniform(1.1, 1.8)}

@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.grasp_oracle.forces import basis, bending_work, weight_work
 from benchmarks.grasp_oracle.outline import Outline
 from benchmarks.grasp_oracle.rod import Array, Section, section, trace
-from continuum_grasp.scene import GraspScene, OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene import GraspScene
 
 LIMITS = {
     "equilibrium": 1e-6,
@@ -87,13 +87,12 @@ class _Check:
         return [Outline(part, self.pose, grown) for part in self.parts]  # type: ignore[arg-type]
 
     def _gravity(self) -> Array:
-        gravity = self.scene.gravity
-        return np.array(gravity.vector if isinstance(gravity, PlanarGravity) else (0.0, 0.0))
+        return np.array(self.scene.gravity[:2])
 
     # -- object ------------------------------------------------------------------------------------------------
 
     def _object(self) -> None:
-        body, gravity, scale = self.scene.object, self.scene.gravity, self.force_scale
+        body, scale = self.scene.object, self.force_scale
         x, y, turn = self.pose
         c, s = math.cos(turn), math.sin(turn)
         com = np.array([x + c * body.com[0] - s * body.com[1], y + s * body.com[0] + c * body.com[1]])
@@ -103,9 +102,8 @@ class _Check:
         moment = sum(a[0] * p[1] - a[1] * p[0] for a, p in zip(arms, self.loads, strict=True))
         self._note("equilibrium", abs(moment) / scale)
         lift = self.forces[:, 2]
-        carried = body.mass * gravity.magnitude if isinstance(gravity, OutOfPlaneGravity) else 0.0
-        self._note("equilibrium", abs(lift.sum() - carried) / scale)
-        if isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance":
+        self._note("equilibrium", abs(lift.sum() + body.mass * self.scene.gravity[2]) / scale)
+        if 3 in self.scene.balances:
             self._note("equilibrium", np.abs(lift @ arms).max() / scale)
         self._between(body.free, body.pose, self.pose)
 

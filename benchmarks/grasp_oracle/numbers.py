@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.grasp_oracle.outline import Outline
 from benchmarks.grasp_oracle.rod import Array
-from continuum_grasp.scene import GraspScene, OutOfPlaneGravity, PlanarGravity, SuperellipsePart
+from continuum_grasp.scene import GraspScene, SuperellipsePart
 
 TOUCH = 1e-6
 """Gap, as a part of the object's size, up to which it lies against a wall."""
@@ -128,11 +128,7 @@ def numbers(scene: GraspScene) -> Numbers:
     com = (x + c * body.com[0] - s * body.com[1], y + s * body.com[0] + c * body.com[1])
     (part,) = body.parts
     hands = tuple(_hand(setup) for setup in scene.setups)
-    gravity, lift, balance = (0.0, 0.0), 0.0, False
-    if isinstance(scene.gravity, PlanarGravity):
-        gravity = scene.gravity.vector
-    elif isinstance(scene.gravity, OutOfPlaneGravity):
-        lift, balance = scene.gravity.magnitude, scene.gravity.tilt == "balance"
+    gravity, lift, balance = scene.gravity[:2], -scene.gravity[2], 3 in scene.balances
     rests: list[Rest] = []
     for wall in scene.walls:
         if wall.touch != "off":

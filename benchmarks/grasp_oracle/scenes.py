@@ -203,13 +203,12 @@ def _scene(
     grip = some["tendons"]["max_tension"] * some["tendons"]["offset"] / size
     body["mass"] = grip / G * 10 ** random.uniform(-1.7, 0.3)
     mode = random.choice(["planar", "out_of_plane", "none"], p=[0.4, 0.45, 0.15])
-    gravity: dict[str, Any] = {"mode": str(mode)}
+    gravity, upright = (0.0, 0.0, 0.0), False
     if mode == "planar":
         down = random.uniform(-math.pi, math.pi)
-        gravity["vector"] = (G * math.cos(down), G * math.sin(down))
+        gravity = (G * math.cos(down), G * math.sin(down), 0.0)
     elif mode == "out_of_plane":
-        balanced = contacts == "all" and random.random() < 0.7
-        gravity |= {"magnitude": G, "tilt": "balance" if balanced else "ignore"}
+        gravity, upright = (0.0, 0.0, -G), not (contacts == "all" and random.random() < 0.7)
     return {
         ("finger" if "rod" in fingers else "fingers"): fingers,
         "object": body,
@@ -221,6 +220,7 @@ def _scene(
             "tip": "on",
         },
         "gravity": gravity,
+        "upright": upright,
         "fidelity": {"family": family, "elements": 2, "bending_range": 2.0 * math.pi},
     }
 

@@ -14,7 +14,7 @@ so y . b / sum h_i(y) bounds t from below, whatever y (weak duality: S. Boyd and
 
 At a place p with the normal n and t across it,
 
-    y . s = g . n + mu sqrt((g . t)^2 + v^2),   g = y_force + y_moment (-p_y, p_x),   v = y_lift + y_tilt . p,
+    y . s = g . n + mu sqrt((g . t)^2 + g_z^2),   g = y_force + y_moment x p,   n and t in the plane,
 
 is the most within the friction cone; over the places of an outline it is found by bisecting intervals, with what the
 function can rise by inside them added, so that the bound holds between samples, too.
@@ -78,7 +78,8 @@ def _bound(scene: GraspScene, limit: float) -> float:
     """The bound, or, where there is a limit, no more than on which side of that it is."""
     if scene.weight == 0.0:
         return 0.0
-    (need, used), contacts = _balances(scene), _contacts(scene)
+    need, contacts = _load(scene), _contacts(scene)
+    used = np.isin(np.arange(6), scene.balances).astype(float)
     y = need / float(need @ need)
     least, value = math.inf, 0.0
     cuts: list[list[Array]] = [[] for _ in contacts]
@@ -127,16 +128,10 @@ def _turns(scene: GraspScene) -> bool:
     return scene.object.free is not None and scene.object.free.angle is not None
 
 
-def _balances(scene: GraspScene) -> tuple[Array, Array]:
-    """Load on the contacts, per weight: force x, y and moment, lift, two moments of the lift (6,); and a mask of the
-    balances that hold (6,).
-    """
-    if not scene.lifted:
-        down = complex(*scene.gravity_in_plane) / math.hypot(*scene.gravity_in_plane)
-        down *= 1.0 if _turns(scene) else cmath.exp(-1j * scene.object.angle)
-        return np.array([down.real, down.imag, 0.0, 0.0, 0.0, 0.0]), np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
-    tilts = scene.balances_tilt
-    return np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), np.array([1.0, 1.0, 1.0, 1.0, tilts, tilts], float)
+def _load(scene: GraspScene) -> Array:
+    """Load on the contacts, per weight: force and moment (6,), as the object sees it where its angle is known."""
+    along = complex(*scene.gravity[:2]) * (1.0 if _turns(scene) else cmath.exp(-1j * scene.object.angle))
+    return np.array([along.real, along.imag, scene.gravity[2], 0.0, 0.0, 0.0]) / math.hypot(*scene.gravity)
 
 
 def _contacts(scene: GraspScene) -> list[_Places]:
@@ -217,35 +212,34 @@ class _Places:
         return np.asarray(point + self.half * np.exp(1j * angle) - self.center)
 
     def _arms(self, y: Array, point: Array) -> tuple[Array, Array]:
-        """Multiplier of a force at points, as a complex number, and that of a lift there."""
+        """Multiplier of a force at points: in the plane, as a complex number, and out of it."""
         arm = (point - self.com) / self.size
-        return y[0] + 1j * y[1] + 1j * y[2] * arm, y[3] + y[4] * arm.real + y[5] * arm.imag
+        return y[0] + 1j * y[1] + 1j * y[5] * arm, y[2] + y[3] * arm.imag - y[4] * arm.real
 
     def _work(self, y: Array, point: Array, angle: Array) -> Array:
         """The most y . s of forces with N = 1 in the friction cones at places with normals."""
-        force, lift = self._arms(y, point)
+        force, up = self._arms(y, point)
         along = force * np.exp(-1j * angle)
-        return np.asarray(along.real + self.friction * np.hypot(along.imag, lift))
+        return np.asarray(along.real + self.friction * np.hypot(along.imag, up))
 
     def _effect(self, y: Array, point: complex, angle: float) -> Array:
         """Effect on the object of the force with this maximum."""
-        force, lift = self._arms(y, np.array(point))
+        force, up = self._arms(y, np.array(point))
         across = float((force * cmath.exp(-1j * angle)).imag)
-        up = float(lift)
-        size = math.hypot(across, up) or 1.0
+        size = math.hypot(across, float(up)) or 1.0
         push = cmath.exp(1j * angle) * (1.0 + 1j * self.friction * across / size)
+        out = self.friction * float(up) / size
         arm = (point - self.com) / self.size
-        raised = self.friction * up / size
         moment = (arm.conjugate() * push).imag
-        return np.array([push.real, push.imag, moment, raised, arm.real * raised, arm.imag * raised])
+        return np.array([push.real, push.imag, out, arm.imag * out, -arm.real * out, moment])
 
     def _any_normal(self, y: Array) -> tuple[float, Array]:
         force = complex(y[0], y[1])
-        lift = float(y[3])
+        up = float(y[2])
         mu = self.friction
         size = abs(force)
         # Where g c + mu sqrt(g^2 (1 - c^2) + v^2) has its greatest value, c being the cosine of force and normal.
-        cosine = min(1.0, math.sqrt((size**2 + lift**2) / (1.0 + mu**2)) / size) if size > 0.0 else 1.0
+        cosine = min(1.0, math.sqrt((size**2 + up**2) / (1.0 + mu**2)) / size) if size > 0.0 else 1.0
         angle = cmath.phase(force) - math.acos(cosine)
         work = self._work(y, np.array([self.com]), np.array([angle]))
         return float(work[0]), self._effect(y, self.com, angle)
@@ -282,9 +276,9 @@ class _Places:
                 best = float(there[end, row])
                 at = (complex(points[end, row]), float(angles[end, row]))
             force, _ = self._arms(y, points)
-            # The work is Lipschitz in force and lift; turning the normal is turning the force.
-            rise = steep * (abs(y[2]) * way / self.size + np.abs(force).max(axis=0) * turn)
-            rise += self.friction * math.hypot(y[4], y[5]) * way / self.size
+            # The work is Lipschitz in both multipliers; turning the normal is turning the force.
+            rise = steep * (abs(y[5]) * way / self.size + np.abs(force).max(axis=0) * turn)
+            rise += self.friction * math.hypot(y[3], y[4]) * way / self.size
             upper = works.max(axis=0) + rise
             bound = max((1.0 + SAME) * best, float(upper.max()))
             wide = upper > (1.0 + SAME) * best

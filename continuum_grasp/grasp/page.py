@@ -83,7 +83,7 @@ def _picture(result: GraspResult, drawn: Axes) -> str:
     if result.verified:
         caption = (
             "Arrows are the forces that the object bears, to scale; the light wedges are friction cones"
-            f"{', darker where lift leaves them for friction in the plane' if result.scene.lifted else ''}; the small "
+            f"{', darker where lift leaves them for friction in the plane' if result.scene.spatial else ''}; the small "
             "circles are joints of the finger's elements."
         )
     elif result.arrays:

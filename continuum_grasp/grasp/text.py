@@ -149,7 +149,7 @@ def _drives(result: GraspResult, finger: str) -> list[str]:
 
 def _contacts(result: GraspResult) -> TextPart:
     """Places of the contacts, and their forces."""
-    rows, lifted, unit = [], result.scene.lifted, result.force_units[1]
+    rows, lifted, unit = [], result.scene.spatial, result.force_units[1]
     for c in result.contacts:
         x, y = (round(1e3 * v, 3) + 0.0 for v in c.position)  # no -0.0
         forces = (result.force_text(f, unit) for f in (c.normal_force, c.friction_force, *([c.lift] if lifted else [])))

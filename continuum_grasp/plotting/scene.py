@@ -72,7 +72,7 @@ def _head(ax: Axes, view: SceneView) -> None:
     """Write name and gravity above the axes."""
     from matplotlib.transforms import Affine2D, ScaledTranslation
 
-    in_plane, out = view.gravity
+    in_plane, into = view.gravity
     size = float(np.hypot(*in_plane))
     # 0.75: ticks and labels beside the axes [inch]
     wide = ax.figure.bbox.width / ax.figure.dpi - 0.75
@@ -82,12 +82,14 @@ def _head(ax: Axes, view: SceneView) -> None:
     # points to the right of, and above, the upper left corner of the axes
     corner: Any = ax.transAxes
     points: Any = Affine2D().scale(1.0 / 72.0) + ax.figure.dpi_scale_trans + ScaledTranslation(0.0, 1.0, corner)
-    words = f"gravity {out or size:.3g} m/s\N{SUPERSCRIPT TWO}{' into the plane' if out else ''}"
-    words = words if out or size else "no gravity in the plane"
-    ax.text(26.0 if out or size else 0.0, 11.0, words, fontsize=8, color=Color.INK, va="center", transform=points)
+    words = f"gravity {np.hypot(size, into):.3g} m/s\N{SUPERSCRIPT TWO}"
+    if into:
+        words += " slanted to the plane" if size else f" {'into' if into > 0.0 else 'out of'} the plane"
+    words = words if into or size else "no gravity in the plane"
+    ax.text(26.0 if into or size else 0.0, 11.0, words, fontsize=8, color=Color.INK, va="center", transform=points)
     at = np.array([12.0, 11.0])
-    if out:  # the tail of an arrow that flies away
-        for marker, width in (("o", 9.0), ("x", 5.5)):
+    if into:  # the tail of an arrow that flies away, or the point of one that comes
+        for marker, width in (("o", 9.0), ("x", 5.5) if into > 0.0 else (".", 7.0)):
             look: dict[str, Any] = {
                 "markersize": width,
                 "markerfacecolor": "white",

@@ -92,10 +92,9 @@ class SceneView:
 
     @cached_property
     def gravity(self) -> tuple[Array, float]:
-        """Gravity in the plane (2,), and out of it [m/s2]."""
+        """Gravity in the plane (2,), and into it [m/s2]."""
         if isinstance(self.inner, GraspScene):
-            lifted = self.inner.gravity.magnitude if self.inner.gravity.mode == "out_of_plane" else 0.0
-            return np.array(self.inner.gravity_in_plane), lifted
+            return np.array(self.inner.gravity[:2]), -self.inner.gravity[2]
         in_plane = np.array(getattr(self.inner, "gravity", (0.0, 0.0)))
         return in_plane, float(getattr(self.inner, "out_of_plane_gravity", 0.0))
 

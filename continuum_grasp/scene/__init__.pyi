@@ -53,10 +53,7 @@ from .grasp_options import FingerContacts as FingerContacts
 from .grasp_options import GraspContacts as GraspContacts
 from .grasp_options import GraspFinger as GraspFinger
 from .grasp_options import GraspSolver as GraspSolver
-from .grasp_options import NoGravity as NoGravity
 from .grasp_options import ObjectiveWeights as ObjectiveWeights
-from .grasp_options import OutOfPlaneGravity as OutOfPlaneGravity
-from .grasp_options import PlanarGravity as PlanarGravity
 from .grasp_options import Robust as Robust
 from .loads import Actuation as Actuation
 from .loads import ForceLoad as ForceLoad

@@ -22,8 +22,6 @@ from continuum_grasp.scene.grasp_options import (
     GraspGravity,
     GraspSolver,
     ObjectiveWeights,
-    OutOfPlaneGravity,
-    PlanarGravity,
     Robust,
 )
 from continuum_grasp.scene.methods import FAMILIES, ONE_TURN
@@ -72,6 +70,7 @@ class GraspScene(Configuration, Supported):
         f"""
         fidelity.frequencies: is not for grasps, which do not move
         contacts.middle with setups.stations: {_PLACES}
+        upright without spatial: has no effect on forces in the plane of the fingers: leave it out
         """
     )
 
@@ -84,7 +83,11 @@ class GraspScene(Configuration, Supported):
     contacts: GraspContacts
     """Contacts of fingers with the object, and limits of the touching surfaces."""
     gravity: GraspGravity
-    """Weight in the plane, perpendicular to it, or none."""
+    """World gravity along x, y and z, z out of the plane of the fingers, toward the viewer [m/s2]. In the plane, it
+    bends the fingers, too; weight out of it is carried by friction: there fingers are taken to be stiff."""
+    upright: bool = False
+    """Whether something else than the contacts, as a face on a palm, bears moments that tilt the object out of the
+    plane. Else friction that carries its weight, at the height of its center of mass, must not tilt it."""
     fidelity: Fidelity = Fidelity()
     """Resolution of the fingers' models."""
     objective: Aim | ObjectiveWeights = "least_tension"
@@ -174,25 +177,23 @@ class GraspScene(Configuration, Supported):
 
     @property
     def weight(self) -> float:
-        """Weight of the object, in or out of the plane [N]."""
-        if isinstance(self.gravity, OutOfPlaneGravity):
-            return self.object.mass * self.gravity.magnitude
-        return self.object.mass * math.hypot(*self.gravity_in_plane)
+        """Weight of the object [N]."""
+        return self.object.mass * math.hypot(*self.gravity)
 
     @property
-    def gravity_in_plane(self) -> tuple[float, float]:
-        """World gravity in the plane of the fingers [m/s2]; zero of objects that are lifted, and without gravity."""
-        return self.gravity.vector if isinstance(self.gravity, PlanarGravity) else (0.0, 0.0)
+    def spatial(self) -> bool:
+        """Whether forces act out of the plane of the fingers."""
+        return self.gravity[2] != 0.0
 
     @property
-    def lifted(self) -> bool:
-        """Whether friction carries the weight, out of the plane."""
-        return isinstance(self.gravity, OutOfPlaneGravity)
+    def balances(self) -> tuple[int, ...]:
+        """Balances of the object that a grasp must meet, of six: force along x, y, z, moment about x, y, z.
 
-    @property
-    def balances_tilt(self) -> bool:
-        """Whether the friction that carries the weight must not tilt the object."""
-        return isinstance(self.gravity, OutOfPlaneGravity) and self.gravity.tilt == "balance"
+        In the plane the others are empty; where it is ``upright``, something else bears moments about x and y.
+        """
+        if not self.spatial:
+            return (0, 1, 5)
+        return (0, 1, 2, 5) if self.upright else (0, 1, 2, 3, 4, 5)
 
     def friction(self, contact: str) -> float:
         """Friction coefficient of a contact by its name [1]."""

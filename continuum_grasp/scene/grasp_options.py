@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
@@ -13,7 +14,6 @@ from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Switch
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
-    Acceleration,
     Distance,
     Extent,
     Friction,
@@ -108,35 +108,19 @@ def _as_grasp_finger(value: Any) -> Any:
 AnyFinger = Annotated[GraspFinger, BeforeValidator(_as_grasp_finger)]
 
 
-class PlanarGravity(Value):
-    """Gravity in the plane of the fingers; the fingers' own weight acts too."""
-
-    mode: Literal["planar"]
-    vector: Acceleration
-    """World gravity [m/s2]."""
-
-
-class OutOfPlaneGravity(Value):
-    """Gravity perpendicular to the plane: the object's weight is carried by friction.
-
-    The fingers are taken to be stiff out of their plane; their own weight does not bend them.
-    """
-
-    mode: Literal["out_of_plane"]
-    magnitude: Annotated[Positive, Unit("m/s2")]
-    """Gravity perpendicular to the plane [m/s2]."""
-    tilt: Literal["balance", "ignore"] = "balance"
-    """balance: the friction forces that carry the weight must not tilt the object, all contacts being at the
-    height of its center of mass; ignore: something else keeps it upright."""
+def _in_space(value: Any) -> Any:
+    if not isinstance(value, Mapping | Sequence) or (len(value) == 3 and not isinstance(value, Mapping)):
+        return value
+    written = "three components [x, y, z], of which z is out of the plane, toward the viewer"
+    if not isinstance(value, Mapping):
+        raise ValueError(f"expected {written}; in the plane give [x, y, 0]")
+    raise ValueError(
+        f"has no modes: expected {written}. In the plane give [0, -9.81, 0], out of it [0, 0, -9.81], without weight "
+        "[0, 0, 0]; tilt: ignore is now upright: true, beside gravity"
+    )
 
 
-class NoGravity(Value):
-    """No weight at all."""
-
-    mode: Literal["none"]
-
-
-GraspGravity = Annotated[PlanarGravity | OutOfPlaneGravity | NoGravity, Field(discriminator="mode")]
+GraspGravity = Annotated[tuple[Real, Real, Real], Field(strict=False), Unit("m/s2"), BeforeValidator(_in_space)]
 
 Aim = Literal["least_tension", "least_normal_force", "greatest_disturbance", "greatest_friction_margin"]
 

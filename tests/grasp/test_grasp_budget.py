@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from grasp_scenes import UPRIGHT, make_scene
+from grasp_scenes import INTO_PLANE, make_scene
 
 from continuum_grasp.grasp import GraspStatus, optimize_grasp
 from continuum_grasp.scene import GraspSolver
@@ -20,7 +20,7 @@ WEAK = {"max_tension": 35.0}
 
 def solved(solver=None, **changes):
     return optimize_grasp(
-        make_scene("arc", UPRIGHT, solver=solver or GraspSolver(effort="quick"), **changes), raise_on_failure=False
+        make_scene("arc", INTO_PLANE, solver=solver or GraspSolver(effort="quick"), **changes), raise_on_failure=False
     )
 
 

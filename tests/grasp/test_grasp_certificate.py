@@ -174,7 +174,7 @@ def test_another_family_does_not_pass(wrapped):
 def test_a_heavier_object_fails_in_the_balance_of_its_weight(wrapped):
     scene, arrays = wrapped
     heavier = scene.model_copy(update={"object": scene.object.model_copy(update={"mass": 0.31})})
-    assert [check.name for check in certify(heavier, arrays).failed] == ["object lift balance"]
+    assert [check.name for check in certify(heavier, arrays).failed] == ["object force balance"]
 
 
 def test_friction_margins():

@@ -12,20 +12,20 @@ import numpy as np
 import pytest
 from grasp_scenes import finger_to, held_by_tips, loose
 
-from continuum_grasp.grasp import GraspStatus, optimize_grasp
-from continuum_grasp.scene import Box, Circle, NoGravity, OutOfPlaneGravity, Palm, PlanarGravity, Polygon, VGroove
+from continuum_grasp.grasp import GraspStatus, least_normal_force_bound, optimize_grasp
+from continuum_grasp.scene import Box, Circle, Palm, Polygon, VGroove
 
 G = 9.81
 LENGTH, HALF, MASS, FRICTION = 0.2, 0.006, 0.3, 0.5
 WEIGHT = MASS * G
-OUT = OutOfPlaneGravity(mode="out_of_plane", magnitude=G)
-WEIGHTLESS = NoGravity(mode="none")
+OUT = (0.0, 0.0, -G)
+WEIGHTLESS = (0.0, 0.0, 0.0)
 LOOSE = 0.02
 
 
 def planar(x, y):
     """Gravity of 9.81 m/s2 in a direction of the plane."""
-    return PlanarGravity(mode="planar", vector=(G * x, G * y))
+    return (G * x, G * y, 0.0)
 
 
 def finger(tip, towards, half=HALF, stiffness=0.05, free=LOOSE):
@@ -83,6 +83,18 @@ def test_squeeze_against_a_palm_in_the_plane():
     found = normal_forces(result)
     assert found["one.tip"] == pytest.approx(WEIGHT / (2 * FRICTION), rel=1e-6)
     assert found["palm.1"] + found["palm.2"] == pytest.approx(WEIGHT / (2 * FRICTION), rel=1e-6)
+
+
+@pytest.mark.parametrize("slant", [0.4, 1.2, 2.6, -1.0])
+def test_squeeze_against_a_palm_of_a_hand_that_is_slanted(slant):
+    """Tip below, palm above, weight across, in and out of the plane: N = m g / (2 mu), half at each contact."""
+    gravity = (G * math.sin(slant), 0.0, -G * math.cos(slant))
+    result = solve([finger((0.0, -0.04 - HALF), 0.5 * math.pi)], disc(), gravity, CEILING)
+    assert normal_forces(result)["one.tip"] == pytest.approx(WEIGHT / (2 * FRICTION), rel=1e-6)
+    for contact in result.contacts:
+        assert contact.lift == pytest.approx(0.5 * WEIGHT * math.cos(slant), rel=1e-5)
+    # Elsewhere on the disc less might do: the bound counts all places.
+    assert 0.9 * WEIGHT / (2 * FRICTION) < least_normal_force_bound(result.scene) <= WEIGHT / (2 * FRICTION)
 
 
 @pytest.mark.deep

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
-from grasp_scenes import CONFIGS, HEXAGON, PLANAR, UPRIGHT, WEIGHTLESS, make_scene
+from grasp_scenes import CONFIGS, HEXAGON, INTO_PLANE, PLANAR, WEIGHTLESS, make_scene
 from scipy.optimize import linprog
 
 from benchmarks.grasp_images import drawn, mirrored, moved, scaled, scene_of
@@ -28,11 +28,11 @@ from continuum_grasp.grasp.reasons.diagnosis import Repairs, ordered, out_of_rea
 from continuum_grasp.grasp.reasons.elastic import Repair
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.nlp import Budget, Violation
-from continuum_grasp.scene import GraspContacts, GraspScene, OutOfPlaneGravity, load
+from continuum_grasp.scene import GraspContacts, GraspScene, load
 from tests import certificate_cases as cases
 
 
-def middle_only(friction, gravity=UPRIGHT, family="arc", **changes):
+def middle_only(friction, gravity=INTO_PLANE, family="arc", **changes):
     contacts = GraspContacts(friction=friction, normal_force_max=30.0, tip="off")
     return make_scene(family, gravity, contacts=contacts, **changes)
 
@@ -85,23 +85,21 @@ def test_tilt_balance_is_named_with_the_moment_that_is_missing():
     least = 0.04 * 0.3 * 9.81 * 0.5 * math.hypot(math.cos(n) - 1.0, math.sin(n))
     result = optimize_grasp(scene, raise_on_failure=False)
     assert result.status is GraspStatus.INFEASIBLE
-    reason = next(r for r in result.reasons if r.key == "gravity.tilt")
+    reason = next(r for r in result.reasons if r.key == "upright")
     assert reason.needed == pytest.approx(least, rel=1e-4)
     assert reason.unit == "N m"
     assert f"{1e3 * least:.3g} mN m" in reason.text
-    assert "gravity.tilt: ignore" in result.advice
-    ignoring = OutOfPlaneGravity(mode="out_of_plane", magnitude=9.81, tilt="ignore")
-    assert optimize_grasp(middle_only(1.5, ignoring)).solved
+    assert "upright: true" in result.advice
+    assert optimize_grasp(middle_only(1.5).replaced(upright=True)).solved
 
 
 @pytest.mark.deep
 def test_tilt_is_no_reason_where_it_is_ignored_or_harmless():
-    ignoring = OutOfPlaneGravity(mode="out_of_plane", magnitude=9.81, tilt="ignore")
-    ignored = optimize_grasp(middle_only(0.5, ignoring), raise_on_failure=False)
-    heavy = optimize_grasp(make_scene("arc", UPRIGHT, mass=1.2), raise_on_failure=False)
+    ignored = optimize_grasp(middle_only(0.5).replaced(upright=True), raise_on_failure=False)
+    heavy = optimize_grasp(make_scene("arc", INTO_PLANE, mass=1.2), raise_on_failure=False)
     for result in (ignored, heavy):
         assert result.status is GraspStatus.INFEASIBLE
-        assert "gravity.tilt" not in [reason.key for reason in result.reasons]
+        assert "upright" not in [reason.key for reason in result.reasons]
 
 
 @pytest.mark.deep
@@ -216,7 +214,7 @@ object:
   position: [0, 0]
 supports: {palm: {type: palm, point: [0, 0], normal_angle: 0}}
 contacts: {friction: 0.6, normal_force_max: 30, middle: auto, tip: on}
-gravity: {mode: out_of_plane, magnitude: 9.81, tilt: balance}
+gravity: [0.0, 0.0, -9.81]
 """
 
 
@@ -279,7 +277,7 @@ finger: {extends: fingers/hand_finger.yaml, base: {position: [0.0, -60.3 mm], an
 object: {shape: box, width: 64.75 mm, height: 71.17 mm, mass: 145 g, position: [32.375 mm, 4.966 mm]}
 supports: {palm: {type: palm, point: [0, 0], normal_angle: 0}}
 contacts: {friction: 0.7, normal_force_max: 30, reserve: 20 %, middle: on, tip: off}
-gravity: {mode: out_of_plane, magnitude: 9.81, tilt: balance}
+gravity: [0.0, 0.0, -9.81]
 fidelity: {family: matched_clothoid, elements: 2}
 objective: greatest_friction_margin
 """
@@ -307,7 +305,7 @@ def test_a_repair_goes_beyond_what_is_needed_and_says_what_goes_with_it():
     assert stated["friction"].repair == "contacts.friction = 0.303"
     assert stated["mass"].needed == pytest.approx(0.92 * 0.123)  # 0.1132
     assert stated["mass"].repair == "object.mass = 0.112 kg"
-    assert stated["tilt balance"].repair.startswith("gravity.tilt: ignore")
+    assert stated["tilt balance"].repair.startswith("upright: true")
     rubber = Repairs(scene.changed({"supports.palm.friction": 0.8}), SimpleNamespace())
     friction = next(limit for limit in rubber.limits if limit.name == "friction")
     little = part_of(rubber, friction, Repair({friction: 1e-6}, {}, None))

@@ -180,7 +180,7 @@ def test_settled_combinations_hold_the_weight_within_their_cones(name):
         point = complex(*held.pose[:2]) + turn * complex(*start.point)
         contacts.append((point, normal_there, borne[len(contacts)]))
     force, moment = wrench_of(contacts, complex(*scene.object.pose[:2]))
-    weight = scene.object.mass * complex(*scene.gravity_in_plane)
+    weight = scene.object.mass * complex(*scene.gravity[:2])
     # Contacts' forces act on fingers and supports.
     assert force == pytest.approx(weight, abs=1e-3 * held.force)
     assert moment == pytest.approx(0.0, abs=1e-3 * held.force * scene.object.size)
@@ -381,7 +381,7 @@ COARSE = {
     },
     "supports": {"table": {"type": "palm", "point": [0.0, 0.0], "normal_angle": 1.5707963267948966}},
     "contacts": {"friction": 0.67992709, "normal_force_max": 40.246477, "tip": "on", "middle": "on"},
-    "gravity": {"mode": "planar", "vector": [0.0, -9.81]},
+    "gravity": [0.0, -9.81, 0.0],
     "fidelity": {"family": "matched_clothoid", "elements": 2},
     "objective": "least_tension",
     "solver": {"effort": "thorough"},

@@ -30,7 +30,7 @@ def scene_of(fingers, gravity, **more):
     return held_by_tips(fingers, gravity, **{"stability": "ignore", "overlap": "allow", **more})
 
 
-OUT = {"mode": "out_of_plane", "magnitude": G}
+OUT = [0.0, 0.0, -G]
 PALM = {"palm": {"type": "palm", "point": (0.0, -RADIUS), "normal_angle": 0.5 * math.pi}}
 
 

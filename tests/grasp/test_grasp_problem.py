@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 import pytest
-from grasp_scenes import CONFIGS, UPRIGHT, make_scene
+from grasp_scenes import CONFIGS, make_scene
 from numpy.testing import assert_allclose
 from scipy.integrate import simpson
 
@@ -216,7 +216,7 @@ def test_resisted_disturbance_against_the_fine_rod(tendons):
     scene = make_scene(
         elements=4,
         max_tension=200.0 if tendons == "locked" else 60.0,
-        gravity=UPRIGHT.model_copy(update={"tilt": "ignore"}),
+        upright=True,
         objective=ObjectiveWeights(greatest_disturbance=1.0, least_tension=0.01),
         disturbances=Disturbances(wrenches=((0.0, 1.0, 0.0), (0.0, -1.0, 0.0)), tendons=tendons),
     )
@@ -267,8 +267,7 @@ def test_the_best_of_the_modes_is_the_answer():
 
     def tension(middle, tip):
         contacts = GraspContacts(friction=0.5, normal_force_max=30.0, middle=middle, tip=tip)
-        gravity = UPRIGHT.model_copy(update={"tilt": "ignore"})
-        result = optimize_grasp(make_scene(contacts=contacts, gravity=gravity), raise_on_failure=False)
+        result = optimize_grasp(make_scene(contacts=contacts, upright=True), raise_on_failure=False)
         return result.tension if result.solved else math.inf
 
     chosen = tension("auto", "auto")
@@ -370,7 +369,7 @@ def test_scenes_whose_bending_ranges_are_alike_share_a_solver():
 @pytest.mark.parametrize("share", [0.25, 1.0])
 def test_a_rounded_cone_costs_nothing_and_has_derivatives_where_nothing_presses(share):
     numbers, friction = {"cone rounding": values.APEX, "cone share": 1.0}, 0.5
-    problem = SimpleNamespace(spec=SimpleNamespace(gravity="out_of_plane"), numbers=numbers.__getitem__)
+    problem = SimpleNamespace(spec=SimpleNamespace(dimensions=3), numbers=numbers.__getitem__)
     force = ca.SX.sym("force", 3)
     cone = friction_cone(problem, friction, *ca.vertsplit(force))
     at = ca.Function("cone", [force], [cone, ca.gradient(cone, force), ca.hessian(cone, force)[0]])

@@ -11,7 +11,7 @@ from grasp_elastica import Hand, designed, disturbed, stored
 from scipy.optimize import brentq
 
 from continuum_grasp.grasp import GraspResponse, Quality, Resistance
-from continuum_grasp.scene import Box, Circle, Ellipse, OffsetPolygon, Palm, PlanarGravity, Point, Rod, Tendons
+from continuum_grasp.scene import Box, Circle, Ellipse, OffsetPolygon, Palm, Point, Rod, Tendons
 from tests import certificate_cases as cases
 
 LENGTH, STIFFNESS, RADIUS = cases.LENGTH, cases.STIFFNESS, 0.04
@@ -71,7 +71,7 @@ def test_resisted_forces_of_the_axial_pinch(tendons):
 @pytest.mark.parametrize("tendons", ["locked", "retensioned"])
 def test_what_the_weight_takes_of_the_cone_out_of_the_plane(tendons):
     push, mu, lift = 0.08, 0.5, 0.03
-    scene, arrays = axial_pinch(push, mu, lift, cases.UPRIGHT)
+    scene, arrays = axial_pinch(push, mu, lift, cases.INTO_PLANE)
     held = Resistance.of(GraspResponse(scene, arrays), wrenches=WRENCHES, tendons=tendons, displacement_limit=math.inf)
     assert held.factors[0] == pytest.approx(2 * (push - lift / mu), rel=1e-6)
     assert held.factors[1] == pytest.approx(2 * math.sqrt((mu * push) ** 2 - lift**2), rel=1e-6)
@@ -113,7 +113,7 @@ def stored_scene(hand, state, names, friction=0.6):
         fingers,
         DISC.replaced(mass=-hand.weight[1] / 9.81),
         {"friction": friction, "normal_force_max": 30.0},
-        PlanarGravity(mode="planar", vector=hand.gravity),
+        (*hand.gravity, 0.0),
         supports={"floor": Palm(point=(0.0, -hand.radius), normal_angle=math.pi / 2)} if hand.wall else {},
     )
     return scene, stored(hand, state, names, 241)

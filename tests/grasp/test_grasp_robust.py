@@ -33,7 +33,7 @@ SQUEEZE = PINCHED.weight / (2.0 * PINCHED.contacts.friction)
 
 def opposed(robust, normal_force_max=30.0):
     """Two tips on opposite faces of a box whose weight friction carries: the box alone decides how hard they press."""
-    scene = load(CONFIGS / "pinch_above.yaml").changed({"gravity.tilt": "ignore", "objective": "least_normal_force"})
+    scene = load(CONFIGS / "pinch_above.yaml").changed({"upright": True, "objective": "least_normal_force"})
     contacts = scene.contacts.replaced(normal_force_max=normal_force_max)
     return scene.replaced(contacts=contacts, robust=robust)
 

@@ -37,7 +37,7 @@ def scene_of(body, fingers, **changes):
         "fingers": fingers,
         "object": {"mass": 0.1, "position": (0.0, 0.0), **body},
         "contacts": {"friction": 0.5, "normal_force_max": 50.0},
-        "gravity": {"mode": "none"},
+        "gravity": [0.0, 0.0, 0.0],
         "fidelity": {"family": "matched_clothoid", "elements": 2, "bending_range": 6.0},
         **changes,
     }

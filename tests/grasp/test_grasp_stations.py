@@ -87,7 +87,7 @@ def test_a_station_opposite_a_palm_presses_as_friction_asks() -> None:
         object={"shape": "circle", "diameter": 0.08, "mass": 0.3, "position": (0.0, 0.0)},  # type: ignore[arg-type]
         supports={"palm": {"type": "palm", "point": (0.0, 0.04), "normal_angle": -0.5 * np.pi}},  # type: ignore[dict-item]
         contacts=contacts,  # type: ignore[arg-type]
-        gravity={"mode": "out_of_plane", "magnitude": 9.81, "tilt": "balance"},  # type: ignore[arg-type]
+        gravity=[0.0, 0.0, -9.81],  # type: ignore[arg-type]
         fidelity={"family": "matched_clothoid", "elements": 4},  # type: ignore[arg-type]
         objective="least_normal_force",
     )

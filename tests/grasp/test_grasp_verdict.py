@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from grasp_scenes import UPRIGHT, make_scene
+from grasp_scenes import INTO_PLANE, make_scene
 from shapely import Polygon
 from shapely.affinity import rotate
 
@@ -130,7 +130,7 @@ def test_two_limits_at_once_are_named_with_their_numbers():
     geometry and the tension by linear programming.
     """
     rod = Rod(length=0.18, linear_density=0.034, bending_stiffness=6.11e-3, diameter=0.0012)
-    free = make_scene("arc", UPRIGHT, finger={"rod": rod, "strain_limit": 0.06})
+    free = make_scene("arc", INTO_PLANE, finger={"rod": rod, "strain_limit": 0.06})
     search = Search(numbers(free))
     strain = 0.5 * 0.0012 * search.best(measure=lambda p: float(np.abs(p.ends).max())).value
     tension = search.best("tension").value

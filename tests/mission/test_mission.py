@@ -635,7 +635,7 @@ _TORQUES = ["drive_tension=null", f"tendons={{{_CABLE}, drive: {_DRIVE}}}"]
     [
         ("grasp.finger.tendons=null", "grasp.finger.tendons"),
         ("grasp.finger.tendons.time_constant=null", "needs a time_constant"),
-        ("grasp.gravity={mode: none}", "grasp.gravity.mode: is not for missions"),
+        (["grasp.gravity=[0.0, 0.0, 0.0]", "grasp.upright=false"], "grasp.gravity: must be"),
         ("grasp.contacts.tip=off", "grasp.contacts.tip: must have"),
         (_TORQUES, r"[^.]tendons: a mission commands"),
         ("more_contacts=[0.3]", r"more_contacts\[0\]: 0.3 m is not before the tip"),

@@ -92,7 +92,7 @@ def test_gravity_decides_which_table_there_can_be():
 
 # -- two fingers, one below the other ---------------------------------------------------------------------------------
 
-DOWN = "grasp.gravity={mode: planar, vector: [0.0, -9.81]}"
+DOWN = "grasp.gravity=[0.0, -9.81, 0.0]"
 WINCHES = (
     "tendons={offset: 0.005, max_tension: 120.0, axial_stiffness: 10e3, series_stiffness: 33 N/mm, "
     "drive: {kind: length, arrangement: one_pulley, time_constant: 20 ms, rate_max: 0.2 m/s, pretension: 2 N}}",

@@ -120,8 +120,11 @@ def test_what_is_followed_changes_with_the_phase(table):
         (["turn.strokes=0"], "turn.strokes"),
         (["turn.stroke=2"], "turn.stroke"),
         (["estimator.disturbances.object_position=0.004"], "has no meaning with a turn"),
-        (["grasp.gravity={mode: planar, vector: [0.0, -9.81]}", "table_friction_radius=0"], "out_of_plane"),
-        (["grasp.gravity={mode: planar, vector: [0.0, -9.81]}"], "table_friction_radius: is of a table below"),
+        (
+            ["grasp.gravity=[0.0, -9.81, 0.0]", "grasp.upright=false", "table_friction_radius=0"],
+            "turn: is of a table below",
+        ),
+        (["grasp.gravity=[0.0, -9.81, 0.0]", "grasp.upright=false"], "table_friction_radius: is of a table below"),
     ],
 )
 def test_what_makes_no_turn_is_named(change, said):

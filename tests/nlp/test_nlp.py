@@ -16,7 +16,7 @@ from typing import get_args
 import casadi as ca
 import numpy as np
 import pytest
-from grasp_scenes import UPRIGHT, make_scene
+from grasp_scenes import INTO_PLANE, make_scene
 from numpy.testing import assert_allclose
 from plan_cases import two_arcs
 
@@ -307,7 +307,7 @@ def test_another_solver_finds_the_same_plan():
 
 def test_another_solver_finds_the_same_grasp():
     scenes = (
-        make_scene("arc", UPRIGHT, solver=GraspSolver(effort="quick", method=method)) for method in ("ipopt", "sqp")
+        make_scene("arc", INTO_PLANE, solver=GraspSolver(effort="quick", method=method)) for method in ("ipopt", "sqp")
     )
     one, two = (optimize_grasp(scene) for scene in scenes)
     # Two arcs are too few to be called optimal.

@@ -18,7 +18,7 @@ CHANGES = {
     "simulate/hanging.yaml": {"finger.masses": [{"at": 0.3, "mass": 0.01}], "finger.masses[0].mass": 0.02},
     "simulate/tendon_step.yaml": {"time.duration": 0.5, "fidelity.elements": 3},
     "grasp/mug.yaml": {"object.mass": 0.4, "contacts.middle": "auto", "objective": {"least_tension": 2.0}},
-    "grasp/wrap.yaml": {"object.mass": 0.2, "gravity.magnitude": 3.7},
+    "grasp/wrap.yaml": {"object.mass": 0.2, "gravity": [0.0, 0.0, -3.7]},
     "mpc/tip_arc.yaml": {"controller.horizon.stages": 12, "estimator.delay": 0.0, "plant.damping": 1.2},
     "mission/mug.yaml": {"grasp.object.mass": 0.3, "grasp.finger.rod.length": 0.21, "phases.hold": 0.5},
     "plan/tip_to_point.yaml": {"goal.tip": [0.05, 0.17], "solver.starts": 2, "bounds.speed": 12.0},

@@ -174,7 +174,7 @@ UNITS = {"svg": {}, "dxf": {"path": "drop"}, "csv": {"scale": "1 mm"}, "png": {"
 
 def object_of(file, **keys):
     keys = {"shape": "outline", "file": str(file), "mass": 0.1, "position": [0.06, 0.0], "tolerance": "0.05 mm"} | keys
-    return load(SCENE).changed({"object": keys, "supports": {}, "gravity": {"mode": "none"}}).object
+    return load(SCENE).changed({"object": keys, "supports": {}, "gravity": [0.0, 0.0, 0.0]}).object
 
 
 @pytest.mark.parametrize("form", UNITS)
@@ -207,7 +207,7 @@ def test_a_file_is_beside_the_configuration_and_members_of_a_union_may_be_outlin
     text = (
         f"schema_version: 1\nfinger: {load(SCENE).finger.model_dump_json(exclude_unset=True)}\n"
         f"object:\n  shape: union\n  members: [{member}, {{shape: circle, diameter: 20 mm}}]\n"
-        "  center_of_mass: [0, 0]\n  mass: 0.1\n  position: [0.09, 0.03]\ngravity: {mode: none}\n"
+        "  center_of_mass: [0, 0]\n  mass: 0.1\n  position: [0.09, 0.03]\ngravity: [0.0, 0.0, 0.0]\n"
         "contacts: {friction: 0.5, normal_force_max: 10, middle: on, tip: on}\n"
         "fidelity: {family: arc, elements: 2}\nobjective: least_tension\n"
     )

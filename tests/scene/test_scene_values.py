@@ -114,3 +114,21 @@ def test_a_duration_is_a_whole_number_of_steps_but_for_rounding(excess, taken):
     else:
         with pytest.raises(InputError, match="whole number of steps"):
             cg.Timing(**given)
+
+
+@pytest.mark.parametrize(
+    ("gravity", "said"),
+    [
+        ({"mode": "out_of_plane", "magnitude": 9.81}, r"gravity: has no modes: .* out of it \[0, 0, -9.81\]"),
+        ([0.0, -9.81], r"gravity: expected three components .* in the plane give \[x, y, 0\]"),
+        (9.81, "gravity: wrong type: expected a list of 3"),
+    ],
+)
+def test_gravity_of_a_grasp_is_a_vector_in_space(gravity, said):
+    with pytest.raises(InputError, match=said):
+        cg.load(Path(cg.__file__).parents[1] / "configs/grasp/mug.yaml").changed({"gravity": gravity})
+
+
+def test_an_object_is_upright_only_where_something_could_tilt_it():
+    with pytest.raises(InputError, match="upright: has no effect"):
+        cg.load(Path(cg.__file__).parents[1] / "configs/grasp/mug_lying.yaml").changed({"upright": True})

@@ -152,7 +152,7 @@ def held_resistance(
     response = GraspResponse(scene, {**arrays, "contact_forces": forces})
     response.contacts.friction = friction
     # Weight in the plane beyond that of the grasp is one more wrench, to which all contacts respond.
-    more = (mass - scene.object.mass) * np.array([*scene.gravity_in_plane, 0.0])
+    more = (mass - scene.object.mass) * np.array([*scene.gravity[:2], 0.0])
     response.contacts.forces[:, :2] += response.to_wrenches("locked").forces @ more
     return Resistance.of(response, tendons="locked", wrenches=wrenches)
 
@@ -191,7 +191,7 @@ def lowered_by_pulls(assignments: Sequence[Assignment], variation: PlantVariatio
     For small motions. Controllers that follow a force give way further than drives that keep their tension.
     """
     of, fingers = assignments[0], [assignment.control.finger for assignment in assignments]
-    grasp, down = of.grasp, np.array(of.mission.grasp.gravity_in_plane)
+    grasp, down = of.grasp, np.array(of.mission.grasp.gravity[:2])
     if of.mission.gravity:
         return ()
     more = (plant_mass(of.mission, variation) - grasp.scene.object.mass) * np.array([*down, 0.0])

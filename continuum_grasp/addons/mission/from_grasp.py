@@ -260,7 +260,7 @@ def _control_scene(
     keys: dict[str, Any] = {
         "name": mission.name,
         "finger": finger,
-        "gravity": mission.grasp.gravity_in_plane,
+        "gravity": mission.grasp.gravity[:2],
         "contacts": stations,
         **_surroundings(mission, body),
         "fidelity": {

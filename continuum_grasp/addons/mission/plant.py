@@ -99,7 +99,7 @@ def mission_plant_model(assignment: Assignment) -> PlantModel:
 
 def _table(mission: MissionScene, body: GraspObject, mass: float) -> Table:
     """Table that the object stands on: below the plane, or with gravity in the plane a wall below the object."""
-    down = np.array(mission.grasp.gravity_in_plane)
+    down = np.array(mission.grasp.gravity[:2])
     size = float(np.hypot(*down))
     if size == 0.0:
         return Table(friction=mission.table_friction, friction_radius=mission.table_friction_radius)

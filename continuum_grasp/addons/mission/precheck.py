@@ -189,7 +189,7 @@ class _OnPlant:
         shared out at will; in the plane until one slips or parts. Zero where one is beyond its cone without it.
         """
         if not self.gravity:
-            down = [[*self.mission.grasp.gravity_in_plane, 0.0]]
+            down = [[*self.mission.grasp.gravity[:2], 0.0]]
             (more,) = held_resistance(self.of.grasp, friction, self.certified_mass, wrenches=down).factors
             # Beyond a cone at the certified weight nothing is resisted, although less weight might be carried.
             return self.certified_mass + float(more) if more > 0.0 else 0.0

@@ -211,7 +211,8 @@ class MissionScene(Configuration):
 
     REFUSALS = Consumer.refusals(
         """
-        grasp.gravity.mode=none: is not for missions, which lift the object off a table: give planar or out_of_plane
+        grasp.gravity with no_table:
+            must be [x, y, 0] or [0, 0, z], z below zero: a mission lifts the object off a table in or below the plane
         plant.mounting: is of closed loops: a mission counts as the model does, leave it out
         plant.{object_mass,object_friction}: is of closed loops: give object_mass, and contact_law.friction
         grasp.{,finger.,fingers.}contacts.tip=off with grasp.setups.tip=off:
@@ -222,12 +223,13 @@ class MissionScene(Configuration):
         estimator.disturbances.object_position with turn: has no meaning with a turn: a camera measures it
         drive_tension with tendons: has no effect beside tendons, which have a max_tension
         table_friction_radius turn without gravity:
-            is of a table below the plane: it needs grasp.gravity.mode: out_of_plane
+            is of a table below the plane: it needs grasp.gravity: [0, 0, z]
         turn with several:
             needs a grasp of one finger: a controller predicts what its own finger does to the object, not
             what others do
         """,
         several=lambda s: len(s.grasp.setups) > 1,
+        no_table=lambda s: s.gravity < 0.0 or any(s.grasp.gravity[:2]) is (s.gravity > 0.0),
     )
 
     grasp: GraspScene
@@ -284,11 +286,11 @@ class MissionScene(Configuration):
 
     @property
     def gravity(self) -> float:
-        """Gravity out of the plane [m/s2]."""
-        return self.grasp.gravity.magnitude if self.grasp.gravity.mode == "out_of_plane" else 0.0
+        """Gravity onto a table below the plane [m/s2]; zero where it acts in the plane."""
+        return -self.grasp.gravity[2] or 0.0
 
     def object_height(self, pose: Array) -> Array:
         """Height (K,) of an object with poses (K, 3 or 4): out of the plane, or in it against gravity [m]."""
-        up = -np.array(self.grasp.gravity_in_plane)
+        up = -np.array(self.grasp.gravity[:2])
         size = float(np.hypot(*up))
         return np.asarray(pose[:, 3] if size == 0.0 else pose[:, :2] @ up / size)

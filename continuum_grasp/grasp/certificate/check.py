@@ -92,8 +92,6 @@ def contact_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
         yield Check.part(f"friction cone, {c.name}", over, scale, "N")
         limit = c.normal_force_max  # pulls count against the forces in play, however high the limit is
         yield Check(f"normal force, {c.name}", worst(-n / scale, n / limit - 1), EXACT, amount_text(limit, "N", ".4g"))
-        if not grasp.scene.lifted:
-            yield Check.part(f"no lift in the plane, {c.name}", abs(lift), scale, "N")
         yield from _geometry(grasp, c)
 
 

@@ -170,7 +170,7 @@ class RecomputedGrasp:
 
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any]) -> None:
         self.scene, self.setups = scene, scene.setups
-        self.fingers = tuple(RecomputedFinger(setup, scene.gravity_in_plane, arrays) for setup in self.setups)
+        self.fingers = tuple(RecomputedFinger(setup, scene.gravity[:2], arrays) for setup in self.setups)
         self.pose = np.asarray(arrays["object.pose"], dtype=float)
         self.object = PlacedObject(scene.object, self.pose)
         self.size = scene.object.size

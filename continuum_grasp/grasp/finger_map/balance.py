@@ -98,8 +98,8 @@ class ObjectBalance:
         turn, origin = cmath.exp(1j * pose[2]), complex(*pose[:2])
         self.center = origin + turn * complex(*scene.object.com)
         self.size = scene.object.size
-        self.weight = scene.object.mass * np.array(scene.gravity_in_plane)
-        self.lift = scene.weight if scene.lifted else 0.0
+        self.weight = scene.object.mass * np.array(scene.gravity[:2])
+        self.lift = -scene.object.mass * scene.gravity[2]
         self.supports = support_contacts(scene, pose, {name for name in on if scene.support_of(name) is not None})
         self.places = {
             name: (origin + turn * complex(*start.point), turn * cmath.exp(1j * start.normal_angle))
@@ -109,14 +109,14 @@ class ObjectBalance:
         contacts = sum(map(len, self.names)) + len(self.supports)
         self.at = np.cumsum([0, *(f.numbers for f in fingers)])
         self.first_lift = int(self.at[-1]) + 2 * len(self.supports)
-        self.numbers = self.first_lift + (contacts if self.lift else 0)
+        self.numbers = self.first_lift + (contacts if scene.spatial else 0)
         self.greatest = sum(f.setup.max_tension for f in fingers)
         frictions = [[f.friction] * len(names) for f, names in zip(fingers, self.names, strict=True)]
         forces = [[f.setup.normal_force_max] * len(names) for f, names in zip(fingers, self.names, strict=True)]
         frictions.append(list(map(scene.held_friction, self.places)))
         forces.append(list(map(scene.normal_force_max, self.places)))
         bends = [0.02 * f.greatest_moment * f.moment / self.size for f in fingers]
-        self.force = max(float(np.abs(self.weight).max()), self.lift, sum(bends))
+        self.force = max(float(np.abs(self.weight).max()), abs(self.lift), sum(bends))
         shares = [(f.setup.max_tension - f.least_tension) / self.greatest for f in fingers]
         self._arrays = {
             "rod": np.array([ctypes.addressof(f.struct) for f in fingers], np.uintp),
@@ -125,14 +125,13 @@ class ObjectBalance:
             "cone": np.column_stack([list(chain(*frictions)), list(chain(*forces))]),
             "step": self._steps(),
         }
-        balances = 3 + (1 + 2 * scene.balances_tilt if self.lift else 0)
-        equal = sum(f.conditions for f in fingers) + balances
+        equal = sum(f.conditions for f in fingers) + len(scene.balances)
         self.struct = _BalanceStruct(
             fingers=len(fingers),
             supports=len(self.supports),
             contacts=contacts,
-            lifted=bool(self.lift),
-            tilts=bool(self.lift and scene.balances_tilt),
+            lifted=2 in scene.balances,
+            tilts=3 in scene.balances,
             numbers=self.numbers,
             equal=equal,
             rows=equal + sum(f.shape_limits for f in fingers) + 3 * contacts,
@@ -198,7 +197,7 @@ class ObjectBalance:
         total = self._loads + sum(w[index[:, k]] for k, w in enumerate(wrenches))
         forces, left = self._supported(-total)
         tension = sum(one.samples.tension[index[:, k]] for k, one in enumerate(maps))
-        short = self._unlifted(maps, index, forces) if self.lift else 0.0
+        short = self._unlifted(maps, index, forces)
         chosen = np.unique(
             [
                 row
@@ -210,7 +209,7 @@ class ObjectBalance:
         for k, one in enumerate(maps):
             x[:, self.at[k] : self.at[k + 1]] = one.samples.z[index[chosen, k]]
         x[:, self.at[-1] : self.first_lift] = forces[chosen] / self.force
-        if self.lift:
+        if self.scene.spatial:
             # Shared alike at first.
             x[:, self.first_lift :] = self.lift / (self.numbers - self.first_lift) / self.force
         return x
@@ -291,7 +290,7 @@ class ObjectBalance:
         for j, name in enumerate(self.places):
             normal, along = forces[:, 2 * j], forces[:, 2 * j + 1]
             carried += np.sqrt(np.maximum((self.scene.held_friction(name) * normal) ** 2 - along**2, 0.0))
-        return np.maximum(self.lift - carried, 0.0)
+        return np.maximum(abs(self.lift) - carried, 0.0)
 
     def _differing(self, maps: Sequence[FingerMap], index: Array, score: Array) -> Array:
         """The best that differ: by places of contacts, direction of tips, forces."""

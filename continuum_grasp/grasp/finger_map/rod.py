@@ -147,7 +147,7 @@ class MapFinger:
         profile, (channel,) = finger.profile, finger.channels
         self.offset = channel.arms[0]
         at = length * (np.linspace(0.0, 1.0, _NODES) if setup.graded else np.zeros(1))
-        gravity = np.array(scene.gravity_in_plane) / self.force
+        gravity = np.array(scene.gravity[:2]) / self.force
         columns = (
             profile.bending_stiffness(at) / setup.stiffness,
             profile.rest_curvature(at) * length,

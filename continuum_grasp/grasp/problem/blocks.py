@@ -114,6 +114,11 @@ class Expressed(ConstraintRows):
 Symbolic = TypeVar("Symbolic", ca.SX, ca.MX)
 
 
+def in_space(vector: ca.SX) -> ca.SX:
+    """A vector (3,); one of the plane has no third component, structurally."""
+    return ca.vertcat(vector, ca.SX(3 - vector.numel(), 1))
+
+
 def rotation(angle: Symbolic) -> Symbolic:
     """Rotation matrix (2, 2)."""
     c, s = ca.cos(angle), ca.sin(angle)

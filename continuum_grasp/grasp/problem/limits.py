@@ -27,7 +27,7 @@ def add_limits(problem: Unknowns) -> None:
 def friction_cone(problem: Unknowns, friction: ca.SX, n: ca.SX, f: ca.SX, lift: ca.SX) -> ca.SX:
     """Rows that are not negative for forces within a friction cone, less its reserve, where nothing pulls (n >= 0)."""
     friction = problem.numbers("cone share") * friction
-    if problem.spec.gravity == "out_of_plane":
+    if problem.spec.dimensions == 3:
         # The hyperboloid (mu N)^2 >= f^2 + l^2 + e^2 within the cone. The cone has a kink where nothing presses, at
         # which IPOPT would zigzag; so does a root in its place, which is nearly one.
         apex = problem.numbers("cone rounding")

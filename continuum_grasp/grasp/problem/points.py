@@ -23,18 +23,18 @@ def starting_point(problem: Layout, scene: GraspScene, start: GraspStart, featur
     for setup, finger in zip(scene.setups, problem.fingers, strict=True):
         values |= {f"{setup.name}.{key}": value for key, value in _finger_start(setup, finger, start, units).items()}
     force = max(scene.weight / units.force, 1.0)
-    lift = force / max(len(problem.spec.contacts), 1)
+    lift = -scene.object.mass * scene.gravity[2] / units.force / max(len(problem.spec.contacts), 1)
     values["greatest normal force"] = force
     for contact in problem.spec.contacts:
         at = start.contacts[contact.name]
         part, feature = scene.object.parts[at.part], features[contact.name]
         values[f"place, {contact.name}"] = contact.surface.place(part, feature, *at.place)
-        pressed = (force, 0.0, lift if scene.weight else 0.0)
+        pressed = (force, 0.0, lift)
         if contact.name in start.forces:
             n, f, carried = (component / units.force for component in start.forces[contact.name])
             # A contact without force is where the cone has its apex: IPOPT starts a little inside.
             pressed = max(n, PRESSED * force), f, carried
-        values[f"force, {contact.name}"] = pressed if problem.spec.gravity == "out_of_plane" else pressed[:2]
+        values[f"force, {contact.name}"] = pressed[: problem.spec.dimensions]
     return problem.x.pack(values, 0.0)
 
 

@@ -8,7 +8,7 @@ normal n and half thickness h:
     middle    r(s) = p + h n,  n across the finger there (tangency)
     tip       r(L) = p + h n,  the finger not coming from within
     finger    inverse dynamics at rest = 0, contact forces N n + f t and couples -h f included
-    object    weight - sum (N n + f t) = 0, moments about the center of mass, lift out of the plane
+    object    weight - sum (N n + f t) + lift = 0, moments about the center of mass: six rows, less empty ones
 
 All numbers of the scene are run-time arguments: two scenes of one structure share one solver.
 """
@@ -18,6 +18,7 @@ from __future__ import annotations
 import casadi as ca
 
 from continuum_grasp.grasp.certificate.check import EXACT
+from continuum_grasp.grasp.problem.blocks import in_space
 from continuum_grasp.grasp.problem.disturbance import add_disturbances
 from continuum_grasp.grasp.problem.limits import add_limits
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
@@ -109,25 +110,18 @@ class GraspProblem(Unknowns):
                 self.rows.require(f"landing, {contact.spec.name}", off, "m", "robust")
 
     def _balance_object(self) -> None:
-        require, number = self.rows.require, self.numbers
-        force, moment, lift, tilt = ca.SX.zeros(2), ca.SX(0), ca.SX(0), ca.SX.zeros(2)
+        require, number, balances = self.rows.require, self.numbers, self.spec.balances
+        force = in_space(number("weight", self.spec.dimensions)) * (1.0 - self.slack["mass"])
+        moment = in_space(self.slack["tilt balance"])
         for contact in self.contacts:
             # What a contact does to the finger or support, it does to the object with the opposite sign.
-            arm, load = contact.point - self.center_of_mass, contact.world
+            arm, load = in_space(contact.point - self.center_of_mass), contact.world
             force -= load
-            moment -= arm[0] * load[1] - arm[1] * load[0]
-            lift += contact.force[2]
-            tilt += contact.force[2] * arm
-        if self.spec.gravity == "planar":
-            force += number("weight", 2) * (1.0 - self.slack["mass"])
-        require("object force balance", force, "N", "object.mass")
+            moment -= ca.cross(arm, load)
+        require("object force balance", force[[k for k in balances if k < 3]], "N", "object.mass")
         # Per size of the object, so that moments compare with forces.
-        require("object moment balance", moment / number("size"), "moment per size", "object")
-        if self.spec.gravity == "out_of_plane":
-            require("object lift balance", lift - number("weight") * (1.0 - self.slack["mass"]), "N", "object.mass")
-            if self.spec.tilt:
-                balance = (tilt - self.slack["tilt balance"]) / number("size")
-                require("object tilt balance", balance, "moment per size", "gravity.tilt")
+        moment = moment[[k - 3 for k in balances if k >= 3]] / number("size")
+        require("object moment balance", moment, "moment per size", "object")
 
     def _objective(self) -> ca.SX:
         """The objective; its own unknowns and constraints are added to the problem."""

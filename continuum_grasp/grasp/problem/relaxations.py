@@ -166,7 +166,7 @@ def _bendable(scene: GraspScene) -> float:
 
 
 def _may_tilt(scene: GraspScene) -> GraspScene:
-    return _with(scene, gravity=_with(scene.gravity, tilt="ignore"))
+    return _with(scene, upright=True)
 
 
 def _without_obstacles(scene: GraspScene) -> GraspScene:
@@ -235,15 +235,15 @@ RELAXATIONS = (
     ),
     RelaxedLimit(
         "tilt balance",
-        "gravity.tilt",
+        "upright",
         "N m",
         "the object would tip over: the contacts leave a moment of {needed:.3g} {unit} at least",
         start=lambda s: s.weight * s.object.size,  # moment of the weight about the rim
         relaxed=lambda s, amount: _may_tilt(s),
         without=_may_tilt,
-        repair="{key}: ignore, if something else bears {needed:.3g} {unit}",
+        repair="{key}: true, if something else bears {needed:.3g} {unit}",
         size=2,
-        applies=lambda s: s.balances_tilt and s.object.mass > 0,
+        applies=lambda s: 3 in s.balances and s.object.mass > 0,
         bounds_shape=False,
     ),
     RelaxedLimit(

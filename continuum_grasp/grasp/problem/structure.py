@@ -145,13 +145,17 @@ class ProblemSpec:
     pegs: int  # round ones
     pairs: tuple[tuple[int, int], ...]  # indices of fingers that must keep clear of each other; of one twice, of itself
     free: bool  # whether the object's pose is sought
-    gravity: str  # "planar", "out_of_plane" or "none"
-    tilt: bool  # whether the tilt balance holds
+    balances: tuple[int, ...]  # of the object that must be met: force along x, y, z, moment about x, y, z
     aims: tuple[str, ...]  # objectives with a weight
     wrenches: int  # disturbances, where they are an aim
     locked: bool  # whether tendons are locked under disturbances
     steadied: bool = False  # whether there is a bound on what the least eigenvalue is to first order
     yielding: bool = False  # whether the object yields to tips that stay where they met it
+
+    @property
+    def dimensions(self) -> int:
+        """Components of a force: three where forces act out of the plane of the fingers."""
+        return 3 if 2 in self.balances else 2
 
     def fits(self, scene: GraspScene, contacts: dict[str, ContactStart]) -> bool:
         """Whether the problem of a scene with these contacts on has this structure."""
@@ -162,7 +166,7 @@ class ProblemSpec:
         """The structure of the problem of a scene with some contacts on, which sit where a start has them; fingers that
         are ``curled``, by name, must not pass through themselves.
         """
-        aims, setups, weighs, on = scene.aims, scene.setups, any(scene.gravity_in_plane), frozenset(contacts)
+        aims, setups, weighs, on = scene.aims, scene.setups, any(scene.gravity[:2]), frozenset(contacts)
         places: dict[str, tuple[int, int]] = {}
         for i, setup in enumerate(setups):
             places |= {name: (i, k) for k, name in enumerate(setup.middle_names)}
@@ -185,8 +189,7 @@ class ProblemSpec:
             pegs=len(scene.pegs),
             pairs=(*scene.pairs, *((k, k) for k, setup in enumerate(setups) if setup.name in curled)),
             free=scene.object.free is not None,
-            gravity=scene.gravity.mode,
-            tilt=scene.balances_tilt,
+            balances=scene.balances,
             aims=aims,
             wrenches=len(scene.wrenches) if disturbed else 0,
             locked=disturbed and scene.disturbances.tendons == "locked",

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from continuum_grasp.grasp.problem.blocks import Columns, ConstraintRows, Expressed, Places, rotation
+from continuum_grasp.grasp.problem.blocks import Columns, ConstraintRows, Expressed, Places, in_space, rotation
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec, ProblemSpec
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger, shared_by
@@ -24,7 +24,7 @@ class Touch:
     point: ca.SX  # (2,) of the object's surface
     normal: ca.SX  # (2,) outward, of the object
     local: SurfacePoint  # the same in the object's frame
-    force: ca.SX  # (3,) N, f, lift
+    force: ca.SX  # (3,) N, f, lift; the lift acts on the object, and is structurally zero in the plane
 
     @property
     def across(self) -> ca.SX:
@@ -33,8 +33,8 @@ class Touch:
 
     @property
     def world(self) -> ca.SX:
-        """Force on what touches the object."""
-        return self.force[0] * self.normal + self.force[1] * self.across
+        """Force on what touches the object (3,)."""
+        return ca.vertcat(self.force[0] * self.normal + self.force[1] * self.across, -self.force[2])
 
 
 class Unknowns:
@@ -51,12 +51,10 @@ class Unknowns:
         self.pose = self.x("object pose", 3) if spec.free else self.numbers("object pose", 3)
         if "greatest_friction_margin" in spec.aims:
             self.x("friction margin")
-        size = 3 if spec.gravity == "out_of_plane" else 2
-        forces = {c.name: ca.vertcat(self.x(f"force, {c.name}", size), ca.SX.zeros(3 - size)) for c in spec.contacts}
+        forces = {c.name: in_space(self.x(f"force, {c.name}", spec.dimensions)) for c in spec.contacts}
         tips = {c.finger: forces[c.name] for c in spec.contacts if c.joint == -1}
         self.fingers = [
-            UnitFinger(finger, self.x, self.numbers, tips.get(k, ca.SX.zeros(3)))
-            for k, finger in enumerate(spec.fingers)
+            UnitFinger(finger, self.x, self.numbers, tips.get(k, ca.SX(3, 1))) for k, finger in enumerate(spec.fingers)
         ]
         self.contacts = [self._touch(contact, forces[contact.name]) for contact in spec.contacts]
 
@@ -69,7 +67,7 @@ class Unknowns:
         """The loads on a finger's model by its contacts."""
         finger, touching = self.fingers[index], [c for c in self.contacts if c.spec.finger == index]
         share, back = finger.number("force share"), rotation(-finger.base[2])
-        forces = {c.spec.joint: back @ c.world / share for c in touching}
+        forces = {c.spec.joint: back @ c.world[:2] / share for c in touching}
         # Friction acts on the skin: it turns the backbone by its arm, half the thickness.
         couples = {c.spec.joint: -finger.half_at(finger.end_of(c.spec)) * c.force[1] / share for c in touching}
         return finger.loads(forces, couples)

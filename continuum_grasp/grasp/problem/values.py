@@ -157,7 +157,7 @@ def problem_bounds(problem: Layout, scene: GraspScene, features: dict[str, Featu
     least = NEAR * max(scene.weight / units.force, 1.0) if steady else 0.0
     if "reserve" in problem.x.at:  # which says whether contacts press
         least = -np.inf
-    sideways = [-np.inf, -np.inf] if problem.spec.gravity == "out_of_plane" else [-np.inf]
+    sideways = [-np.inf] * (problem.spec.dimensions - 1)
     for contact in problem.spec.contacts:
         name, feature = contact.name, features[contact.name]
         low[f"place, {name}"], high[f"place, {name}"] = list(feature.lower), list(feature.upper)
@@ -209,11 +209,11 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: GraspStart, uni
     least = tendons.min_tension * offset / moment
     values: Values = {
         "length": length / units.length,
-        "curves": curve_numbers(setup, any(scene.gravity_in_plane)),
+        "curves": curve_numbers(setup, any(scene.gravity[:2])),
         "force share": moment / length / units.force,
         "base": [*units.point(finger.base.position), finger.base.angle],
         # Weight per length in units of E I / L^3: how far a finger sags per length, whatever its size.
-        "weight": [g * rod.mass_per_length * length**3 / setup.stiffness for g in scene.gravity_in_plane],
+        "weight": [g * rod.mass_per_length * length**3 / setup.stiffness for g in scene.gravity[:2]],
         "tendon_friction": tendons.friction,
         # As `FingerModel` takes them: whether it was pulled from its shape at rest on stands last.
         "friction_history": np.append(np.zeros(setup.friction_states), 1.0) if states is None else [*states, 0.0],
@@ -306,11 +306,7 @@ def _object_values(scene: GraspScene, units: Units) -> Values:
         "object pose": units.pose(body.pose),
         "center of mass": units.point(body.com),
         "size": body.size / units.length,
-        "weight": (
-            [body.mass * g / units.force for g in scene.gravity_in_plane]
-            if scene.gravity.mode == "planar"
-            else scene.weight / units.force
-        ),
+        "weight": [body.mass * g / units.force for g in (scene.gravity if scene.spatial else scene.gravity[:2])],
         **{f"part_{k}": surface_of(part).numbers(part, units.length) for k, part in enumerate(body.parts)},
     }
 

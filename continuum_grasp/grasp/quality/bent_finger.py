@@ -98,7 +98,7 @@ class BentFinger(StoredFinger):
         """
         contacts = self._contacts
         mesh = self.rod.mesh
-        gravity = np.asarray(self._contacts.scene.gravity_in_plane)
+        gravity = np.asarray(self._contacts.scene.gravity[:2])
         beyond = (mesh.to_edges(self._density)[-1] - mesh.to_nodes(self._density))[:, None] * gravity
         forces = [(float(contacts.stations[k]), contacts.pushes[k]) for k in self.touching]
         forces += [(mass.at, mass.mass * gravity) for mass in self.finger.masses]

@@ -98,7 +98,7 @@ def _sheet(view: GraspView, numbers: bool, resisted: ArrayLike | bool) -> Axes:
     size = sides * min(np.array(_DRAWING) / sides)
     polygon = bool(rows) and resistance_extremes(resisted)[1] > 0
     # 0.9: height of a row of discs of friction [inch]
-    discs = 0.9 * friction_rows(view) + 0.4 if rows and view.scene.lifted and view.contacts else 0.0
+    discs = 0.9 * friction_rows(view) + 0.4 if rows and view.scene.spatial and view.contacts else 0.0
     # 0.17: height of a row [inch]
     text = 0.17 * len(rows)
     beside = _BETWEEN + _PANEL if rows else 0.0
@@ -166,8 +166,15 @@ def _labels(view: GraspView, forces: bool) -> list[Label]:
         ]
         first = contacts[0]
         labels.append(Label("\n".join(lines), view.color(first.name), first.position, first.normal))
-    if scene.gravity.mode != "none":
-        into = "\ninto plane" if scene.lifted else ""
+    if scene.weight:
+        out = scene.gravity[2]
+        into = (
+            "\nslanted"
+            if any(scene.gravity[:2]) and out
+            else f"\n{'into' if out < 0.0 else 'out of'} plane"
+            if out
+            else ""
+        )
         text = f"weight {amount_text(scene.weight, 'N', '.2f')}{into}"
         labels.append(Label(text, Color.INK, view.center_of_mass, nowhere, on_body=True))
     if not view.contacts:
@@ -236,7 +243,7 @@ def _cone_angles(view: GraspView, contact: Contact) -> list[tuple[float, float]]
     Of the cone of those scenes where friction acts out of the plane too, the second is what the lift leaves in it.
     """
     friction = view.scene.friction(contact.name)
-    if not view.scene.lifted or contact.normal_force <= 0.0:
+    if not view.scene.spatial or contact.normal_force <= 0.0:
         return [(math.atan(friction), 0.14)]
     left = math.sqrt(max(friction**2 - (contact.lift / contact.normal_force) ** 2, 0.0))
     return [(math.atan(friction), 0.08), (math.atan(left), 0.16)]
@@ -245,11 +252,12 @@ def _cone_angles(view: GraspView, contact: Contact) -> list[tuple[float, float]]
 def _draw_weight(ax: Axes, view: GraspView) -> list[Array]:
     """Draw the center of mass and the weight; returns the arrow as a line [m]."""
     at = view.center_of_mass
-    if view.scene.lifted:  # the tail of an arrow that flies away
+    if view.scene.spatial:  # the tail of an arrow that flies away, or the point of one that comes
+        mark, size = ("x", 5.5) if view.scene.gravity[2] < 0.0 else (".", 7.0)
         ax.plot(*at, "o", markersize=9, markerfacecolor="white", markeredgecolor=Color.INK, zorder=Z.FORCE)
-        ax.plot(*at, "x", markersize=5.5, color=Color.INK, zorder=Z.FORCE + 0.1)
-        return []
-    ax.plot(*at, "+", color=Color.INK, markersize=7, zorder=Z.FORCE)
+        ax.plot(*at, mark, markersize=size, color=Color.INK, zorder=Z.FORCE + 0.1)
+    else:
+        ax.plot(*at, "+", color=Color.INK, markersize=7, zorder=Z.FORCE)
     if not view.weight.any():
         return []
     end = at + view.force_scale * view.weight
@@ -295,10 +303,10 @@ def _panel_rows(view: GraspView) -> list[Row]:
         return [*head, *(((line, Color.INK),) for lines in repairs for line in ("", *lines))]
     of_tensions, of_contacts = result.force_units
     written, pulled = (partial(result.force_text, unit=unit) for unit in (of_contacts, of_tensions))
-    heads = ["normal", "friction", *(["lift"] if view.scene.lifted else []), "margin"]
+    heads = ["normal", "friction", *(["lift"] if view.scene.spatial else []), "margin"]
     rows: list[Row] = [((f"contact [{of_contacts}]", Color.SLATE), *((word, Color.SLATE) for word in heads))]
     for c in view.contacts:
-        forces = (c.normal_force, abs(c.friction_force), *((c.lift,) if view.scene.lifted else ()))
+        forces = (c.normal_force, abs(c.friction_force), *((c.lift,) if view.scene.spatial else ()))
         words = (*map(written, forces), result.margin_text(c))
         rows.append(((c.name, view.color(c.name)), *((word, Color.INK) for word in words)))
     rows += [

@@ -113,7 +113,7 @@ class GraspView:
     @cached_property
     def weight(self) -> Array:
         """Weight of the object in the plane (2,) [N]."""
-        return self.scene.object.mass * np.array(self.scene.gravity_in_plane)
+        return self.scene.object.mass * np.array(self.scene.gravity[:2])
 
     @cached_property
     def extent(self) -> float:
