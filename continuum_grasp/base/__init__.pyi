@@ -1,6 +1,5 @@
 from .addon_registry import Addon as Addon
 from .addon_registry import ConfigurationKind as ConfigurationKind
-from .addon_registry import ExportTarget as ExportTarget
 from .addon_registry import addons as addons
 from .addon_registry import named_value as named_value
 from .arguments import CheckedArgument as CheckedArgument
@@ -13,6 +12,7 @@ from .errors import InputError as InputError
 from .errors import Interrupted as Interrupted
 from .errors import NumericalError as NumericalError
 from .errors import SolverError as SolverError
+from .export_target import ExportTarget as ExportTarget
 from .interrupt import INTERRUPTED as INTERRUPTED
 from .interrupt import interrupt_pressed as interrupt_pressed
 from .interrupt import interrupt_was_pressed as interrupt_was_pressed

@@ -8,12 +8,10 @@ An installed distribution that has an entry point of the group ``continuum_grasp
 from __future__ import annotations
 
 import warnings
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from continuum_grasp.base.errors import InputError
 from continuum_grasp.base.shell import command_line
@@ -80,42 +78,6 @@ class ConfigurationKind:
         there = set(keys)
         marked = not self.marks or bool(there & set(self.marks))
         return marked and there >= set(self.required) and not there & set(self.without)
-
-
-class ExportTarget(ABC):
-    """An export, for a word of ``continuum-grasp export --to``; one is made where the word is used.
-
-    Attributes
-    ----------
-    suffix : str
-        End of the file's name; empty where a folder is written.
-    takes_loops : bool
-        Whether closed loops and missions can be exported, or simulated scenes alone.
-    """
-
-    suffix: ClassVar[str] = ""
-    takes_loops: ClassVar[bool] = True
-
-    @property
-    @abstractmethod
-    def write(self) -> Callable[..., Any]:
-        """Function (scene, path, **options); of the options of ``export`` it has those that are its parameters."""
-
-    @abstractmethod
-    def report(self, written: Any, output: Any) -> None:
-        """Print what was written, by the `Output` of the command line."""
-
-    def defaults(self, config: Path, scene: Any) -> dict[str, Any]:
-        """Options of a configuration that are not given."""
-        return {}
-
-    def check(self, scene: Any, path: Path, **options: Any) -> None:
-        """Refuse arguments of ``write`` before the grasp of a mission is optimized, as far as they show it."""
-        return None
-
-    def page_maker(self, kind: str) -> Callable[[Any], Any] | None:
-        """Function result -> page of a result that shows a ``motion`` or a ``loop``; None where there is none."""
-        return None
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp.base import Array, CheckedArgument, InputError
 from continuum_grasp.core.code import FunctionCode
 from continuum_grasp.core.source import symbol_of
-from continuum_grasp.model import FingerModel
+from continuum_grasp.model import Model
 from continuum_grasp.scene import SAME
 
 DOUBLES = ctypes.POINTER(ctypes.c_double)
@@ -39,7 +39,7 @@ class Caller:
         self._defaults = [nominal if n == "p" else np.zeros(size) for n, size in zip(self.names, sizes, strict=True)]
         # No friction is one history of many: it is never supposed.
         self._history = self.names.index("history") if "history" in self.names else None
-        self._vectors = not any(m.startswith(f"{function.name()}.") for m in FingerModel.MATRICES)
+        self._vectors = not any(m.startswith(f"{function.name()}.") for m in Model.MATRICES)
         # Buffers with fixed addresses, so that a call passes nothing but pointers that are ready.
         self._inputs = [np.zeros(size) for size in sizes]
         self._outputs = [np.zeros(function.nnz_out(k)) for k in range(function.n_out())]
@@ -150,7 +150,7 @@ def pointers(arrays: Sequence[Array]) -> Any:
 
 def shaped(function: ca.Function, k: int, rows: Array) -> Array:
     """Rows of an output in its own shape; CasADi is column-major."""
-    if f"{function.name()}.{function.name_out(k)}" not in FingerModel.MATRICES:
+    if f"{function.name()}.{function.name_out(k)}" not in Model.MATRICES:
         return rows
     height, width = function.size_out(k)
     return np.ascontiguousarray(rows.reshape(len(rows), width, height).transpose(0, 2, 1))
@@ -160,12 +160,12 @@ _ROUNDING = 1e-12
 """Part of the greatest input by which a constant moment may vary [1]."""
 
 
-def section_check(model: FingerModel, function: ca.Function) -> Callable[[Sequence[Any]], None]:
+def section_check(model: Model, function: ca.Function) -> Callable[[Sequence[Any]], None]:
     """Write the check that positions ``s`` are on the finger, of the inputs of a call: rows, None where not given.
 
     The compiled functions hold them within the finger without a word, since they are free of branches.
     """
-    name, names, nominal = function.name(), function.name_in(), sum(model.lengths)
+    name, names, nominal = function.name(), function.name_in(), sum(model.structure.lengths)
     s_at, p_at = names.index("s"), names.index("p")
     entries = [k for k, label in enumerate(model.p_names) if label.startswith("element_lengths")]
 
@@ -188,7 +188,7 @@ def section_check(model: FingerModel, function: ca.Function) -> Callable[[Sequen
     return check
 
 
-def check_moment(model: FingerModel, u: Array) -> None:
+def check_moment(model: Model, u: Array) -> None:
     """Refuse inputs in time (rollouts, rows, nu) whose tip moment varies where the model takes it to be constant."""
     structure = model.structure
     if not structure.matched or structure.inputs.rates or u.shape[1] < 2:

@@ -18,12 +18,12 @@ from continuum_grasp.core.code import Backend, FunctionCode
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import HalfStepSignal, Rollouts, row
 from continuum_grasp.core.source import CSource
-from continuum_grasp.model import FingerModel, Remade, System
+from continuum_grasp.model import Model, Remade
 from continuum_grasp.scene import INTEGRATORS
 
 
 @check_arguments
-def compile(model: FingerModel | System, functions: Sequence[str] | None = None) -> Core:
+def compile(model: Model, functions: Sequence[str] | None = None) -> Core:
     """Compile a model for this machine.
 
     Parameters
@@ -82,7 +82,7 @@ class Core(Remade, Summarized):
     """
 
     @check_arguments
-    def __init__(self, model: FingerModel | System, *, compiled: bool = True) -> None:
+    def __init__(self, model: Model, *, compiled: bool = True) -> None:
         self._names = type(model).function_names()
         self.model: Any = model
         self.backend = Backend(compiled)
@@ -140,7 +140,7 @@ class Core(Remade, Summarized):
 
     def check_moment(self, u: Array) -> None:
         """Refuse inputs in time (rollouts, rows, nu) whose tip moment varies where the model has a constant one."""
-        check_moment(self.model.finger_model if isinstance(self.model, System) else self.model, u)
+        check_moment(self.model, u)
 
     def batch(self, name: str, *arguments: ArrayLike | None) -> Array | tuple[Array, ...]:
         """A function of many states in one call.

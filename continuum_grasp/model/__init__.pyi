@@ -5,7 +5,7 @@ from .contacts import Contacts as Contacts
 from .equations import Equations as Equations
 from .family import Family as Family
 from .finger_model import FingerModel as FingerModel
-from .functions import Functions as Functions
+from .functions import Model as Model
 from .functions import Remade as Remade
 from .graded_backbone import GradedBackbone as GradedBackbone
 from .laws.section import POSITIVE as POSITIVE

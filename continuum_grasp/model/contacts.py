@@ -9,7 +9,8 @@ import casadi as ca
 from continuum_grasp.model.body import Body
 from continuum_grasp.model.contact_law import TouchLaw, touch_law_of
 from continuum_grasp.model.planar import Scalar, Vec
-from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pairs
+from continuum_grasp.model.stations import Station, Touched
+from continuum_grasp.model.touching import Pair, disc_pair, support_pairs, table_pairs
 from continuum_grasp.scene import Rod, Scene, Surroundings
 
 OBJECT_PARAMETERS = {"object_mass": "kg", "friction_factor": "1", "object_x": "m", "object_y": "m"}
@@ -20,7 +21,7 @@ CONTACT_FRICTION = "contact_friction_"
 limit [1], along the object's normal turned by +90 degrees on the finger, in place of the law of its states."""
 
 
-class Contacts:
+class Contacts(Touched):
     """The body of some surroundings, and all contacts with it; nothing where they have no object.
 
     Contacts at ``stations``, where the finger may touch, come first, then those of supports, then of the table.
@@ -38,25 +39,24 @@ class Contacts:
         around: Surroundings | None,
         stations: Sequence[Station],
         given: Mapping[str, Scalar],
+        pressed: bool = False,
         *,
         rod: Rod,
-        pressed: bool = False,
     ) -> None:
+        super().__init__()
         self._stations = stations
-        self._body = None if around is None or around.object is None else Body(around.object, around, given)
-        pairs = list[Pair]()
-        if around is not None and around.contact_law is not None and self._body is not None:
-            pairs = list(_pairs_of(self._body, around, touch_law_of(around.contact_law, rod), stations, given))
-        self.pairs: list[Pair] = [pair.pressed() for pair in pairs] if pressed else pairs
+        self._body: Body | None = None
+        if around is None or around.object is None:
+            return
+        self._body = body = Body(around.object, around, given)
+        if around.contact_law is not None:
+            self.pairs = list(_pairs_of(body, around, touch_law_of(around.contact_law, rod), stations, given))
+        if pressed:
+            self.pairs = [pair.pressed() for pair in self.pairs]
         self.press = ca.vertcat(ca.SX(0, 1), *[pair.press for pair in self.pairs])
-        of_body = [] if self._body is None else [self._body.pose, self._body.rates]
-        self.states = ca.vertcat(ca.SX(0, 1), *of_body, *[pair.z for pair in self.pairs])
-        self.wrench = ca.SX(0, 1) if self._body is None else self._body.wrench
-        of_states = [] if self._body is None else self._body.x_names
-        self.names = [*of_states, *(name for pair in self.pairs for name in pair.z_names)]
-        self.w_names = [] if self._body is None else self._body.w_names
-        self.start = [] if self._body is None else self._body.start
-        """Pose of an object that moves where it is in its surroundings."""
+        self.states = ca.vertcat(body.pose, body.rates, *[pair.z for pair in self.pairs])
+        self.names = [*body.x_names, *(name for pair in self.pairs for name in pair.z_names)]
+        self.wrench, self.w_names, self.start = body.wrench, body.w_names, body.start
 
     @staticmethod
     def of_finger(scene: Scene, places: Sequence[float], motion: ca.SX, given: Mapping[str, Scalar]) -> Contacts:

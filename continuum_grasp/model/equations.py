@@ -18,7 +18,6 @@ import numpy as np
 from continuum_grasp.model.acting import Acting
 from continuum_grasp.model.actuation import Drive, Lag
 from continuum_grasp.model.chain import Chain, ChainPlace, Load
-from continuum_grasp.model.contacts import Contacts
 from continuum_grasp.model.family import RodProperties
 from continuum_grasp.model.laws.section import STATEFUL, Kind, SectionForces
 from continuum_grasp.model.laws.shortening import remaining_shares
@@ -27,8 +26,8 @@ from continuum_grasp.model.link import Attached, LinkSection, ShortenedLink
 from continuum_grasp.model.memory import Instant, Memory
 from continuum_grasp.model.pattern import Pattern, one_link_serves, pattern_of
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
+from continuum_grasp.model.stations import Station
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.touching import Station
 from continuum_grasp.scene import ForceLoad
 
 
@@ -59,7 +58,7 @@ class Equations:
         self.p = structure.parameters.symbol
         parameters = {name: self._par[name] for name in structure.object_parameters}
         stations = [station for _, station in self._stations]
-        self.contacts = Contacts(structure.around, stations, parameters, rod=structure.finger.rod, pressed=pressed)
+        self.contacts = structure.touches(stations, parameters, pressed)
         self.x, self.w = ca.vertcat(self.x, self.contacts.states), ca.vertcat(self.w, self.contacts.wrench)
         self.press = self.contacts.press
 
@@ -321,7 +320,7 @@ class Equations:
     def _stations(self) -> list[tuple[ChainPlace, Station]]:
         """Stations at which the finger may touch something."""
         made = self._structure
-        if made.around is None:
+        if not made.touches_object:
             return []
         named = [(f"finger.{k + 1}", at, place_at(at, made.lengths)) for k, at in enumerate(made.contacts)]
         half = made.finger.profile.half_thickness

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.base import Array, InputError, check_arguments
 from continuum_grasp.model.backbone import Backbone
-from continuum_grasp.model.functions import Functions, named
+from continuum_grasp.model.functions import Model, named
 from continuum_grasp.model.layout import WIDEST
 from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import column, matrix
@@ -19,7 +19,7 @@ from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene import Finger, FingerScene
 
 
-class FingerModel(Functions):
+class FingerModel(Model):
     """A planar continuum finger, written once as CasADi functions.
 
     The motion obeys ``M qdd + bias + gravity + elastic + damping = actuation + external_force``. All functions are SX

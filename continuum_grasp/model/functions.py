@@ -56,7 +56,7 @@ def named(inputs: str, *, history: bool = False, **outputs: Callable[[Any], Outp
     ``history``: of that of friction too, where there is any.
     """
 
-    def build(model: Functions) -> ca.Function:
+    def build(model: Model) -> ca.Function:
         eq = model._equations
         names = f"{inputs} history" if history and eq.history.numel() else inputs
         # Those that methods give have a private name here.
@@ -70,7 +70,7 @@ def named(inputs: str, *, history: bool = False, **outputs: Callable[[Any], Outp
     return attribute
 
 
-class Functions(Remade, Summarized):
+class Model(Remade, Summarized):
     """Base of a finger alone and a finger with an object: functions with named inputs and outputs."""
 
     MATRICES: ClassVar[frozenset[str]] = frozenset(

@@ -74,7 +74,7 @@ def one_link_serves(made: Structure) -> bool:
     return (
         len(made.lengths) >= FEWEST_ELEMENTS
         # Contact forces depend on the motion of all elements.
-        and made.around is None
+        and not made.touches_object
         # The length of all elements depends on the input.
         and made.finger.gyration_radius is None
         and not runtime("element_lengths")

@@ -21,6 +21,7 @@ from continuum_grasp.model.laws.section import STATEFUL, Kind
 from continuum_grasp.model.layout import element_lengths, element_ranges, open_lengths, place_at, with_breaks
 from continuum_grasp.model.memory import RETURN_SHARE
 from continuum_grasp.model.parameters import Choices, ModelOptions, Parameters
+from continuum_grasp.model.stations import Touches, touching_nothing
 from continuum_grasp.model.stumpff_functions import ROUNDING
 from continuum_grasp.model.tendon_friction import CellSet, tendon_sets
 from continuum_grasp.model.winches import Motor, Winch
@@ -36,8 +37,6 @@ from continuum_grasp.scene import (
     Load,
     MomentLoad,
     Samples,
-    Scene,
-    Surroundings,
 )
 
 _CHOSEN = Consumer("models", {"fidelity.tolerance": "has yet to become a model: take choose_fidelity(scene).scene"})
@@ -63,7 +62,7 @@ class Structure:
 
     def __init__(self, finger: FingerScene | Finger, options: ModelOptions) -> None:
         self.asked = finger, options
-        self.around: Surroundings | None = None
+        self.touches: Touches = touching_nothing
         self.object_parameters: tuple[str, ...] = ()
         choices = Choices(finger, options)
         try:
@@ -110,7 +109,10 @@ class Structure:
         self.accuracy = choices["accuracy"]
         if self.accuracy is not None and not 1e-16 <= self.accuracy <= 1e-2:
             raise InputError(f"expected a number from 1e-16 to 0.01, got {self.accuracy}", key="accuracy")
-        self.family_name = choices.family or self._default_family(scene, input_rates, free_tip)
+        jumps = scene is not None and scene.moves and scene.initial.q is None and scene.tip_moment_jumps
+        # A bare finger leaves open whether its tip moment varies, which a matched tip without rates would not follow.
+        unknown = scene is None and input_rates is None and not self.lagged
+        self.family_name = choices.family or self._default_family(free_tip, unknown, jumps)
         commands = () if scene is None or scene.actuation is None else scene.actuation.values
         # Of what follows its command by a lag, that gives the rates.
         vary = zip(self.at_once, (isinstance(value, Samples) for value in commands), strict=False)
@@ -149,13 +151,16 @@ class Structure:
                 key=f"parameters[{self.parameters.names.index('element_lengths')}]",
             )
 
-    def beside(self, around: Surroundings | None, more: Mapping[str, tuple[str, float]]) -> Structure:
-        """A copy of the structure in surroundings with an object, of whose run-time arguments unit and value are
-        given.
-        """
+    def beside(self, touches: Touches, more: Mapping[str, tuple[str, float]]) -> Structure:
+        """A copy of the structure that touches something, of whose run-time arguments unit and value are given."""
         made = copy(self)
-        made.around, made.object_parameters, made.parameters = around, tuple(more), self.parameters.extended(more)
+        made.touches, made.object_parameters, made.parameters = touches, tuple(more), self.parameters.extended(more)
         return made
+
+    @property
+    def touches_object(self) -> bool:
+        """Whether there is something that the finger may touch."""
+        return self.touches is not touching_nothing
 
     def _check_within_arms(self) -> None:
         """Refuse bends that would turn the path of a tendon on a winch inside out."""
@@ -261,11 +266,8 @@ class Structure:
                 masses.append((name, place_at(mass.at, self.lengths)))
         return masses
 
-    def _default_family(self, scene: Scene | None, input_rates: bool | None, free_tip: bool) -> str:
-        # Matched clothoids are 24 to 3,000 times as accurate as arcs with as many unknowns. A bare finger leaves open
-        # whether its tip moment varies, which a matched tip without rates would not follow.
-        unknown = scene is None and input_rates is None and not self.lagged
-        jumps = scene is not None and scene.time is not None and scene.initial.q is None and scene.tip_moment_jumps
+    def _default_family(self, free_tip: bool, unknown: bool, jumps: bool) -> str:
+        # Matched clothoids are 24 to 3,000 times as accurate as arcs with as many unknowns.
         reasons = free_tip or self._runtime_at_tip or self.tip_couple_varies or jumps or unknown
         return FAMILIES.default(free_tip=bool(reasons))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Unpack
 
 import casadi as ca
@@ -16,10 +16,11 @@ from continuum_grasp.model.contact_law import TouchLaw, touch_law_of
 from continuum_grasp.model.contacts import CONTACT_FRICTION, OBJECT_PARAMETERS, Contacts
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.finger_model import FingerModel
-from continuum_grasp.model.functions import Functions, named
+from continuum_grasp.model.functions import Model, named
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import Vec, column
+from continuum_grasp.model.stations import touching_nothing
 from continuum_grasp.scene import Consumer, Finger, FingerScene, Surroundings
 
 _ANY = " ".join(f"object_parameters={name}" for name in (*OBJECT_PARAMETERS, CONTACT_FRICTION))
@@ -33,7 +34,7 @@ _OF_OBJECTS = (
 )
 
 
-class System(Functions):
+class System(Model):
     """A finger, and where there is one the object that it touches, as one system xd = f(x, u, w, p).
 
     All functions are SX functions of the whole state with named inputs and outputs; inputs that a system does not need
@@ -130,7 +131,7 @@ class System(Functions):
         **options: Unpack[ModelOptions],
     ) -> None:
         self.finger_model = model = FingerModel(given, **options)
-        if surroundings is None and isinstance(given, FingerScene):
+        if surroundings is None and isinstance(given, Surroundings):
             surroundings = given
         self.surroundings = around = surroundings if surroundings is not None and surroundings.object else None
         self.object_parameters = self._checked(object_parameters)
@@ -139,7 +140,8 @@ class System(Functions):
             x, y = around.object.position
             values |= {"object_mass": around.object.mass, "object_x": x, "object_y": y}
         more = {name: (OBJECT_PARAMETERS.get(name, "1"), values.get(name, 0.0)) for name in self.object_parameters}
-        super().__init__(model.structure.beside(around, more))
+        touches = touching_nothing if around is None else partial(Contacts, around, rod=model.finger.rod)
+        super().__init__(model.structure.beside(touches, more))
         self.touch_names = [pair.name for pair in self._equations.contacts.pairs]
 
     @property

@@ -11,23 +11,9 @@ import casadi as ca
 from continuum_grasp.model.body import Body
 from continuum_grasp.model.contact_law import TouchLaw
 from continuum_grasp.model.planar import ZERO, Scalar, Vec
+from continuum_grasp.model.stations import Station
 from continuum_grasp.model.surfaces import nearest, surface_of
 from continuum_grasp.scene import Peg, Table, Wall
-
-
-@dataclass(frozen=True)
-class Station:
-    """A disc of the finger: world center, radius [m], velocity of the center, and angular velocity.
-
-    ``turns``: by the couple of its force, too.
-    """
-
-    name: str
-    center: Vec
-    radius: float
-    velocity: Vec = ZERO
-    spin: Scalar = 0.0
-    turns: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,6 +1,5 @@
 from .assembly import ConfigurationData as ConfigurationData
 from .assembly import Overrides as Overrides
-from .config_kinds import DEFINITIONS as DEFINITIONS
 from .config_kinds import kind_of_scene as kind_of_scene
 from .config_kinds import kinds as kinds
 from .consumer import Consumer as Consumer
@@ -41,6 +40,9 @@ from .finger import Finger as Finger
 from .finger import PointMass as PointMass
 from .finger import Stops as Stops
 from .finger import TipBody as TipBody
+from .finger_scene import Fidelity as Fidelity
+from .finger_scene import FingerScene as FingerScene
+from .finger_scene import Initial as Initial
 from .finger_setup import FingerSetup as FingerSetup
 from .graded import PiecewiseCurvature as PiecewiseCurvature
 from .graded import RodFactors as RodFactors
@@ -89,13 +91,11 @@ from .reading import scene_of as scene_of
 from .rod import Damping as Damping
 from .rod import DryFriction as DryFriction
 from .rod import Rod as Rod
+from .schema import DEFINITIONS as DEFINITIONS
 from .schema import json_schema as json_schema
 from .schema import schema_files as schema_files
 from .schema import schema_text as schema_text
 from .shape import Shape as Shape
-from .simulate import Fidelity as Fidelity
-from .simulate import FingerScene as FingerScene
-from .simulate import Initial as Initial
 from .simulate import Scene as Scene
 from .simulate import Timing as Timing
 from .supports import Line as Line

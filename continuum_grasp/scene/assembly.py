@@ -7,13 +7,13 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import reduce
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from continuum_grasp.base import ConfigurationKind, InputError, named_value
-from continuum_grasp.scene.config_kinds import each_of, kind_of, other_kind
+from continuum_grasp.scene.config_kinds import each_of, kind_of, kinds, other_kind
 from continuum_grasp.scene.document import Change, Document, KeyPath, Place, child, dotted, plain, undotted
+from continuum_grasp.scene.problems import validated
 from continuum_grasp.scene.yaml_loader import parse_yaml, read_yaml
 
 if TYPE_CHECKING:
@@ -37,15 +37,13 @@ class ConfigurationData(Document):
 
     @classmethod
     def read(cls, path: str | Path, changes: Iterable[Change], varied: Iterable[str] = ()) -> ConfigurationData:
-        """The data of a file with changes applied; outlines stay files where keys of theirs are ``varied``."""
+        """The data of a file with changes applied; files of which keys are ``varied`` are not read."""
         document = read_yaml(path)
-        keys = map(undotted, varied)
-        varies_outlines = any("object" in key[:-1] and key[-1] in _outline().model_fields for key in keys)
         if not isinstance(document.value, dict):
             place = document.places[()]
             got = "an empty file" if document.value is None else "no keys"
             raise place.error(f"expected a mapping of keys to values, got {got}")
-        data = cls(document.value, document.places, varies_outlines, file=Path(path))
+        data = cls(document.value, document.places, tuple(map(undotted, varied)), file=Path(path))
         _apply(data, changes, data.file)
         _check_version(data)
         return data
@@ -99,25 +97,14 @@ class ConfigurationData(Document):
 
     def validated(self, model: type[Model]) -> Model:
         """The contents, checked: `InputError` has file, line, column and key of everything that is wrong."""
-        return _validated(self, model)
+        return validated(self, model)
 
     def changed(self, changes: Iterable[Change]) -> ConfigurationData:
         """A copy with changes applied."""
         value, places, notes = copy.deepcopy(self.value), dict(self.places), list(self.notes)
-        result = ConfigurationData(value, places, self.varies_outlines, notes, self.file)
+        result = ConfigurationData(value, places, self.varied, notes, self.file)
         _apply(result, changes, self.file)
         return result
-
-
-def _validated(document: Document, model: type[Model]) -> Model:
-    from pydantic import ValidationError
-
-    from continuum_grasp.scene.problems import input_error
-
-    try:
-        return model.model_validate(document.value)
-    except ValidationError as error:
-        raise input_error(error, model, document) from error
 
 
 def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
@@ -131,9 +118,9 @@ def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
                 raise new.places[()].error(f"{key} extends no file: expected {key}={{extends: FILE, ...}}", where)
         document.override(where, new)
     _put_in_files(document, main)
-    for path in (("object",), ("grasp", "object")):
-        if reduce(child, path, document.value) is not None:
-            _put_in_outlines(document, path, main)
+    kind_of(document.value).scene_class.read_files(document, (), main)
+    if isinstance(document.value.get("grasp"), dict):
+        kinds()["grasp"].scene_class.read_files(document, ("grasp",), main)
 
 
 def _put_in_files(document: Document, main: Path) -> None:
@@ -150,42 +137,6 @@ def _put_in_files(document: Document, main: Path) -> None:
     for path in ((), ("grasp",)):
         if path == () or isinstance(document.value.get("grasp"), dict):
             _put_in_fingers(document, path, main)
-
-
-def _outline() -> Any:
-    return import_module("continuum_grasp.scene.objects.outline").OutlineFile  # loaded with the first one
-
-
-def _put_in_outlines(document: Document, body: KeyPath, main: Path) -> None:
-    """Put a polygon in place of an outline in a file: of an object, or of members of a union."""
-    part = document.part(body)
-    if not isinstance(part.value, dict):
-        return
-    members = part.value.get("members")
-    for k in range(len(members) if isinstance(members, list) else 0):
-        _put_in_outlines(document, (*body, "members", k), main)
-    if part.value.get("shape") != "outline" or not isinstance(part.value.get("file"), str):
-        return
-    file = part.place(("file",)).named_file(part.get(("file",)), main, "file of an outline", (*body, "file"))
-    if document.varies_outlines:
-        part.value["file"] = str(file.resolve())
-        return
-    others = import_module("continuum_grasp.scene.objects.shapes").ObjectBody.model_fields
-    rest = {key: value for key, value in part.value.items() if key in others}
-    part.value = {key: value for key, value in part.value.items() if key not in others} | {"file": str(file)}
-    try:
-        outline = _validated(part, _outline())
-    except InputError as error:
-        key = f"{dotted(body)}.{error.key}" if error.key else dotted(body)
-        raise InputError(error.message, file=error.file, line=error.line, column=error.column, key=key) from None
-    document.notes.append(f"{dotted(body)}: {outline.note}")
-    at = body.index("object")
-    frames = [document.get(body[: at + 1]), *([rest] if body[at + 1 :] else [])]
-    touching = import_module("continuum_grasp.scene.placement").touching_points
-    polygon = outline.polygon(touching(outline.curve, document.get(body[:at]).get("supports"), frames))
-    # That of the curve, not of the polygon.
-    mass = {} if body[at + 1 :] else {"center_of_mass": [0.0, 0.0]}
-    document.put(body, Document(polygon | mass | rest, part.places))
 
 
 def _put_in_fingers(document: Document, scene: KeyPath, main: Path) -> None:

@@ -29,8 +29,6 @@ _CORE = (
         "finger", "continuum_grasp.scene:Finger", "a finger alone", "rod", None, required=("rod",), without=("finger",)
     ),
 )
-DEFINITIONS = "definitions.json"
-"""File beside the schemas of all kinds, with the definitions that they share."""
 
 
 @cache

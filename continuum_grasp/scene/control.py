@@ -13,8 +13,8 @@ from continuum_grasp.scene.cost import Reference
 from continuum_grasp.scene.drives import MotorDrive, WinchDrive
 from continuum_grasp.scene.estimator import EstimatorSettings, Mounting
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.finger_scene import Fidelity
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.value import Duration, ListOf, doubt
 
 _CALM = 0.1

@@ -14,10 +14,12 @@ from continuum_grasp.scene.cost import Cost, Reference, RowSamples
 from continuum_grasp.scene.drives import TAKES, LengthDrive
 from continuum_grasp.scene.estimator import Mounting
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.finger_scene import Fidelity, FingerScene, Initial, begins
 from continuum_grasp.scene.loads import Actuation
 from continuum_grasp.scene.methods import FAMILIES, INTEGRATORS
 from continuum_grasp.scene.reach import Reach
-from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial, Scene, begins
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
@@ -141,7 +143,7 @@ class InputLimits(Value):
     tendons follows [s]: of a drive of first order half its own. That of tendons is in ``finger.tendons``."""
 
 
-class CommandedScene(FingerScene):
+class CommandedScene(FingerScene, Surroundings):
     """A scene of one finger whose input is chosen, within limits that are at the key ``AT``."""
 
     AT: ClassVar[str]
@@ -257,7 +259,8 @@ class CommandedScene(FingerScene):
         """
         at_rest = Actuation.of(self.finger.input_keys, self.initial_input)
         fidelity = self.fidelity.replaced(family=self.model_family)
-        return super().simulated.replaced(actuation=at_rest, fidelity=fidelity)
+        given = {key: value for key, value in self if key in Scene.model_fields}
+        return Scene(**given | {"actuation": at_rest, "fidelity": fidelity})
 
     @property
     def model_parameters(self) -> tuple[str, ...]:

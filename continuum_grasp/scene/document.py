@@ -46,13 +46,13 @@ class Document:
     """Plain data and the place of each entry in it.
 
     ``value`` holds dict, list, str, int, float, bool and None; ``places`` maps paths of entries, such as
-    ``("finger", "masses", 0, "at")``, to where they were written. Where ``varies_outlines``, objects stay files of
-    outlines, since keys of theirs vary; elsewhere they become polygons, and ``notes`` say of each key what was read.
+    ``("finger", "masses", 0, "at")``, to where they were written. Files of which keys are
+    ``varied`` are not put in place; ``notes`` say of each key what was read.
     """
 
     value: Any
     places: dict[KeyPath, Place] = field(default_factory=dict)
-    varies_outlines: bool = False
+    varied: tuple[KeyPath, ...] = ()
     notes: list[str] = field(default_factory=list)
 
     @classmethod

@@ -8,11 +8,11 @@ from functools import cached_property
 from typing import Any, cast
 
 from continuum_grasp.scene.drives import DriveLaw
+from continuum_grasp.scene.finger_scene import Fidelity
 from continuum_grasp.scene.grasp_options import GraspContacts, GraspFinger
 from continuum_grasp.scene.methods import FAMILIES, ONE_TURN
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.reach import Reach
-from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Switch
 from continuum_grasp.scene.tendons import Tendons
 

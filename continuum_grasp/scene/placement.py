@@ -6,11 +6,14 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, ValidationError
 
 from continuum_grasp.base import nearest
+from continuum_grasp.scene.document import Document, KeyPath, child
+from continuum_grasp.scene.objects.outline import put_in_outlines
 from continuum_grasp.scene.objects.shapes import MemberPlace, ObjectBody
 from continuum_grasp.scene.parts import OffsetPolygon
 from continuum_grasp.scene.polygons import PlanePoint
@@ -48,6 +51,12 @@ class Supported(Value):
         elif 0 < len(on) <= 2:
             # Positions are those of corners: between them, curves reach a little farther.
             self.__dict__["object"] = lie_against(body.replaced(against=on), self.places).replaced(against=None)
+
+    @classmethod
+    def read_files(cls, document: Document, at: KeyPath, main: Path) -> None:
+        """Put a polygon in place of the file of the object's outline."""
+        if child(document.get(at), "object") is not None:
+            put_in_outlines(document, (*at, "object"), main, touching_points)
 
     def laid_against(self, body: GraspObject, names: Collection[str]) -> GraspObject:
         """A copy of an object, moved along the normals of the supports of some names until it touches all of them."""

@@ -7,7 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -15,6 +15,8 @@ from continuum_grasp.base import InputError, nearest
 from continuum_grasp.scene.document import Document, KeyPath, dotted
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.units import QUANTITIES, advice_on, expected
+
+Model = TypeVar("Model", bound=BaseModel)
 
 _MOST = 20
 """Problems that are listed: what a terminal shows at once."""
@@ -72,6 +74,14 @@ class _Located:
     path: KeyPath
     branches: tuple[tuple[KeyPath, str], ...]
     error: Mapping[str, Any]
+
+
+def validated(document: Document, model: type[Model]) -> Model:
+    """The contents of a document, checked: `InputError` has file, line, column and key of everything that is wrong."""
+    try:
+        return model.model_validate(document.value)
+    except ValidationError as error:
+        raise input_error(error, model, document) from error
 
 
 def input_error(error: ValidationError, model: type[BaseModel], document: Document) -> InputError:

@@ -7,9 +7,12 @@ import json
 from typing import Any
 
 from continuum_grasp.base import InputError
-from continuum_grasp.scene.config_kinds import DEFINITIONS, kinds
+from continuum_grasp.scene.config_kinds import kinds
 from continuum_grasp.scene.shape import alternatives
 from continuum_grasp.scene.units import QUANTITIES, to_si
+
+DEFINITIONS = "definitions.json"
+"""File beside the schemas of all kinds, with the definitions that they share."""
 
 _Node = dict[str, Any]
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"

@@ -2,145 +2,22 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from itertools import accumulate
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer
-from continuum_grasp.scene.drives import COMMANDS, TAKES, MotorDrive
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.loads import Actuation, Load, MomentLoad, Samples
-from continuum_grasp.scene.methods import INTEGRATORS, FamilyName
+from continuum_grasp.scene.finger_scene import Fidelity as Fidelity
+from continuum_grasp.scene.finger_scene import LoadedFinger
+from continuum_grasp.scene.methods import INTEGRATORS
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import (
-    SAME,
-    Acceleration,
-    Configuration,
-    Duration,
-    Increasing,
-    Length,
-    ListOf,
-    Real,
-    Value,
-    doubt,
-)
+from continuum_grasp.scene.value import Duration, Value
 
 if TYPE_CHECKING:
     Method = str
 else:
     Method = Literal["auto", *[name for name, each in INTEGRATORS.items() if each.simulates], "reference"]
-
-
-_BEYOND_THE_ROD = {
-    # Of what is at rest, quadratic damping and relaxation are no part.
-    **Consumer.unknown_laws("the exact rod", "finger.stops", "finger.damping.quadratic", "finger.damping.relaxation"),
-    "initial.reached_by=state": "the exact rod has no friction cells: expected pulling or releasing",
-}
-_EXACT_ROD = Consumer(
-    "accuracy by the exact rod",
-    refused={"object": "the exact rod touches nothing: leave the object out", **_BEYOND_THE_ROD},
-    unneeded={
-        **Consumer.LIMITS_OF_BENDING,
-        **{f"fidelity.{key}": "accuracy compares them" for key in ("family", "elements", "accuracy")},
-        "finger.damping.friction_cells": "there is no dry friction",
-        **Consumer.LIMITS_OF_COMMANDS,
-        "time": "motions are compared over a second at most, in steps of their own",
-    },
-)
-_TRIED = "is in coordinates of one model, and several are tried: give a pose, or fidelity.family and elements"
-_SEVERAL_MODELS = Consumer("accuracy, fidelity.tolerance", {**_BEYOND_THE_ROD, "initial.q": _TRIED})
-
-
-class Fidelity(Value):
-    """Resolution of the finger's model: by a tolerance, or by family, elements and accuracy."""
-
-    DEFAULT_RANGE: ClassVar = 2.0 * math.pi / 3.0
-    """Bending range of one element by default [rad]; equation (44) of the paper."""
-
-    tolerance: Annotated[float, Field(ge=1e-9, le=0.5, examples=[0.005, "0.5 %"]), Unit("1")] | None = None
-    """Greatest error of position per length, and of frequency where the scene moves [1], such as 0.005 or 0.5 %.
-    The cheapest model that keeps it in this scene is found by measurement; what else is given stays fixed."""
-    frequencies: Annotated[int, Field(ge=0, le=2)] = 1
-    """Number of natural frequencies, from the first on, that must keep the tolerance where the scene moves."""
-    family: FamilyName | None = None
-    """Curvature family; None: matched_clothoid, or clothoid where the tip balance is not given by the input alone
-    (tendon friction, quadratic damping, a moment on the tip that varies) or does not fit the pose at time zero."""
-    elements: (
-        Annotated[int, Field(ge=1, le=64)] | Annotated[ListOf[Length], Field(min_length=1, max_length=64)] | None
-    ) = None
-    """Number of elements, or their lengths from base to tip [m]; None: two, or one per segment between contacts and
-    jumps of the rest curvature; with stops as many, up to 16, as bend by one turn at most where links touch. For a
-    grasp None is eight, or 16 where exact rods take clearly other forces."""
-    bending_range: Annotated[float, Field(ge=1e-3, le=20.0, examples=[2.5]), Unit("rad")] | None = None
-    """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature); None: 2 pi / 3, or
-    less where there are more than four elements, which share 8 pi / 3, or the strain limit allows less;
-    with stops 1.5 times the bend at which links touch where that is more, up to 20 rad."""
-    accuracy: Annotated[float, Field(ge=1e-16, le=1e-2, examples=[1e-6]), Unit("1")] | None = None
-    """Relative accuracy to which the chosen family is evaluated over the bending range (Horner terms, quadrature
-    nodes) [1]; None: rounding for arcs, and for clothoids about as small as their discretization error."""
-
-    def check_lengths(self, key: str, length: float, contacts: Sequence[float] = ()) -> None:
-        """Refuse lengths of elements, of a fidelity at a key, that do not fit the finger's and its contacts [m]."""
-        edges = [*accumulate(self.elements)] if isinstance(self.elements, tuple) else [*contacts, length]
-        if abs(edges[-1] - length) > SAME * length:
-            raise ValueError(f"{key}.elements: their lengths add up to {edges[-1]:.9g} m, the finger has {length} m")
-        for at in contacts:
-            if min(abs(at - edge) for edge in edges) > SAME * length:
-                raise ValueError(f"{key}.elements: none ends at {at} m, where contacts has one")
-
-
-class Initial(Value):
-    """State at time zero: a named pose, or bending and rates."""
-
-    REFUSALS = Consumer.refusals(
-        """
-        friction_states without reached_by=state: friction_states and reached_by: state need each other
-        reached_by=state without friction_states: friction_states and reached_by: state need each other
-        qd with pose: a named pose is at rest
-        {held_by,motor_angles} without pose=equilibrium
-        held_by.input: has no effect: what holds the finger is released at time zero
-        held_by.{force,moment}.times: must be constant
-        """
-    )
-
-    pose: Literal["straight", "rest", "equilibrium"] | None = None
-    """straight; rest: the unloaded shape; equilibrium: under the scene's loads at time zero and ``held_by``. None
-    without ``q``: straight, in plans and closed loops the unloaded shape."""
-    held_by: ListOf[Load] = ()
-    """Constant loads that hold the equilibrium pose and are released at time zero."""
-    q: Annotated[ListOf[Real], Unit("rad or 1/m")] | None = None
-    """Bending coordinates, less those that the finger has at rest: angles [rad] (arcs) or nodal curvatures [1/m]
-    (clothoids)."""
-    qd: Annotated[ListOf[Real], Unit("rad/s or 1/(m s)")] | None = None
-    """Rates of the bending coordinates [rad/s] (arcs) or [1/(m s)] (clothoids)."""
-    reached_by: Literal["pulling", "releasing", "state"] | None = None
-    """Path by which the finger came to its posture, where tendons or bending have friction. pulling: from straight,
-    tendons slid and the finger was bent all the way; releasing: it was bent so much further, to the same side, that all
-    has slid back since, by twice its presliding or more; state: by ``friction_states``. None: nothing slid, and
-    friction is zero; an equilibrium needs one of the others."""
-    friction_states: Annotated[ListOf[Real], Unit("1")] | None = None
-    """Direction of friction in each friction cell, from -1 to 1 [1]: as ``x_names`` of the model lists them."""
-    motor_angles: Annotated[ListOf[Real], Unit("rad")] | None = None
-    """Angles at which motors stand in an equilibrium [rad], one per motor: held there by dry friction, a worm gear or a
-    brake, whatever is commanded. A motion begins with the command from there. None: where the commands lead."""
-
-    def _check(self) -> None:
-        self._check_one_given("pose", "q")
-
-
-def begins(pose: str) -> BeforeValidator:
-    """Make the default pose of a scene hold also where its ``initial`` says something else alone."""
-
-    def completed(value: Any) -> Any:
-        posed = not isinstance(value, dict) or any(value.get(key) is not None for key in ("pose", "q"))
-        return value if posed else {**value, "pose": pose}
-
-    return BeforeValidator(completed)
-
 
 MOST_STATES = 10_000_000
 """Output states that a simulation may keep: 1 GB of a dozen doubles each."""
@@ -174,121 +51,39 @@ class Timing(Value):
         self._check_whole("duration", self.duration, self.step, "steps")
 
 
-class FingerScene(Configuration, Surroundings):
-    """Keys that scenes of one finger have in common."""
-
-    REFUSALS: ClassVar[tuple[Consumer, ...]] = Consumer.refusals(
-        """
-        initial.reached_by without finger.has_friction: has no effect: neither tendons nor bending have friction
-        finger.damping.friction_cells without finger.damping.dry_friction:
-            has no effect: these are cells of finger.damping.dry_friction
-        """
-    )
-
-    finger: Finger
-    """The finger."""
-    gravity: Acceleration
-    """World gravity [m/s2]."""
-    contacts: Annotated[ListOf[Length], Increasing] = ()
-    """Positions along the finger where contact forces may act, increasing [m]; element boundaries. These and the tip
-    are where it touches an object."""
-    fidelity: Fidelity = Fidelity()
-    """Resolution of the finger's model."""
-    parameters: ListOf[str] = ()
-    """Names of model parameters that stay run-time arguments of the generated functions and controllers."""
-
-    @property
-    def stated_ranges(self) -> list[float]:
-        """Greatest bending range of each element [rad]; empty where the scene does not say how many there are, or where
-        stops are what limits them.
-        """
-        elements, reach = self.fidelity.elements, self.fidelity.bending_range
-        if elements is None or (reach is None and self.finger.stops is not None):
-            return []
-        count = elements if isinstance(elements, int) else len(elements)
-        return [Fidelity.DEFAULT_RANGE if reach is None else reach] * count
-
-    @property
-    def simulated(self) -> Scene:
-        """The scene as models and simulations take it."""
-        return Scene(**{key: value for key, value in self if key in Scene.model_fields})
-
-    @property
-    def contact_names(self) -> tuple[str, ...]:
-        """Names of the contacts that the finger may have with an object."""
-        return (*[f"finger.{k + 1}" for k in range(len(self.contacts))], "finger.tip")
-
-    def _check(self) -> None:
-        self.finger.rod.check_inside("contacts[{}]", self.contacts, tip=False)
-        self.fidelity.check_lengths("fidelity", self.finger.rod.length, self.contacts)
-        if self.fidelity.family is not None:
-            self.finger.check_family("fidelity.family", self.fidelity.family)
+_BEYOND_THE_ROD = {
+    # Of what is at rest, quadratic damping and relaxation are no part.
+    **Consumer.unknown_laws("the exact rod", "finger.stops", "finger.damping.quadratic", "finger.damping.relaxation"),
+    "initial.reached_by=state": "the exact rod has no friction cells: expected pulling or releasing",
+}
+_EXACT_ROD = Consumer(
+    "accuracy by the exact rod",
+    refused={"object": "the exact rod touches nothing: leave the object out", **_BEYOND_THE_ROD},
+    unneeded={
+        **Consumer.LIMITS_OF_BENDING,
+        **{f"fidelity.{key}": "accuracy compares them" for key in ("family", "elements", "accuracy")},
+        "finger.damping.friction_cells": "there is no dry friction",
+        **Consumer.LIMITS_OF_COMMANDS,
+        "time": "motions are compared over a second at most, in steps of their own",
+    },
+)
+_TRIED = "is in coordinates of one model, and several are tried: give a pose, or fidelity.family and elements"
+_SEVERAL_MODELS = Consumer("accuracy, fidelity.tolerance", {**_BEYOND_THE_ROD, "initial.q": _TRIED})
 
 
-class Scene(FingerScene):
+class Scene(LoadedFinger, Surroundings):
     """One finger with gravity, contacts, loads and, for a simulation, what it can touch, initial state and time."""
 
-    REFUSALS = Consumer.refusals(
-        "\n".join(f"actuation.{key} without finger.input_keys={key}: {TAKES}" for key in COMMANDS)
-    )
-
-    actuation: Actuation | None = None
-    """Inputs over time; None: the finger is passive and its tendons are slack."""
-    initial: Annotated[Initial, begins("straight")] = Initial(pose="straight")
-    """State at time zero."""
-    loads: ListOf[Load] = ()
-    """Forces and moments on the finger, constant or over time."""
     time: Timing | None = None
     """Duration and steps of a simulation; None: for statics and modes alone."""
 
+    @property
+    def moves(self) -> bool:
+        return self.time is not None
+
     def _check(self) -> None:
-        self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
-        self.finger.rod.check_inside("initial.held_by[{}].at", (load.at for load in self.initial.held_by))
-        if self.actuation is not None:
-            commands, finger = self.actuation.given, self.finger
-            for key in dict.fromkeys(finger.input_keys):
-                limits = [
-                    (finger_input.least, finger_input.most) for finger_input in finger.inputs if finger_input.key == key
-                ]
-                allowed = _ALLOWED.get(key, "what drive.torque_max allows, {:g} to {:g}")
-                finger.check_commands(f"actuation.{key}", commands.get(key, ()), limits, allowed)
-        motors = sum(isinstance(drive, MotorDrive) for drive in self.finger.winches)
-        self._check_count("initial.motor_angles", self.initial.motor_angles, motors, "drive.kind: motor")
-        # In mm/s2, the earth's is 9807.
-        if math.hypot(*self.gravity) > 1e3:
-            doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")
         if self.fidelity.tolerance is not None:
             self.check_for_several_models()
-
-    @property
-    def simulated(self) -> Scene:
-        """The scene itself."""
-        return self
-
-    @property
-    def tip_moment_jumps(self) -> bool:
-        """Whether the moments on the tip at time zero ask for another curvature there than the initial pose has.
-
-        A matched tip then starts with the curvature of those moments, not with that of the pose.
-        """
-        rod, initial, actuation = self.finger.rod, self.initial, self.actuation
-        if initial.pose == "equilibrium":
-            return any(isinstance(load, MomentLoad) and rod.is_tip(load.at) for load in initial.held_by)
-        moments = [load for load in self.loads if isinstance(load, MomentLoad)]
-        moment = sum(_at_zero(load.moment) for load in moments if rod.is_tip(load.at))
-        inside = [_at_zero(load.moment) for load in moments if load.input]
-        if actuation is not None and actuation.tip_moment is None and not self.finger.winches:
-            pulls = [_at_zero(pull) for pull in actuation.values]
-            for channel in self.finger.channels:
-                amplitude = channel.gain * sum(arm * pull for arm, pull in zip(channel.arms, pulls, strict=True))
-                if channel.shape.constant is None:
-                    inside.append(amplitude)
-                else:
-                    moment += amplitude
-        elif actuation is not None:
-            moment += _at_zero(actuation.tip_moment or 0.0)
-        curvature = float(self.finger.profile.rest_curvature(rod.length)) if initial.pose != "rest" else 0.0
-        return moment != 0.0 or curvature != 0.0 or any(inside)
 
     def check_for_exact_rod(self) -> None:
         """Refuse keys that the exact rod does not know."""
@@ -297,20 +92,3 @@ class Scene(FingerScene):
     def check_for_several_models(self) -> None:
         """Refuse keys that are of one model, where several are compared with the exact rod."""
         _SEVERAL_MODELS.check(self)
-
-
-def _at_zero(value: float | Samples) -> float:
-    """The value at time zero, linear between samples: whether it vanishes is all that is asked of it."""
-    import numpy as np
-
-    if not isinstance(value, Samples):
-        return value
-    if value.interpolation == "hold":
-        return value.values[max(sum(at <= 0.0 for at in value.times) - 1, 0)]
-    return float(np.interp(0.0, value.times, value.values))
-
-
-_ALLOWED = {
-    "tensions": "min_tension = {:g} to max_tension = {:g} N",
-    "pressures": "min_pressure = {:g} to max_pressure = {:g} Pa",
-}

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from continuum_grasp.base import Array, InputError, check_arguments, nearest
 from continuum_grasp.scene.document import text_of
 from continuum_grasp.scene.table_text import COMMA, HEADING, number_in, parsed
-from continuum_grasp.scene.units import factor_to_si, units_of
+from continuum_grasp.scene.units import unit_in, units_of
 
 MAX_BYTES = 200_000_000
 """Greatest size of a file: cells as Python texts take some ten times that in memory."""
@@ -166,7 +166,7 @@ class DataTable:
         if unit is not None and heading_unit is not None and unit != heading_unit:
             raise self.error(f"its heading says [{self.units[at]}], the configuration {stated!r}", at)
         try:
-            factor = factor_to_si(unit or heading_unit or si, si)
+            factor = _factor_to_si(unit or heading_unit or si, si)
         except InputError as error:
             raise self.error(f"column {self.headings[at]}: {error.message}", at) from None
         return factor * (self.numbers(heading, gaps=gaps) - zero)
@@ -197,7 +197,7 @@ class DataTable:
         usual = stated or apart < _SLOW if period is None else 1.0 / _OFF < apart / period < _OFF
         if usual or not apart:
             return
-        others = {other: float(size) / factor_to_si(read_in, "s") for other, size in units_of("s").items()}
+        others = {other: float(size) / _factor_to_si(read_in, "s") for other, size in units_of("s").items()}
         wanted = period or 0.01  # of cameras and loggers
         likely = min(others, key=lambda other: abs(math.log(others[other] * apart / wanted)))
         if likely != read_in:
@@ -283,3 +283,16 @@ def _sure(table: DataTable) -> DataTable:
 def _same(cell: str, text: str) -> bool:
     a, b = number_in(cell), number_in(text)
     return cell == text if a is None or b is None else math.isclose(a, b, rel_tol=1e-12)
+
+
+def _factor_to_si(unit: str, si: str) -> float:
+    """Factor from a unit to an SI unit such as ``N m``; InputError if it is unknown, or of another dimension."""
+    if unit == si:
+        return 1.0
+    spelled = unit_in(f" {unit}", si)
+    if spelled is not None:
+        return float(units_of(si)[spelled])
+    known = list(units_of(si)) or [si]
+    # Names of one or two letters resemble each other by chance.
+    hint = nearest(unit, known, say_all=False, cutoff=0.75)
+    raise InputError(f"expected a unit like {', '.join(known)}, got {unit!r}{hint}")

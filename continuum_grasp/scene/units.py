@@ -12,8 +12,6 @@ from typing import Any
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from continuum_grasp.base import InputError, nearest
-
 _NUMBER = r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
 """Pattern of numbers of YAML 1.2, without infinity and NaN."""
 # 50 digits beside the 17 of a double, so that what is multiplied by it is rounded correctly.
@@ -81,7 +79,7 @@ def to_si(text: str, si: str) -> float | None:
     can hold it.
     """
     # 60: characters of a text that is read: Fraction would write 1e999999999 out
-    unit = _unit_in(text, si, _NUMBER) if len(text) <= 60 else None
+    unit = unit_in(text, si, _NUMBER) if len(text) <= 60 else None
     number = re.match(_NUMBER, text)
     # 400: beyond what a double can hold in any unit of the table, 1e308
     if unit is None or number is None or abs(int(re.split("[eE]", number[0] + "e0")[1])) > 400:
@@ -98,9 +96,9 @@ def advice_on(text: str, si: str) -> str:
     """Advice about a text that `to_si` does not read; empty where its unit is one of another quantity."""
     if re.match(r"[-+]?\d+,\d", text):
         return "write a decimal point, not a comma, and no separators of thousands"
-    if not re.match(_NUMBER, text) or any(_unit_in(text, other, _NUMBER) for other in QUANTITIES if other != si):
+    if not re.match(_NUMBER, text) or any(unit_in(text, other, _NUMBER) for other in QUANTITIES if other != si):
         return ""
-    if _unit_in(text, si, _NUMBER):
+    if unit_in(text, si, _NUMBER):
         return "too large, too small or too long to be read"
     return f"units: {', '.join(units_of(si))}"
 
@@ -118,19 +116,6 @@ def pattern(si: str | None) -> str:
     if si is None:
         return rf"^{_NUMBER} ?\S.*$"
     return f"^{_NUMBER}(?:{'|'.join(map(_spelled, units_of(si)))})$"
-
-
-def factor_to_si(unit: str, si: str) -> float:
-    """Factor from a unit to an SI unit such as ``N m``; InputError if it is unknown, or of another dimension."""
-    if unit == si:
-        return 1.0
-    spelled = _unit_in(f" {unit}", si)
-    if spelled is not None:
-        return float(units_of(si)[spelled])
-    known = list(units_of(si)) or [si]
-    # Names of one or two letters resemble each other by chance.
-    hint = nearest(unit, known, say_all=False, cutoff=0.75)
-    raise InputError(f"expected a unit like {', '.join(known)}, got {unit!r}{hint}")
 
 
 @dataclass(frozen=True)
@@ -185,7 +170,7 @@ def _allow_texts(node: Any, texts: str) -> None:
             _allow_texts(node.get(key), texts)
 
 
-def _unit_in(text: str, si: str, before: str = "") -> str | None:
+def unit_in(text: str, si: str, before: str = "") -> str | None:
     """The unit with which a text ends; what stands before is a regular expression."""
     return next((unit for unit in units_of(si) if re.fullmatch(before + _spelled(unit), text)), None)
 

@@ -29,8 +29,10 @@ from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.units import Unit
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from continuum_grasp.scene.assembly import Overrides
-    from continuum_grasp.scene.document import KeyPath
+    from continuum_grasp.scene.document import Document, KeyPath
 
 SAME = 1e-9
 """Distance per length up to which two positions are the same, and difference up to which two ratios are [1]: above the
@@ -156,6 +158,10 @@ class Value(BaseModel):
         for path, _ in overrides:
             data.write_out(path, self)
         return data.changed(overrides).validated(type(self))
+
+    @classmethod
+    def read_files(cls, document: Document, at: KeyPath, main: Path) -> None:
+        """Put in place what keys of such a value, at a path of a document, name in files beside a ``main`` one."""
 
     def entry(self, path: KeyPath | str) -> Any:
         """Return the entry at a key path, or at its text such as ``masses[0].at``; None where there is none."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from continuum_grasp.base import Array, check_arguments
 from continuum_grasp.model import FingerModel, Memory, System
-from continuum_grasp.scene import FAMILIES, Scene
+from continuum_grasp.scene import Scene
 from continuum_grasp.simulation.rest import model_at_rest, rest_at, states_of_motors
 from continuum_grasp.simulation.signals import Signals
 
@@ -86,13 +86,3 @@ def _standing(model: FingerModel, drives: Array, angles: Sequence[float], at_res
             torque, needed = (float(motor.torque(command, angles[k])) for command in (u[k], at_rest[k]))
             states[2:3] = Memory.state_of(np.clip([(torque - needed) / motor.drive.coulomb_friction], -1.0, 1.0))
     return standing
-
-
-def start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:
-    """Warnings about a start that a matched tip cannot have."""
-    if not model.structure.matched or not scene.tip_moment_jumps:
-        return ()
-    return (
-        f"the motion starts with the tip curvature that the moments on the tip impose on {model.family}, not with that "
-        f"of the initial pose: use fidelity.family: {FAMILIES.default(free_tip=True)}, or moments that grow from zero",
-    )

@@ -20,8 +20,8 @@ from continuum_grasp.base import (
 )
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import INTEGRATORS, Scene, Timing
-from continuum_grasp.simulation.initial import initial_state, start_warnings
+from continuum_grasp.scene import FAMILIES, INTEGRATORS, Scene, Timing
+from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.rest import LOST
 from continuum_grasp.simulation.slack import tension_warnings
 from continuum_grasp.simulation.spectrum import (
@@ -129,7 +129,7 @@ class _Run:
         status = "finished" if error is None else "stopped"
         jumps = self._signals.warnings(self._time.step / used.substeps, self._time.duration)
         jumps = () if used.method == "reference" else jumps  # which starts anew at every knot
-        at_start, limits = start_warnings(self._scene, self._model), self._model.limit_warnings(use, result.t)
+        at_start, limits = _start_warnings(self._scene, self._model), self._model.limit_warnings(use, result.t)
         inexact = self._error_warnings(used, motion)
         body, poses, contacts = self._scene.object, result.object_pose, result.contacts
         overlap = ""
@@ -311,3 +311,13 @@ class _Run:
     def _result(self, states: Array) -> Trajectory:
         t: Array = np.linspace(0.0, (len(states) - 1) * self._time.step, len(states))
         return Trajectory(t, states, self._signals.u(t), self._signals.w(t), self._model, self._scene, self._system)
+
+
+def _start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:
+    """Warnings about a start that a matched tip cannot have."""
+    if not model.structure.matched or not scene.tip_moment_jumps:
+        return ()
+    return (
+        f"the motion starts with the tip curvature that the moments on the tip impose on {model.family}, not with that "
+        f"of the initial pose: use fidelity.family: {FAMILIES.default(free_tip=True)}, or moments that grow from zero",
+    )

@@ -23,7 +23,7 @@ from continuum_grasp.closed_loop.links import Links
 from continuum_grasp.model import (
     Contacts,
     FingerModel,
-    Functions,
+    Model,
     Scalar,
     System,
     Vec,
@@ -36,7 +36,7 @@ OF_FINGER = ("bending_stiffness", "material_damping", "tendon_friction")
 """Numbers of the finger that may be changed without compiling anew."""
 
 
-class ChainSystem(Functions):
+class ChainSystem(Model):
     """A chain of N hinges in equal parts of the finger, each with the bend of its part, as ``System`` is a finger.
 
     x = [bends, their rates, tensions, drives, object, contacts].
