@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from continuum_grasp.addons.chains import export_mjcf
+from continuum_grasp.addons.chains.guides.system import ChainSystem
 from continuum_grasp.addons.design import Design
 from continuum_grasp.addons.design.space import design_space_of
 from continuum_grasp.addons.fmu import plant as plants
@@ -42,7 +43,6 @@ from continuum_grasp.addons.planning.search import PlanSearch
 from continuum_grasp.addons.sweeps import Sweep, SweepPlan
 from continuum_grasp.addons.web.plant import plant_of_loop, plant_of_scene
 from continuum_grasp.closed_loop import PlantModel, Sensors
-from continuum_grasp.closed_loop.guides.system import ChainSystem
 from continuum_grasp.control import Prediction, Setpoints, stages_of
 from continuum_grasp.core import CReal
 from continuum_grasp.export import ModelFields, PackageOptions, title_of

@@ -94,6 +94,8 @@ class Addon:
         Subclasses of `ExportTarget` by the word of ``export --to``, as ``module:name``.
     contact_laws : mapping of str to str
         Subclasses of ``continuum_grasp.model.TouchLaw`` by the value of ``contact_law.law``, as ``module:name``.
+    plants : mapping of str to str
+        Subclasses of ``continuum_grasp.closed_loop.PlantModel`` by the key of ``plant``, as ``module:name``.
 
     Examples
     --------
@@ -106,6 +108,7 @@ class Addon:
     verbs: Mapping[str, str] = field(default_factory=dict)
     exports: Mapping[str, str] = field(default_factory=dict)
     contact_laws: Mapping[str, str] = field(default_factory=dict)
+    plants: Mapping[str, str] = field(default_factory=dict)
 
 
 @cache

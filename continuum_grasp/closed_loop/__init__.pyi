@@ -4,7 +4,7 @@ from .drivers import SimulatedBench as SimulatedBench
 from .hardware import Driver as Driver
 from .hardware import HardwareRun as HardwareRun
 from .hardware import run_hardware as run_hardware
-from .links import Links as Links
+from .integration import Integration as Integration
 from .plant import Plant as Plant
 from .plant import Sensors as Sensors
 from .plant_model import PlantModel as PlantModel

@@ -10,9 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, InputError, check_arguments
-from continuum_grasp.closed_loop.guides.integration import ChainIntegration
-from continuum_grasp.closed_loop.guides.plant import GUIDES
+from continuum_grasp.base import Array, InputError, check_arguments, named_value
 from continuum_grasp.closed_loop.integration import Integration
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.shared_object import SharedModel
@@ -156,7 +154,7 @@ class SharedPlant:
         model = self._joint or self.plants[0].model
         method = self.plants[0].method.name
         if method not in model.integrations:
-            model.integrations[method] = ChainIntegration(model) if method == GUIDES else Integration(model, method)
+            model.integrations[method] = named_value(self.plants[0].model.INTEGRATION)(model, method)
         integration: Integration = model.integrations[method]
         return integration
 

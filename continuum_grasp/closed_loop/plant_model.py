@@ -1,6 +1,6 @@
 """A plant: a finger that differs from the controller's, its surroundings, and the drive between command and tendon.
 
-What of it is a chain of guides is in ``guides``.
+Add-ons announce plants of their own, of which ``plant.guides`` takes one.
 """
 
 from __future__ import annotations
@@ -8,13 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, named_value
+from continuum_grasp.base import Array, InputError, addons, named_value
 from continuum_grasp.control import Outputs, Prediction, Quantities
 from continuum_grasp.model import Lag, Memory, Remade, System, column, element_lengths
 from continuum_grasp.scene import (
@@ -28,9 +28,6 @@ from continuum_grasp.scene import (
     Surroundings,
 )
 from continuum_grasp.simulation import Signals, initial_state
-
-if TYPE_CHECKING:
-    from continuum_grasp.closed_loop.guides.system import ChainSystem
 
 _LAG = "drive_time_constant"
 """Parameter that is the lag of commanded tensions."""
@@ -57,10 +54,19 @@ _SHAPES = 4
 """Shapes at which the fastest rate is taken: each costs a linearization of the fine model on the virtual machine."""
 
 
+def _announced(name: str) -> type[PlantModel]:
+    """The plant that an add-on announces; InputError where none is installed."""
+    known = {key: place for addon in addons().values() for key, place in addon.plants.items()}
+    if name not in known:
+        raise InputError("no add-on that is installed has such a plant", key=f"plant.{name}")
+    kind: type[PlantModel] = named_value(known[name])
+    return kind
+
+
 class PlantIntegration(NamedTuple):
     """Integration of a plant: name in ``INTEGRATORS``, steps per control period, fastest rate [1/s].
 
-    Chains of guides have a name of their own, and steps whatever their rates (0).
+    Plants of add-ons may have a name of their own.
     """
 
     name: str
@@ -78,17 +84,20 @@ class PlantModel(Remade):
     ``friction_fall [1]``, by whose share friction is less than the parameter ``friction_factor`` has it. ``outside``
     has entries of w, by name, as functions of instants [s], on top of the scene's loads.
 
-    Of a scene with ``plant.guides`` a `ChainPlant` is made.
+    Of a scene with ``plant.guides`` that of an add-on is made.
     """
 
-    system: System | ChainSystem
+    system: System
+    """Finger and object; plants of add-ons have something with the same functions in its place."""
+    INTEGRATION: ClassVar[str] = "continuum_grasp.closed_loop:Integration"
+    """Integrator (plant or shared plants, name of the method), as ``module:name``."""
     FALL: ClassVar[str] = "friction_fall [1]"
     """Entry of w by which friction of all contacts is less than ``friction_factor``, as a share of it."""
     WRENCH: ClassVar[tuple[str, ...]] = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
     """Entries of w of what pulls at an object that moves."""
 
     def __new__(cls, scene: ControlScene, *arguments: Any, **named: Any) -> Self:
-        kind = cls if scene.plant.guides is None else named_value("continuum_grasp.closed_loop.guides.plant:ChainPlant")
+        kind: type[Any] = cls if scene.plant.guides is None else _announced("guides")
         made: Self = super().__new__(kind, scene, *arguments, **named)
         return made
 
@@ -179,7 +188,7 @@ class PlantModel(Remade):
         """The plant's scene without the lag, which is the plant's own: its sensors read every tension."""
         return self.scene.replaced(finger=self.scene.finger.with_tendons(time_constant=None, drive_order=2))
 
-    def _system(self) -> System | ChainSystem:
+    def _system(self) -> System:
         """The finger in its surroundings, without the lag."""
         finger = self.scene.finger
         # A matched tip moves with its moment: without a lag of second order it would jump.
@@ -290,9 +299,7 @@ class PlantModel(Remade):
 
     @property
     def elements(self) -> System:
-        """The system of a plant that is no chain of guides, whose motion is decided step by step."""
-        if not isinstance(self.system, System):
-            raise TypeError("a chain of guides has no differential equation")
+        """System of a plant that has a differential equation; TypeError of others."""
         return self.system
 
     @cached_property
@@ -492,7 +499,11 @@ class PlantModel(Remade):
         return shape.sensed(measured, motors, self.named_states, self.command, tensions)
 
     def method_for(self, period: float) -> PlantIntegration:
-        """Choose the cheapest stable steps, by the fastest rate of some shapes at rest, contacts and damping."""
+        """Choose the cheapest stable steps."""
+        return PlantIntegration(*self.steps_for(period))
+
+    def steps_for(self, period: float) -> tuple[str, int, float]:
+        """Method, steps per period and fastest rate, by that of some shapes at rest, contacts and damping."""
         system, w = self.elements, self.forces(0.0)[0]
         radius, longest = 0.0, system.finger_model.structure.partial_step
         for q in system.finger_model.sample_shapes(self.start[: system.n])[:_SHAPES]:
@@ -504,11 +515,11 @@ class PlantModel(Remade):
                 radius = max(radius, float(np.abs(np.linalg.eigvals(a)).max()))
         if system.surroundings is not None or system.structure.has_law("damping"):
             partial = system.structure.stiff_method() if system.structure.has_law("damping") else "ros2"
-            return PlantIntegration(partial, math.ceil(period / longest - 1e-9), radius)
+            return partial, math.ceil(period / longest - 1e-9), radius
         # 12.5: longest step of either method per that; on fingers of a hand it follows a step of the input to 1e-6
         wanted = math.ceil(radius * period / INTEGRATORS["rk4"].target)
         least = math.ceil(period / (12.5 * longest) - 1e-9)
         # 40: sub-steps per control period up to which the explicit method is taken
         if wanted <= max(40, least):
-            return PlantIntegration("rk4", max(wanted, least, 1), radius)
-        return PlantIntegration(system.structure.stiff_method(), max(least, 1), radius)
+            return "rk4", max(wanted, least, 1), radius
+        return system.structure.stiff_method(), max(least, 1), radius

@@ -156,10 +156,6 @@ def shaped(function: ca.Function, k: int, rows: Array) -> Array:
     return np.ascontiguousarray(rows.reshape(len(rows), width, height).transpose(0, 2, 1))
 
 
-_ROUNDING = 1e-12
-"""Part of the greatest input by which a constant moment may vary [1]."""
-
-
 def section_check(model: Model, function: ca.Function) -> Callable[[Sequence[Any]], None]:
     """Write the check that positions ``s`` are on the finger, of the inputs of a call: rows, None where not given.
 
@@ -186,26 +182,3 @@ def section_check(model: Model, function: ca.Function) -> Callable[[Sequence[Any
         raise InputError(f"{name}: s: expected a position from 0 to the length {its:g} m, got {worst:g}")
 
     return check
-
-
-def check_moment(model: Model, u: Array) -> None:
-    """Refuse inputs in time (rollouts, rows, nu) whose tip moment varies where the model takes it to be constant."""
-    structure = model.structure
-    if not structure.matched or structure.inputs.rates or u.shape[1] < 2:
-        return
-    values = list(np.moveaxis(u[:, :, : structure.inputs.count], -1, 0))
-    for source in structure.sources:
-        driven, couples = source.amplitudes(values, len(structure.finger.inputs))
-        # A lag gives the rates of what it follows, not those of a couple beside it.
-        known = 0.0 if source.lags else source.gain * driven
-        amplitude = np.broadcast_to(known + couples, values[0].shape)
-        largest = max([1.0] * bool(source.couples) + [abs(source.gain * arm) for arm in source.arms])
-        if np.ptp(amplitude, axis=1).max() > _ROUNDING * np.abs(u).max() * largest:
-            break
-    else:
-        return
-    raise InputError(
-        "u: the tip moment varies, which the tip of this matched_clothoid would not follow (a model without input "
-        "rates takes the moment to be constant): use family='clothoid', input_rates=True with rows of values, rates "
-        "and accelerations, or tendons.time_constant"
-    )

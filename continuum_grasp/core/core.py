@@ -13,13 +13,16 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, CheckedArgument, InputError, NumericalError, Summarized, check_arguments
 from continuum_grasp.core.batches import Batch, Scan
-from continuum_grasp.core.caller import Caller, check_moment, section_check, shaped
+from continuum_grasp.core.caller import Caller, section_check, shaped
 from continuum_grasp.core.code import Backend, FunctionCode
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import HalfStepSignal, Rollouts, row
 from continuum_grasp.core.source import CSource
 from continuum_grasp.model import Model, Remade
 from continuum_grasp.scene import INTEGRATORS
+
+_ROUNDING = 1e-12
+"""Part of the greatest input by which a constant moment may vary [1]."""
 
 
 @check_arguments
@@ -140,7 +143,25 @@ class Core(Remade, Summarized):
 
     def check_moment(self, u: Array) -> None:
         """Refuse inputs in time (rollouts, rows, nu) whose tip moment varies where the model has a constant one."""
-        check_moment(self.model, u)
+        structure = self.model.structure
+        if not structure.matched or structure.inputs.rates or u.shape[1] < 2:
+            return
+        values = list(np.moveaxis(u[:, :, : structure.inputs.count], -1, 0))
+        for source in structure.sources:
+            driven, couples = source.amplitudes(values, len(structure.finger.inputs))
+            # A lag gives the rates of what it follows, not those of a couple beside it.
+            known = 0.0 if source.lags else source.gain * driven
+            amplitude = np.broadcast_to(known + couples, values[0].shape)
+            largest = max([1.0] * bool(source.couples) + [abs(source.gain * arm) for arm in source.arms])
+            if np.ptp(amplitude, axis=1).max() > _ROUNDING * np.abs(u).max() * largest:
+                break
+        else:
+            return
+        raise InputError(
+            "u: the tip moment varies, which the tip of this matched_clothoid would not follow (a model without input "
+            "rates takes the moment to be constant): use family='clothoid', input_rates=True with rows of values, "
+            "rates and accelerations, or tendons.time_constant"
+        )
 
     def batch(self, name: str, *arguments: ArrayLike | None) -> Array | tuple[Array, ...]:
         """A function of many states in one call.

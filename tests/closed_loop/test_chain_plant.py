@@ -10,8 +10,9 @@ import pytest
 from numpy.polynomial import Polynomial
 
 import continuum_grasp as cg
-from continuum_grasp.closed_loop import Links, Plant, PlantModel
-from continuum_grasp.closed_loop.guides.integration import ChainIntegration
+from continuum_grasp.addons.chains.guides.integration import ChainIntegration
+from continuum_grasp.addons.chains.links import Links
+from continuum_grasp.closed_loop import Plant, PlantModel
 from continuum_grasp.scene import ControlScene
 from tests.tendon_cases import LENGTH, OFFSET, PASSIVE, ROD, STIFFNESS
 from tests.truth.geared_chain import GearedChain

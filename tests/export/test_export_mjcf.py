@@ -12,7 +12,6 @@ from scipy.linalg import eigh
 
 import continuum_grasp as cg
 from continuum_grasp.base import InputError
-from continuum_grasp.closed_loop import Links
 from continuum_grasp.rod import natural_frequencies, solve_elastica
 from tests.closed_forms.graded import stepped_frequencies
 from tests.graded_rods import CLOSED, FREQUENCIES, RODS, sections
@@ -173,7 +172,7 @@ def test_the_written_step_is_stable_and_half_as_long_as_what_is_not(tmp_path, mo
     scene = rod_scene(UNIT, gravity=NONE)
     chain = Chain(scene, 12)
     chain.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    longest = Links.of(scene.finger, 12).longest_step()
+    longest = chain.chain.links.longest_step()
     assert chain.chain.timestep <= 0.5 * longest
 
     def reach(step):
@@ -212,7 +211,7 @@ def test_stops_have_the_bilinear_law(side, stopped):
 
 def test_a_body_at_the_tip_is_part_of_the_last_link():
     body = {"mass": 0.7, "rotary_inertia": 0.02, "center_of_mass": [0.1, 0.2]}
-    bare, heavy = (Links.of(rod_scene(UNIT, "clothoid", finger=f).finger, 6) for f in ({}, {"tip_body": body}))
+    bare, heavy = (Chain(rod_scene(UNIT, "clothoid", finger=f), 6).chain.links for f in ({}, {"tip_body": body}))
     mass = np.array([bare.mass[-1], 0.7])
     places = np.array([[0.0, bare.center[-1]], [0.1, 1.2]])
     center = mass @ places / mass.sum()

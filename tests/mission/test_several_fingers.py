@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from continuum_grasp.addons.chains.guides.integration import ChainIntegration
 from continuum_grasp.addons.mission import PlantVariation, run_mission
 from continuum_grasp.addons.mission.budget import certified_contact
 from continuum_grasp.addons.mission.causes import find_drop
@@ -21,7 +22,6 @@ from continuum_grasp.addons.mission.record import MissionRecord
 from continuum_grasp.addons.mission.run import MissionRunner
 from continuum_grasp.base import InputError
 from continuum_grasp.closed_loop import SharedModel
-from continuum_grasp.closed_loop.guides.integration import ChainIntegration
 from continuum_grasp.control import Prediction
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.results import read_run

@@ -12,7 +12,6 @@ LEFT = {
     ("simulation/accuracy/motion.py", "1.0"): "motions of users, whose durations are theirs",
     ("simulation/stepping.py", "_BESIDE"): "rounding of instants",
     ("simulation/replay.py", "_AFTER"): "rounding of instants",
-    ("closed_loop/guides/system.py", "1e-9"): "no tension",
     ("control/estimation/estimator.py", "_LONGEST"): "a time in another unit, whatever the finger",
 }
 

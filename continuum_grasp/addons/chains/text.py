@@ -12,8 +12,8 @@ import numpy as np
 
 from continuum_grasp import __version__
 from continuum_grasp.addons.chains.controls import Control
+from continuum_grasp.addons.chains.links import Links
 from continuum_grasp.base import Array
-from continuum_grasp.closed_loop import Links
 from continuum_grasp.export import fill
 from continuum_grasp.scene import Finger, OffsetPolygon, Part, Scene, Wall
 

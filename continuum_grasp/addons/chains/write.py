@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.addons.chains.controls import Control, cable_springs, controls_of
+from continuum_grasp.addons.chains.links import Links
 from continuum_grasp.addons.chains.text import written
 from continuum_grasp.base import Array, CheckedArgument, InputError, check_arguments
-from continuum_grasp.closed_loop import Links
 from continuum_grasp.core import Core
 from continuum_grasp.export import check_file, title_of
 from continuum_grasp.model import FingerModel
@@ -80,6 +80,8 @@ class HingeChain:
         Step that the model asks for [s]; half the longest stable one, or less.
     differences : tuple of str
         What the chain does otherwise than the scene, beside its error of second order in the number of hinges.
+    links : Links
+        Hinges, and the rigid links between them: masses [kg], centers [m], inertias [kg m2].
     files : tuple of pathlib.Path
         What was written: the model, and a table of its controls over time where they vary.
     """
@@ -89,6 +91,7 @@ class HingeChain:
     first_frequency: float
     timestep: float
     differences: tuple[str, ...]
+    links: Links = field(repr=False, compare=False)
     _controls: tuple[Control, ...]
     files: tuple[Path, ...] = ()
 
@@ -116,7 +119,7 @@ def export_mjcf(
     """Write the finger of a scene as a chain of hinges for MuJoCo, with its tendons and the scene's loads.
 
     Each of ``hinges`` elements of the rod becomes one hinge with the element's compliance, where it acts (the midpoint
-    rule; see `continuum_grasp.closed_loop.links`), between links with the masses of the rod: shapes and frequencies
+    rule; see `continuum_grasp.addons.chains.links`), between links with the masses of the rod: shapes and frequencies
     are of second order in the number of hinges. The chain lies in MuJoCo's x-y plane. Tensions pull where they are
     positive. An object that moves slides along x and y and turns. Keyframe ``start`` has the scene's state and controls
     at time zero.
@@ -181,7 +184,7 @@ def export_mjcf(
     frequency = float(pulsations[0]) / (2.0 * np.pi)
     differences = (*listed, *_differences(scene, controls))
     text = written(scene, links, controls, _start(scene, links), title_of(scene), step, frequency, differences)
-    chain = HingeChain(text, hinges, frequency, step, differences, tuple(controls))
+    chain = HingeChain(text, hinges, frequency, step, differences, links, tuple(controls))
     return chain if file is None else _saved(chain, Path(file), scene)
 
 

@@ -7,11 +7,9 @@ import ctypes
 import casadi as ca
 import numpy as np
 
+from continuum_grasp.addons.chains.guides.plant import SharedChains
 from continuum_grasp.base import Array
-from continuum_grasp.closed_loop.guides.plant import SharedChains
-from continuum_grasp.closed_loop.integration import Integration
-from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.closed_loop.shared_object import SharedModel
+from continuum_grasp.closed_loop import Integration, PlantModel, SharedModel
 from continuum_grasp.core import CodeKind, Compiler, CSource, Template
 
 
@@ -20,7 +18,7 @@ class ChainIntegration(Integration):
     ``templates/chain.c``.
     """
 
-    def __init__(self, model: PlantModel | SharedModel) -> None:
+    def __init__(self, model: PlantModel | SharedModel, method: str = "guides") -> None:
         self._chains = SharedChains(model.plants if isinstance(model, SharedModel) else [model])
         source = chain_source(self._chains)
         self._kind = CodeKind.of_source(source)
@@ -76,4 +74,4 @@ def chain_source(model: SharedChains) -> str:
         "nw": model.nw,
         "functions": "\n".join([CSource([drums, around]).of_core("chain"), *sizes]),
     }
-    return Template.of("closed_loop", "chain.c").filled(words)
+    return Template.of("addons.chains", "chain.c").filled(words)

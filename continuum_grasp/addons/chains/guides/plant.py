@@ -9,14 +9,11 @@ from typing import cast
 
 import casadi as ca
 
+from continuum_grasp.addons.chains.guides.system import ChainSystem
 from continuum_grasp.base import Array
-from continuum_grasp.closed_loop.guides.system import ChainSystem
-from continuum_grasp.closed_loop.plant_model import PlantIntegration, PlantModel
-from continuum_grasp.closed_loop.shared_object import SharedModel
+from continuum_grasp.closed_loop import PlantModel, SharedModel
+from continuum_grasp.model import System
 from continuum_grasp.scene import Scene
-
-GUIDES = "guides"
-"""Name of the method of chains of guides, which is none of ``INTEGRATORS``."""
 
 
 class ChainPlant(PlantModel):
@@ -25,15 +22,17 @@ class ChainPlant(PlantModel):
     It has no state derivative, since what sticks at a guide is decided step by step.
     """
 
-    def _system(self) -> ChainSystem:
+    INTEGRATION = "continuum_grasp.addons.chains.guides.integration:ChainIntegration"
+
+    def _system(self) -> System:
         plant = self.control.plant
         varied = self.parameters, self.object_parameters
-        return ChainSystem(self._unlagged, cast(int, plant.guides), plant.axial_stiffness, *varied)
+        return cast(System, ChainSystem(self._unlagged, cast(int, plant.guides), plant.axial_stiffness, *varied))
 
     @property
     def chain(self) -> ChainSystem:
         """The finger in its surroundings."""
-        return cast(ChainSystem, self.system)
+        return cast(ChainSystem, cast(object, self.system))
 
     @property
     def first_other(self) -> int:
@@ -49,11 +48,15 @@ class ChainPlant(PlantModel):
         """Direction of friction on a tendon between two positions [m], on average: 1 where it slides to the base."""
         return self.chain.friction_along(self._x, self._u, tendon, start, end)
 
-    def method_for(self, period: float) -> PlantIntegration:
-        """Steps of a chain."""
+    @property
+    def elements(self) -> System:
+        raise TypeError("a chain of guides has no differential equation")
+
+    def steps_for(self, period: float) -> tuple[str, int, float]:
+        """Steps of a chain, whatever its rates."""
         # 10: step of a chain of guides, which is implicit, per that of methods that are so in part
         longest = 10.0 * self.system.finger_model.structure.partial_step
-        return PlantIntegration(GUIDES, math.ceil(period / longest - 1e-9), 0.0)
+        return "guides", math.ceil(period / longest - 1e-9), 0.0
 
     @property
     def _bending_rate(self) -> ca.SX:

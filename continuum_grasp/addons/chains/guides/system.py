@@ -17,9 +17,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from continuum_grasp.addons.chains.guides.tendons import guided_tendons
+from continuum_grasp.addons.chains.links import Links
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.closed_loop.guides.tendons import guided_tendons
-from continuum_grasp.closed_loop.links import Links
 from continuum_grasp.model import (
     Contacts,
     FingerModel,
