@@ -44,12 +44,10 @@ class Example:
     @cached_property
     def files(self) -> tuple[Path, ...]:
         """Every file that it needs, its own first, then the fingers, grasps and data that it names, and schemas."""
-        from continuum_grasp.scene import DEFINITIONS
-
         root = shipped_folder()
         files = dict.fromkeys([self.path, *(file for file in _named(self.path) if isinstance(file, Path))])
         schemas = [_schema_of(file, file.read_text(encoding="utf-8")) for file in files if file.suffix == ".yaml"]
-        schemas.append(schemas[0].with_name(DEFINITIONS))
+        schemas.append(schemas[0].with_name("definitions.json"))  # what they share
         return tuple(file.relative_to(root) for file in dict.fromkeys([*files, *schemas]))
 
     @cached_property

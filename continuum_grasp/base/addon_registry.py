@@ -14,7 +14,6 @@ from functools import cache
 from typing import Any
 
 from continuum_grasp.base.errors import InputError
-from continuum_grasp.base.shell import command_line
 
 GROUP = "continuum_grasp.addons"
 """Group of entry points by which add-ons announce themselves."""
@@ -67,11 +66,6 @@ class ConfigurationKind:
     def expected(self) -> str:
         """Expected kind of file, as errors name it."""
         return f"{self.words} ({self.keys}, ...)"
-
-    @property
-    def advice(self) -> str:
-        """Command that runs it, in parentheses; empty where none does."""
-        return f" ({command_line(self.command)})" if self.command else ""
 
     def recognizes(self, keys: Collection[str]) -> bool:
         """Whether a file with these keys is of this kind."""

@@ -1,6 +1,4 @@
-from .assembly import ConfigurationData as ConfigurationData
 from .assembly import Overrides as Overrides
-from .config_kinds import kind_of_scene as kind_of_scene
 from .config_kinds import kinds as kinds
 from .consumer import Consumer as Consumer
 from .control import ControlScene as ControlScene
@@ -86,12 +84,13 @@ from .profile import Curve as Curve
 from .profile import Panels as Panels
 from .profile import Profile as Profile
 from .reach import Reach as Reach
+from .reading import ConfigurationData as ConfigurationData
+from .reading import kind_of_scene as kind_of_scene
 from .reading import load as load
 from .reading import scene_of as scene_of
 from .rod import Damping as Damping
 from .rod import DryFriction as DryFriction
 from .rod import Rod as Rod
-from .schema import DEFINITIONS as DEFINITIONS
 from .schema import json_schema as json_schema
 from .schema import schema_files as schema_files
 from .schema import schema_text as schema_text

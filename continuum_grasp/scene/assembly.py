@@ -5,13 +5,13 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from continuum_grasp.base import ConfigurationKind, InputError, named_value
-from continuum_grasp.scene.config_kinds import each_of, kind_of, kinds, other_kind
+from continuum_grasp.base import InputError
+from continuum_grasp.scene.config_kinds import kind_of, kinds
 from continuum_grasp.scene.document import Change, Document, KeyPath, Place, child, dotted, plain, undotted
 from continuum_grasp.scene.problems import validated
 from continuum_grasp.scene.yaml_loader import parse_yaml, read_yaml
@@ -28,15 +28,14 @@ Overrides = Iterable[str] | Mapping[str, Any]
 
 
 @dataclass
-class ConfigurationData(Document):
-    """Plain data of a configuration, with the contents of the files that it names put in."""
+class AssembledData(Document):
+    """Plain data, with the contents of the files that they name put in."""
 
     file: Path = Path()
     """The main file: names of files that come from no line of a file are relative to its folder."""
-    _scene: Any = field(default=None, init=False, repr=False, compare=False)
 
     @classmethod
-    def read(cls, path: str | Path, changes: Iterable[Change], varied: Iterable[str] = ()) -> ConfigurationData:
+    def read(cls, path: str | Path, changes: Iterable[Change], varied: Iterable[str] = ()) -> Self:
         """The data of a file with changes applied; files of which keys are ``varied`` are not read."""
         document = read_yaml(path)
         if not isinstance(document.value, dict):
@@ -49,60 +48,18 @@ class ConfigurationData(Document):
         return data
 
     @classmethod
-    def load(cls, path: str | Path, overrides: Overrides = ()) -> ConfigurationData:
-        """The data of a file with changes from outside, as ``continuum_grasp.scene.load`` takes them."""
-        return cls.read(path, read_overrides(overrides))
-
-    @classmethod
-    def given(cls, value: Any, kind: type[Any], overrides: Overrides = ()) -> ConfigurationData:
-        """The data of a scene that is given as such, as a mapping, or by the path of its file."""
-        if not isinstance(value, kind | Mapping):
-            return cls.of_file(value, kind, overrides, ", or a mapping")
-        data = cls.of(value, kind.__name__, value.file if isinstance(value, kind) else None)
-        for path, new in read_overrides(overrides):
-            data.override(path, new)
-        return data
-
-    @classmethod
-    def of_file(cls, path: Any, kind: Any, overrides: Overrides, others: str = "") -> ConfigurationData:
-        """The data of a file whose scene is of a class, or of one of some; ``others`` is what else is accepted."""
-        if not isinstance(path, (str, os.PathLike)):
-            names = " or ".join(accepted.__name__ for accepted in each_of(kind))
-            raise InputError(f"expected a {names} or the path of its file{others}, got {path!r:.80}")
-        data = cls.load(Path(path), overrides)
-        if not isinstance(data.scene, kind):
-            raise other_kind(path, kind, data.scene)
-        return data
-
-    @classmethod
-    def of(cls, value: Any, name: str, file: Path | None = None) -> ConfigurationData:
+    def of(cls, value: Any, name: str, file: Path | None = None) -> Self:
         """The data of a scene or mapping that is given in Python, which errors call by a name."""
         return cls(plain(value), {(): Place(name)}, file=file or Path(name))
-
-    @property
-    def kind(self) -> ConfigurationKind:
-        """Kind of the configuration, by its keys."""
-        return kind_of(self.value)
-
-    @property
-    def scene(self) -> Any:
-        """The scene, of the class of its kind; what else it names is checked, too."""
-        # No cached_property of functools, whose line would be the one that warnings name.
-        if self._scene is None:
-            kind = self.kind
-            if kind.name == "finger":
-                take_version(self)
-            self._scene = named_value(kind.reader)(self) if kind.reader else self.validated(kind.scene_class)
-        return self._scene
 
     def validated(self, model: type[Model]) -> Model:
         """The contents, checked: `InputError` has file, line, column and key of everything that is wrong."""
         return validated(self, model)
 
-    def changed(self, changes: Iterable[Change]) -> ConfigurationData:
+    def changed(self, changes: Iterable[Change]) -> Self:
         """A copy with changes applied."""
         value, places, notes = copy.deepcopy(self.value), dict(self.places), list(self.notes)
-        result = ConfigurationData(value, places, self.varied, notes, self.file)
+        result = type(self)(value, places, self.varied, notes, self.file)
         _apply(result, changes, self.file)
         return result
 
@@ -128,8 +85,8 @@ def _put_in_files(document: Document, main: Path) -> None:
     target = document.value.get("grasp")
     if isinstance(target, str):
         file = document.place(("grasp",)).named_file(target, main, "grasp file", ("grasp",))
-        inner = ConfigurationData.read(file, ())
-        if (kind := inner.kind.name) != "grasp":
+        inner = AssembledData.read(file, ())
+        if (kind := kind_of(inner.value).name) != "grasp":
             message = f"expected a grasp (finger, object, ...), got a file of kind {kind}"
             raise document.place(("grasp",)).error(message, ("grasp",))
         document.put(("grasp",), inner)

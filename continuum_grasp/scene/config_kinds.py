@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.base import ConfigurationKind, InputError, addons
 
 if TYPE_CHECKING:
-    from pydantic import BaseModel
+    pass
 
 _CORE = (
     ConfigurationKind(
@@ -52,20 +51,3 @@ def kind_of(data: Any) -> ConfigurationKind:
     # Add-ons first: a plan or a sweep has keys of scenes of the core beside its own.
     fitting = [kind for kind in reversed(kinds().values()) if kind.recognizes(keys)]
     return max(fitting, key=lambda kind: len(kind.required) + 0.5 * bool(kind.marks), default=kinds()["simulate"])
-
-
-def each_of(kind: type | tuple[type, ...]) -> tuple[type, ...]:
-    return kind if isinstance(kind, tuple) else (kind,)
-
-
-def other_kind(file: str | os.PathLike[str], wanted: type | tuple[type, ...], loaded: BaseModel) -> InputError:
-    """The error that a file is of another kind than those wanted, and which command takes it."""
-    names = [accepted.__name__ for accepted in each_of(wanted)]
-    asked = [kind for kind in kinds().values() if kind.class_name in names]
-    got = kind_of_scene(loaded)
-    expected = " or ".join(kind.expected for kind in asked)
-    return InputError(f"expected {expected}, got {got.words}{got.advice}", file=os.fspath(file))
-
-
-def kind_of_scene(loaded: BaseModel) -> ConfigurationKind:
-    return next(kind for kind in kinds().values() if kind.class_name == type(loaded).__name__)

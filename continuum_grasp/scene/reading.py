@@ -3,15 +3,71 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Self, TypeAlias, TypeVar, overload
 
-from continuum_grasp.scene.assembly import ConfigurationData, Overrides
+from continuum_grasp.base import ConfigurationKind, InputError, command_line, named_value
+from continuum_grasp.scene.assembly import AssembledData, Overrides, read_overrides, take_version
+from continuum_grasp.scene.config_kinds import kind_of, kinds
 from continuum_grasp.scene.simulate import Scene
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
 
 Loaded: TypeAlias = Any
 """A scene of any kind: which one, the content of its file decides."""
 Kind = TypeVar("Kind")
+
+
+@dataclass
+class ConfigurationData(AssembledData):
+    """Plain data of a configuration, of which its keys say the kind."""
+
+    _scene: Any = field(default=None, init=False, repr=False, compare=False)
+
+    @classmethod
+    def load(cls, path: str | Path, overrides: Overrides = ()) -> Self:
+        """The data of a file with changes from outside, as ``continuum_grasp.scene.load`` takes them."""
+        return cls.read(path, read_overrides(overrides))
+
+    @classmethod
+    def given(cls, value: Any, kind: type[Any], overrides: Overrides = ()) -> Self:
+        """The data of a scene that is given as such, as a mapping, or by the path of its file."""
+        if not isinstance(value, kind | Mapping):
+            return cls.of_file(value, kind, overrides, ", or a mapping")
+        data = cls.of(value, kind.__name__, value.file if isinstance(value, kind) else None)
+        for path, new in read_overrides(overrides):
+            data.override(path, new)
+        return data
+
+    @classmethod
+    def of_file(cls, path: Any, kind: Any, overrides: Overrides, others: str = "") -> Self:
+        """The data of a file whose scene is of a class, or of one of some; ``others`` is what else is accepted."""
+        names = [accepted.__name__ for accepted in (kind if isinstance(kind, tuple) else (kind,))]
+        if not isinstance(path, (str, os.PathLike)):
+            raise InputError(f"expected a {' or '.join(names)} or the path of its file{others}, got {path!r:.80}")
+        data = cls.load(Path(path), overrides)
+        if not isinstance(data.scene, kind):
+            raise _other_kind(path, names, data.scene)
+        return data
+
+    @property
+    def kind(self) -> ConfigurationKind:
+        """Kind of the configuration, by its keys."""
+        return kind_of(self.value)
+
+    @property
+    def scene(self) -> Any:
+        """The scene, of the class of its kind; what else it names is checked, too."""
+        # No cached_property of functools, whose line would be the one that warnings name.
+        if self._scene is None:
+            kind = self.kind
+            if kind.name == "finger":
+                take_version(self)
+            self._scene = named_value(kind.reader)(self) if kind.reader else self.validated(kind.scene_class)
+        return self._scene
 
 
 def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
@@ -64,3 +120,16 @@ def scene_of(given: Any, kind: Any = Scene, overrides: Overrides = ()) -> Any:
     if kind is Scene and not isinstance(given, Scene) and (simulated := getattr(given, "simulated", None)) is not None:
         return simulated
     return given if isinstance(given, kind) else ConfigurationData.of_file(given, kind, overrides).scene
+
+
+def _other_kind(file: str | os.PathLike[str], names: list[str], loaded: BaseModel) -> InputError:
+    """The error that a file is of another kind than those wanted, and which command takes it."""
+    asked = [kind for kind in kinds().values() if kind.class_name in names]
+    got = kind_of_scene(loaded)
+    expected = " or ".join(kind.expected for kind in asked)
+    advice = f" ({command_line(got.command)})" if got.command else ""
+    return InputError(f"expected {expected}, got {got.words}{advice}", file=os.fspath(file))
+
+
+def kind_of_scene(loaded: BaseModel) -> ConfigurationKind:
+    return next(kind for kind in kinds().values() if kind.class_name == type(loaded).__name__)

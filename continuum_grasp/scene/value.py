@@ -151,10 +151,10 @@ class Value(BaseModel):
         Traceback (most recent call last):
         continuum_grasp.base.errors.InputError: GraspScene: object.mas: unknown key; did you mean 'mass'?
         """
-        from continuum_grasp.scene.assembly import ConfigurationData, read_overrides
+        from continuum_grasp.scene.assembly import AssembledData, read_overrides
 
         name = type(self).__name__
-        overrides, data = read_overrides(changes, name), ConfigurationData.of(self, name)
+        overrides, data = read_overrides(changes, name), AssembledData.of(self, name)
         for path, _ in overrides:
             data.write_out(path, self)
         return data.changed(overrides).validated(type(self))

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.scene import DEFINITIONS, json_schema, kind_of_scene, kinds, load, read_yaml, schema_files
+from continuum_grasp.scene import json_schema, kind_of_scene, kinds, load, read_yaml, schema_files
 
 ROOT = Path(__file__).parents[2]
 CONFIGS = sorted((ROOT / "configs").glob("*/*.yaml"))
@@ -37,9 +37,9 @@ def test_schema_files_are_current():
 @pytest.mark.parametrize("kind", kinds())
 def test_a_shared_definition_is_that_of_every_kind(kind):
     files, whole = schema_files(), json_schema(kind)
-    defined = json.loads(files[DEFINITIONS])["$defs"]
+    defined = json.loads(files["definitions.json"])["$defs"]
     assert {name: defined[name] for name in whole["$defs"]} == whole.pop("$defs")
-    assert json.loads(files[f"{kind}.json"].replace(f"{DEFINITIONS}#", "#")) == whole
+    assert json.loads(files[f"{kind}.json"].replace("definitions.json#", "#")) == whole
 
 
 schema_of = lru_cache(json_schema)
