@@ -25,7 +25,6 @@ from continuum_grasp.scene import (
     PointMass,
     Rod,
     Scene,
-    Surroundings,
 )
 from continuum_grasp.simulation import Signals, initial_state
 
@@ -143,7 +142,7 @@ class PlantModel(Remade):
             self._time = self._p[-1]
         self.outside: dict[str, Callable[[Array], Array]] = {}
         self.integrations: dict[str, Any] = {}
-        self._signals = Signals(self.scene, self.system.finger_model)
+        self._signals = Signals(self.scene, self.system.finger_model, nw=self.system.nw)
 
     @staticmethod
     def plant_scene(scene: ControlScene) -> Scene:
@@ -416,7 +415,7 @@ class PlantModel(Remade):
 
     def start_of(self, scene: Scene) -> Array:
         """State at time zero (nx) of a scene that differs from that of this plant by values of parameters."""
-        model, pose = self.system.finger_model, self._start_pose(scene)
+        model, pose = self.system.finger_model, list(scene.start_pose) or None
         drive_states = np.zeros(self.nx - self.system.nx)
         drive_states[: self._lags] = self.rest_input[: self._lags]
         return np.concatenate([self._begun(scene, initial_state(scene, model), pose), drive_states])
@@ -424,17 +423,6 @@ class PlantModel(Remade):
     def _begun(self, scene: Scene, finger: Array, pose: list[float] | None) -> Array:
         """State of the system at time zero, by that of the finger alone and the pose of an object that moves."""
         return np.concatenate([finger, self.elements.state(pose=pose)[self.system.finger_model.nx :]])
-
-    @staticmethod
-    def _start_pose(around: Surroundings) -> list[float] | None:
-        """Pose of a moving object at the start."""
-        if around.object is None or not around.object_moves:
-            return None
-        if around.contact_law is None or around.table is None or around.table.wall is not None or around.table.stays:
-            return list(around.object.pose)  # where it stands
-        # Where the table's spring carries the weight, so that the run begins at rest.
-        sunk = around.object.mass * around.out_of_plane_gravity / around.contact_law.stiffness
-        return [*around.object.pose, -sunk]
 
     def forces(self, t: ArrayLike) -> Array:
         """Forces w (T, nw) at instants (T,) [s]."""

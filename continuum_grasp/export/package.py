@@ -35,7 +35,9 @@ _PACKAGE = Consumer(
     "export to c, operators",
     unneeded={
         **Consumer.LIMITS_OF_BENDING,
-        **dict.fromkeys(("actuation", "initial", "loads.force", "loads.moment"), _ARGUMENT),
+        **dict.fromkeys(
+            ("actuation", "initial", "loads.force", "loads.moment", "object_load", "table_height"), _ARGUMENT
+        ),
         **{f"time.{key}": "steps are the caller's" for key in ("duration", "method", "tolerance", "space_error")},
         **Consumer.LEAST_COMMANDS,
     },

@@ -40,7 +40,7 @@ class Body:
         """World force, moment about the center of mass, and the height of the table."""
         self.x_names = [*_POSE[:count], *_RATES[:count]]
         self.w_names = [*_WRENCH[: self.wrench.numel()]]
-        self.start = [*described.pose, *([0.0] if self.sinks else [])] if self.moves else []
+        self.start = list(around.start_pose)
 
         self.omega: Scalar = 0.0
         if self.moves:

@@ -81,6 +81,15 @@ class MomentLoad(Value):
 Load = Annotated[ForceLoad | MomentLoad, Field(discriminator="kind")]
 
 
+class ObjectLoad(Value):
+    """Force and moment that pull at an object that moves."""
+
+    force: Annotated[Vector2 | VectorSamples, Unit("N")] = (0.0, 0.0)
+    """World force at the center of mass [N]."""
+    moment: Annotated[Real | Samples, Unit("N m")] = 0.0
+    """Moment, positive counter-clockwise [N m]."""
+
+
 class Actuation(Value):
     """The input of the finger: the tip moment, or what the drives of its tendons and its chambers take."""
 

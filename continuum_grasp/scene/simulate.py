@@ -9,10 +9,11 @@ from pydantic import Field
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.finger_scene import Fidelity as Fidelity
 from continuum_grasp.scene.finger_scene import LoadedFinger
+from continuum_grasp.scene.loads import ObjectLoad, Samples
 from continuum_grasp.scene.methods import INTEGRATORS
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Duration, Value
+from continuum_grasp.scene.value import Duration, Real, Value
 
 if TYPE_CHECKING:
     Method = str
@@ -74,6 +75,19 @@ _SEVERAL_MODELS = Consumer("accuracy, fidelity.tolerance", {**_BEYOND_THE_ROD, "
 class Scene(LoadedFinger, Surroundings):
     """One finger with gravity, contacts, loads and, for a simulation, what it can touch, initial state and time."""
 
+    REFUSALS = Consumer.refusals(
+        """
+        {object_load,table_height} without object_moves: needs an object that moves: set object_moves
+        table_height without table: needs table
+        table_height with table.stays: has no effect: an object rests for good on a table that stays
+        """
+    )
+
+    object_load: ObjectLoad | None = None
+    """Pull at an object that moves, beside its weight; None: nothing."""
+    table_height: Annotated[Real | Samples, Unit("m")] = 0.0
+    """Height of the table over time, along its normal [m]: it sinks away below zero. The object starts as on a table at
+    height zero."""
     time: Timing | None = None
     """Duration and steps of a simulation; None: for statics and modes alone."""
 

@@ -169,6 +169,19 @@ class Surroundings(Supported):
         return None if self.object is None else self
 
     @property
+    def start_pose(self) -> tuple[float, ...]:
+        """Pose of a moving object at the start: x, y [m], angle [rad] and, where it can slide out of the plane, its
+        height [m], at which the spring of a table carries the weight.
+        """
+        body, table, law = self.object, self.table, self.contact_law
+        if body is None or not self.object_moves:
+            return ()
+        if self.out_of_plane_gravity == 0.0 or (table is not None and table.stays):
+            return body.pose
+        sunk = 0.0 if table is None or law is None else body.mass * self.out_of_plane_gravity / law.stiffness
+        return (*body.pose, -sunk)
+
+    @property
     def inertia(self) -> float:
         """Moment of inertia of the object about its center of mass [kg m2]; zero without an object."""
         if self.moment_of_inertia is not None or self.object is None:

@@ -21,13 +21,16 @@ _AFTER = 1e-9
 """Time after which the first input acts [s], the least between samples: drives begin at the input before the motion."""
 
 
-def scene_under(scene: CommandedScene, t: ArrayLike, u: ArrayLike, *, linear: bool = False) -> Scene:
+def scene_under(
+    scene: CommandedScene, t: ArrayLike, u: ArrayLike, *, plant: Scene | None = None, linear: bool = False
+) -> Scene:
     """Scene of a simulation under inputs (N, nu), or (N + 1, nu), that were chosen at instants t (N + 1,) [s].
 
     They are held from an instant to the next, or ``linear`` in between; drives begin as the scene's do, at the input
-    before the motion. Output steps are the intervals, which are equal.
+    before the motion. Output steps are the intervals, which are equal. ``plant`` is what moves, where that is not the
+    finger of the scene.
     """
-    plain, finger, instants = scene.simulated, scene.finger, np.asarray(t, dtype=float)
+    plain, finger, instants = plant or scene.simulated, scene.finger, np.asarray(t, dtype=float)
     duration = float(instants[-1] - instants[0])
     count = len(instants) - 1
     if not count:

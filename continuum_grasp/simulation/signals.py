@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import ForceLoad, Load, Samples, Scene, VectorSamples
+from continuum_grasp.scene import ForceLoad, Load, ObjectLoad, Samples, Scene, VectorSamples
 
 Value = float | tuple[float, float] | Samples | VectorSamples
 
@@ -75,7 +75,8 @@ class Signals:
     """Inputs ``u`` and forces ``w`` of a model in its scene.
 
     ``loads`` are the values of the model's loads, one for each, its own where not given. ``nw`` is the size of ``w``,
-    which begins with the model's; the rest is zero. Raises InputError where an input would move a matched tip with
+    which begins with the model's; behind them are, of an object that moves, what pulls at it and the height of its
+    table. Raises InputError where an input would move a matched tip with
     infinite acceleration.
     """
 
@@ -86,9 +87,17 @@ class Signals:
         self._nw = model.nw if nw is None else nw
         commands = [0.0] * len(model.finger.inputs) if scene.actuation is None else scene.actuation.values
         self._values: list[float | Samples] = [*commands]
-        self._loads = list(zip(model.loads if loads is None else loads, model.load_entries, strict=True))
-        couples = [load for load, (vector, _) in self._loads if vector == "u"]
+        placed = list(zip(model.loads if loads is None else loads, model.load_entries, strict=True))
+        couples = [load for load, (vector, _) in placed if vector == "u"]
         self._values += [load.moment for load in couples if not isinstance(load, ForceLoad)]
+        self._forces: list[tuple[Value, int]] = [
+            (load.value, start) for load, (vector, start) in placed if vector == "w"
+        ]
+        """Values, each with its first entry of ``w``."""
+        if self._nw > model.nw:
+            pulls = scene.object_load or ObjectLoad()
+            outside = zip((pulls.force, pulls.moment, scene.table_height), (0, 2, 3), strict=True)
+            self._forces += [(value, model.nw + k) for value, k in outside if model.nw + k < self._nw]
         self._rates = model.structure.inputs.rates
         for value in self._values:
             if self._rates and isinstance(value, Samples) and value.interpolation != "smooth":
@@ -142,7 +151,7 @@ class Signals:
 
     @property
     def _sampled(self) -> list[Samples | VectorSamples]:
-        values = [*self._values, *(load.value for load, _ in self._loads)]
+        values = [*self._values, *(value for value, _ in self._forces)]
         return [value for value in values if isinstance(value, (Samples, VectorSamples))]
 
     def u(self, t: ArrayLike) -> Array:
@@ -157,10 +166,9 @@ class Signals:
         """Forces (T, nw) at instants (T,)."""
         instants = np.atleast_1d(np.asarray(t, dtype=float))
         rows = np.zeros((len(instants), self._nw))
-        for load, (vector, start) in self._loads:
-            if vector == "w":
-                values = interpolate(load.value, instants)[0].reshape(len(instants), -1)
-                rows[:, start : start + values.shape[1]] = values
+        for value, start in self._forces:
+            values = interpolate(value, instants)[0].reshape(len(instants), -1)
+            rows[:, start : start + values.shape[1]] = values
         return rows
 
 

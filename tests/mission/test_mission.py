@@ -40,9 +40,13 @@ from tests.mission_cases import COARSE, MUG, QUICK, SHORT, begun, planned
 COSTLY_FIXTURES = ("held",)
 
 
-def test_a_mission_is_not_simulated_and_says_what_is():
-    with pytest.raises(InputError, match=r"a mission moves its table .* simulate the closed loop of a finger"):
-        simulate(object.__new__(MissionRun))
+def test_a_mission_of_several_fingers_is_not_simulated_and_says_what_is():
+    several = object.__new__(MissionRun)
+    object.__setattr__(several, "runs", (None, None))
+    with pytest.raises(
+        InputError, match=r"a scene has one finger, and this mission 2: simulate the closed loop of one"
+    ):
+        simulate(several)
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +72,16 @@ def runner(assignment):
 @pytest.fixture(scope="module")
 def held(runner):
     return runner.run()
+
+
+@pytest.mark.deep
+def test_a_mission_is_simulated_open_loop_by_another_integrator(held):
+    """From approach to release: what sinks with its table is held, pulled at and set down as in the closed loop."""
+    motion = simulate(held)
+    assert motion.t == pytest.approx(held.t)
+    assert np.abs(held.object_pose[:, 3]).max() < 0.01  # the table sinks by 50 mm
+    assert np.linalg.norm(motion.tip - held.run.tip, axis=1).max() < 1e-4
+    assert np.abs(motion.object_pose - held.object_pose)[:, [0, 1, 3]].max() < 1e-4
 
 
 @pytest.mark.parametrize(

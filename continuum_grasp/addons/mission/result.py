@@ -19,7 +19,7 @@ from continuum_grasp.addons.mission.precheck import Exceeded, exceeded
 from continuum_grasp.addons.mission.record import MissionRecord
 from continuum_grasp.addons.mission.verdict import MissionVerdict, force_estimate, judge
 from continuum_grasp.base import Array, InputError, amount_text
-from continuum_grasp.closed_loop import ControlRun
+from continuum_grasp.closed_loop import ControlRun, PlantModel
 from continuum_grasp.control import Stages
 from continuum_grasp.results import (
     Dimension,
@@ -31,8 +31,8 @@ from continuum_grasp.results import (
     plain,
     yaml_text,
 )
-from continuum_grasp.scene import GraspObject, Scene
-from continuum_grasp.simulation import ContactHistory
+from continuum_grasp.scene import GraspObject, ObjectLoad, Samples, Scene, VectorSamples
+from continuum_grasp.simulation import ContactHistory, scene_under
 
 _HEAD = """\
 # How a mission went: the verdict, why the object was dropped if it was, what was asked beyond the certificate.
@@ -111,10 +111,25 @@ class MissionRun(MissionRecord, MotionResult):
 
     @property
     def simulated(self) -> Scene:
-        """Raise an InputError: scenes of simulations have no table that moves, and nothing that pulls for a while."""
-        raise InputError(
-            "a mission moves its table and pulls at the object, which scenes of simulations do not: simulate the "
-            "closed loop of a finger, of `fingers`, whose object rests where the grasp has it"
+        """Scene of a simulation of the recorded commands on the plant of the mission, without its ``variation``.
+
+        The table sinks and rises, and what pulls does, as in the mission.
+        """
+        if self.run is None:
+            raise InputError(
+                f"a scene has one finger, and this mission {len(self.runs)}: simulate the closed loop of one, of "
+                "`fingers`, whose object rests where the grasp has it"
+            )
+        plant = scene_under(self.run.scene, self.t, self.run.u, plant=self.scene)
+        outside = self.timetable.outside()
+        pulls = np.transpose([outside[name](self.t) for name in PlantModel.WRENCH])
+        height = outside["table_height [m]"](self.t)
+        times = tuple(self.t.tolist())
+        force = VectorSamples(times=times, values=tuple(map(tuple, pulls[:, :2].tolist())))
+        moment = Samples(times=times, values=tuple(pulls[:, 2].tolist()))
+        return plant.replaced(
+            object_load=ObjectLoad(force=force, moment=moment) if pulls.any() else None,
+            table_height=Samples(times=times, values=tuple(height.tolist())),
         )
 
     @property

@@ -328,6 +328,7 @@ _GUIDES = Consumer(
     unneeded={
         **Consumer.LIMITS_OF_BENDING,
         "finger.damping.per_arc": "the plant has as much material damping in its place",
+        **dict.fromkeys(("object_load", "table_height"), "the plant has them among its forces"),
         "finger.damping.friction_cells": "there is no dry friction",
         "finger.tendons.friction_cells": "each guide is a cell",
         "finger.tendons.presliding": "tendons slide or stick, and are elastic between guides",
