@@ -61,6 +61,7 @@ KINDS = {
         "grasp.png",
         3.2,
     ),
+    "hand": Kind("Hands in space", "[Planar fingers around a palm hold a solid object](hands.md).", "hand.png", 7.4),
     "mpc": Kind(
         "Control", "[A controller](control.md) against [a plant that differs from its model](mpc.md).", "path.png"
     ),

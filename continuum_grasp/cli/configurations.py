@@ -101,7 +101,7 @@ def schema(
         str | None,
         typer.Argument(
             metavar="KIND",
-            help="Print the schema of simulate, identify, grasp, mpc, mission, plan, sweep, design or finger.",
+            help="Print the schema of simulate, identify, grasp, hand, mpc, mission, plan, sweep, design or finger.",
             show_default=False,
         ),
     ] = None,

@@ -22,11 +22,11 @@ def grasp(
     ),
 ) -> None:
     """Find how fingers hold an object, or why they cannot."""
-    from continuum_grasp.scene import GraspScene
+    from continuum_grasp.scene import GraspScene, HandScene
 
     seeding = [] if seed is None else [f"solver.random_seed={seed}"]
     output = replace(output, changes=[*(output.changes or ()), *seeding])
-    scene = output.scene(GraspScene)
+    scene = output.scene(GraspScene, HandScene)
     output.check_folder()
 
     from continuum_grasp.grasp import optimize_grasp

@@ -8,7 +8,7 @@ import re
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from continuum_grasp.base import Interrupted, SolverError, amount_text, check_arguments, interruptible
 from continuum_grasp.grasp.certificate.certificate import certify
@@ -43,26 +43,44 @@ from continuum_grasp.grasp.values import (
     tension_of,
 )
 from continuum_grasp.nlp import Budget, Violation
-from continuum_grasp.scene import ONE_TURN, GraspScene, scene_of
+from continuum_grasp.scene import ONE_TURN, GraspScene, HandScene, scene_of
+
+if TYPE_CHECKING:
+    from continuum_grasp.grasp.hand.result import HandResult
+
+_Listener = Callable[[str], None] | None
 
 
+@overload
+def optimize_grasp(
+    scene: HandScene, *, raise_on_failure: bool = ..., fine: bool = ..., progress: _Listener = ...
+) -> HandResult: ...
+@overload
+def optimize_grasp(
+    scene: GraspScene, *, raise_on_failure: bool = ..., fine: bool = ..., progress: _Listener = ...
+) -> GraspResult: ...
+@overload
+def optimize_grasp(
+    scene: str | os.PathLike[str], *, raise_on_failure: bool = ..., fine: bool = ..., progress: _Listener = ...
+) -> Any: ...
 @interruptible()
 @check_arguments
 def optimize_grasp(
-    scene: GraspScene | str | os.PathLike[str],
+    scene: GraspScene | HandScene | str | os.PathLike[str],
     *,
     raise_on_failure: bool = True,
     fine: bool = False,
     progress: Callable[[str], None] | None = None,
-) -> GraspResult:
+) -> Any:
     """Find the best grasp of an object by the fingers of a scene, and verify it.
 
     Parameters
     ----------
-    scene : GraspScene or path-like
-        The scene, or its YAML file. Where it has a ``fidelity.tolerance``, the cheapest model that satisfies it is
-        found by comparison with a fine one, and the result's scene has it. Where it has ``robust``, the grasp holds for
-        all those errors, and ``robustness`` of the result says how it fares in trials.
+    scene : GraspScene, HandScene or path-like
+        The scene, in the plane or of a hand in space, or its YAML file. Where it has a ``fidelity.tolerance``, the
+        cheapest model that satisfies it is found by comparison with a fine one, and the result's scene has it. Where it
+        has ``robust``, the grasp holds for all those errors, and ``robustness`` of the result says how it fares in
+        trials.
     raise_on_failure : bool, optional
         Raise where no verified grasp holds the object; False: return the result with its ``status``.
     fine : bool, optional
@@ -74,7 +92,7 @@ def optimize_grasp(
 
     Returns
     -------
-    GraspResult
+    GraspResult or HandResult
         The best verified grasp that was found; its ``exploration`` says where it was looked for. ``optimal`` is the
         best local optimum next to all exact rods that hold the object, but for those that take clearly more tension,
         and none of them takes clearly less; or a bound proves it to be the least.
@@ -99,7 +117,16 @@ def optimize_grasp(
     >>> grasp.status.value, round(grasp.tension, 1), len(grasp.contacts)
     ('feasible', 42.3, 3)
     """
-    scene = scene_of(scene, GraspScene)
+    asked = scene_of(scene, (GraspScene, HandScene))
+    if isinstance(asked, HandScene):
+        from continuum_grasp.grasp.hand.solve import hold
+
+        return _raised(hold(asked, progress), raise_on_failure)
+    return _raised(_held(asked, fine, progress), raise_on_failure)
+
+
+def _held(scene: GraspScene, fine: bool, progress: _Listener) -> GraspResult:
+    """The best grasp in the plane, for errors and of a fine model where these are asked for."""
     budget = Budget.of(scene.solver, progress)
     tolerance = asked_tolerance(scene)
     if tolerance is None:
@@ -110,11 +137,19 @@ def optimize_grasp(
     result = with_outline(result)
     if fine and not scene.is_robust and result.solved and not result.statistics["interrupted"]:
         result = _compared(result, tolerance is None, budget)
+    return result
+
+
+_AnyResult = TypeVar("_AnyResult", GraspResult, "HandResult")
+
+
+def _raised(result: _AnyResult, raise_on_failure: bool) -> _AnyResult:
+    """The result, or the error that there is none where it is to be raised."""
     if raise_on_failure and not result.solved:
         raise SolverError(
             result.message,
             status=result.status.value,
-            violated=result.violated,
+            violated=result.violated if isinstance(result, GraspResult) else (),
             advice=result.advice,
             result=result,
         )

@@ -37,6 +37,7 @@ __all__ = [
     "GraspScene",
     "GraspSolver",
     "HalfPlaneZone",
+    "HandScene",
     "Horizon",
     "Initial",
     "InputLimits",

@@ -21,6 +21,10 @@ _CORE = (
         without=("contact_law",),
     ),
     ConfigurationKind(
+        *("hand", "continuum_grasp.scene:HandScene", "a hand in space", "hand, object", "grasp"),
+        required=("hand", "object"),
+    ),
+    ConfigurationKind(
         *("mpc", "continuum_grasp.scene:ControlScene", "a closed loop", "finger, controller", "mpc"),
         required=("controller",),
     ),

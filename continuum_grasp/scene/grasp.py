@@ -253,52 +253,18 @@ class GraspScene(Configuration, Supported):
     def _check(self) -> None:
         self._check_one_given("finger", "fingers")
         for name in (*self.named_fingers, *self.supports):
-            if not _NAME.fullmatch(name):
-                raise ValueError(f"{name!r:.40} is no name: expected letters, digits and _, beginning with a letter")
+            check_name(name)
         twice = set(self.named_fingers) & set(self.supports)
         if twice:
             raise ValueError(f"a finger and a support share the name {twice.pop()!r}")
         for setup in self.setups:
-            self._check_finger(setup, self.place_of(setup))
+            check_finger(setup, self.place_of(setup), self.fidelity)
+            self._check_place(setup, self.place_of(setup))
         self._check_bases()
         self._check_supports()
 
-    def _check_finger(self, setup: FingerSetup, where: str) -> None:
-        finger, length = setup.finger, setup.finger.rod.length
-        fidelity = finger.fidelity or self.fidelity
-        if finger.tendons is None:
-            raise ValueError(f"{where}.tendons is needed: the tendon tension is what is sought")
-        for feature in _FINGERS:
-            feature.check(finger, where)
-        if setup.drive is not None and not setup.drive.greatest > 0.0:
-            raise ValueError(f"{where}.tendons.drive.torque_max is no more than coulomb_friction: it pulls nothing")
-        if isinstance(fidelity.elements, tuple):
-            raise ValueError("fidelity.elements must be a number here: the lengths of the elements are sought")
-        if all(m == "off" for m in setup.middles) and setup.tip == "off":
-            raise ValueError(f"{where}: at least one of middle and tip must be on or auto")
-        if setup.stations and setup.elements <= len(setup.stations):
-            raise ValueError(
-                f"{where}: contacts.stations: {len(setup.stations)} needs fidelity.elements of "
-                f"{len(setup.stations) + 1} at least, got {setup.elements}"
-            )
-        marks = (0, *setup.before, setup.elements)
-        if any(b <= a for a, b in pairwise(marks)):
-            raise ValueError(
-                f"{where}: fidelity.elements: {setup.elements} leave no element between two middle contacts, or before "
-                f"base or tip: take {len(setup.middles) + 1} at least"
-            )
-        family = FAMILIES[setup.family]
-        finger.check_family("fidelity.family", setup.family)
-        if family.one_turn and setup.bending_range > ONE_TURN:
-            wider = " or ".join(name for name, each in FAMILIES.items() if not each.one_turn)
-            raise ValueError(
-                f"fidelity.bending_range = {setup.bending_range} rad is more than an element of family "
-                f"{setup.family} can follow (one turn): take more elements, or family: {wider}"
-            )
-        _STATIONS.check(setup, where, finger)
-        high = setup.middle_bounds[1]
-        if high >= length:
-            raise ValueError(f"contacts.middle_range ends at {high} m; {where} is {length} m long")
+    def _check_place(self, setup: FingerSetup, where: str) -> None:
+        finger = setup.finger
         gap = self.object.distance(finger.base.position) - finger.thickness_radius
         # A pose to be chosen only starts there.
         if gap < -self.touching_gap and self.object.free is None and finger.base_free is None:
@@ -338,6 +304,51 @@ class GraspScene(Configuration, Supported):
                     f"supports.{body.name} is {least:.4g} m away from the object, too near to be meant so and too far "
                     f"to carry it: set object.against: {body.name}, or supports.{body.name}.touch: off"
                 )
+
+
+def check_name(name: str) -> None:
+    """Refuse, by `ValueError`, what cannot be the name of a finger or a support."""
+    if not _NAME.fullmatch(name):
+        raise ValueError(f"{name!r:.40} is no name: expected letters, digits and _, beginning with a letter")
+
+
+def check_finger(setup: FingerSetup, where: str, of_all: Fidelity) -> None:
+    """Refuse, by `ValueError`, a finger at ``where`` that grasps cannot take; its fidelity may be that ``of_all``."""
+    finger, length = setup.finger, setup.finger.rod.length
+    fidelity = finger.fidelity or of_all
+    if finger.tendons is None:
+        raise ValueError(f"{where}.tendons is needed: the tendon tension is what is sought")
+    for feature in _FINGERS:
+        feature.check(finger, where)
+    if setup.drive is not None and not setup.drive.greatest > 0.0:
+        raise ValueError(f"{where}.tendons.drive.torque_max is no more than coulomb_friction: it pulls nothing")
+    if isinstance(fidelity.elements, tuple):
+        raise ValueError("fidelity.elements must be a number here: the lengths of the elements are sought")
+    if all(m == "off" for m in setup.middles) and setup.tip == "off":
+        raise ValueError(f"{where}: at least one of middle and tip must be on or auto")
+    if setup.stations and setup.elements <= len(setup.stations):
+        raise ValueError(
+            f"{where}: contacts.stations: {len(setup.stations)} needs fidelity.elements of "
+            f"{len(setup.stations) + 1} at least, got {setup.elements}"
+        )
+    marks = (0, *setup.before, setup.elements)
+    if any(b <= a for a, b in pairwise(marks)):
+        raise ValueError(
+            f"{where}: fidelity.elements: {setup.elements} leave no element between two middle contacts, or before "
+            f"base or tip: take {len(setup.middles) + 1} at least"
+        )
+    family = FAMILIES[setup.family]
+    finger.check_family("fidelity.family", setup.family)
+    if family.one_turn and setup.bending_range > ONE_TURN:
+        wider = " or ".join(name for name, each in FAMILIES.items() if not each.one_turn)
+        raise ValueError(
+            f"fidelity.bending_range = {setup.bending_range} rad is more than an element of family "
+            f"{setup.family} can follow (one turn): take more elements, or family: {wider}"
+        )
+    _STATIONS.check(setup, where, finger)
+    high = setup.middle_bounds[1]
+    if high >= length:
+        raise ValueError(f"contacts.middle_range ends at {high} m; {where} is {length} m long")
 
 
 def _can_meet(finger: GraspFinger, other: GraspFinger) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import casadi as ca
 
@@ -17,21 +18,22 @@ def add_limits(problem: Unknowns) -> None:
     _bound_contacts(problem)
     places = [_keep_clear(problem, finger) for finger in problem.fingers]
     for finger in problem.fingers:
-        _keep_limits(problem, finger)
+        keep_limits(problem, finger)
     for first, other in problem.spec.pairs:
         _keep_apart(problem, (first, other), (places[first], places[other]))
     if problem.spec.free:
         _keep_object_clear(problem)
 
 
-def friction_cone(problem: Unknowns, friction: ca.SX, n: ca.SX, f: ca.SX, lift: ca.SX) -> ca.SX:
+def friction_cone(problem: Any, friction: ca.SX, n: ca.SX, f: ca.SX, lift: ca.SX) -> ca.SX:
     """Rows that are not negative for forces within a friction cone, less its reserve, where nothing pulls (n >= 0)."""
     friction = problem.numbers("cone share") * friction
     if problem.spec.dimensions == 3:
         # The hyperboloid (mu N)^2 >= f^2 + l^2 + e^2 within the cone. The cone has a kink where nothing presses, at
         # which IPOPT would zigzag; so does a root in its place, which is nearly one.
         apex = problem.numbers("cone rounding")
-        return friction * n - apex - (f**2 + lift**2) / (friction * n + apex)
+        cone: ca.SX = friction * n - apex - (f**2 + lift**2) / (friction * n + apex)
+        return cone
     # In the plane the cone is two half planes: linear, nothing to round.
     return ca.vertcat(friction * n - f, friction * n + f)
 
@@ -108,7 +110,8 @@ def _keep_apart(problem: Unknowns, pair: tuple[int, int], places: tuple[ca.SX, c
     problem.rows.require(f"overlap of fingers, {name}", spare, "m", "overlap", upper=ca.inf)
 
 
-def _keep_limits(problem: Unknowns, finger: UnitFinger) -> None:
+def keep_limits(problem: Any, finger: UnitFinger) -> None:
+    """A finger keeps the limits of its tendons, drives and model."""
     require, slack, number = problem.rows.require, problem.slack, finger.number
     name = finger.spec.name
     over = finger.pulls - number("pull_max") - slack["tension"] * number("pull_per_force")

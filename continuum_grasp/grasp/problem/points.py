@@ -59,14 +59,14 @@ def _finger_start(setup: FingerSetup, finger: FingerLayout, whole: GraspStart, u
             wound = {"command": [pulls[0] - pulls[1]], "wound": [stretched[0] - law.start / length]}
     return {
         **wound,
-        "q": _coordinates(setup, finger, lengths, knots, curvatures),
+        "q": coordinates(setup, finger, lengths, knots, curvatures),
         "pulls": pulls,
         "base": units.pose(start.base),
         **{f"joint_{k}": s for k, s in enumerate(joints)},
     }
 
 
-def _coordinates(setup: FingerSetup, finger: FingerLayout, lengths: Array, knots: Array, curvatures: Array) -> Array:
+def coordinates(setup: FingerSetup, finger: FingerLayout, lengths: Array, knots: Array, curvatures: Array) -> Array:
     """Coordinates of the unit finger near a shape, curvatures being linear between knots (1, K) along it."""
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
     family = finger.family

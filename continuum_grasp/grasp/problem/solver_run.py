@@ -41,7 +41,7 @@ from continuum_grasp.nlp import (
     Start,
     Violation,
 )
-from continuum_grasp.scene import GraspScene
+from continuum_grasp.scene import GraspScene, HandScene
 
 MODEST = 0.8
 """Part of the most that makes sense of an amount, up to which one of several limits is relaxed: else a mass would go to
@@ -339,14 +339,14 @@ _IPOPT = {
 }
 
 
-def settings_of(scene: GraspScene) -> Settings:
+def settings_of(scene: GraspScene | HandScene) -> Settings:
     """Settings of the solver that a scene asks for."""
     options = scene.solver
     constraints = min(1e-9, options.tolerance)
     return Settings(options.method, options.tolerance, constraints, options.max_iterations, {"ipopt": _IPOPT})
 
 
-def allowed_depth(scene: GraspScene) -> float:
+def allowed_depth(scene: GraspScene | HandScene) -> float:
     """Depth that fingers may have between guarded places, as a part of the length."""
     return DEEP * max(tolerance_of(setup, scene) for setup in scene.setups)
 

@@ -19,7 +19,7 @@ from continuum_grasp.grasp.problem.unknowns import Layout
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart
 from continuum_grasp.grasp.values import LITTLE, NEAR
 from continuum_grasp.model import SHARP, Feature, surface_of
-from continuum_grasp.scene import FingerSetup, GraspScene, Wall
+from continuum_grasp.scene import FingerSetup, GraspScene, HandScene, Wall
 
 Values = dict[str, Any]
 
@@ -128,7 +128,10 @@ def problem_values(problem: Layout, scene: GraspScene, start: GraspStart, featur
         **_objective_values(scene, units),
     }
     for setup in scene.setups:
-        values |= _finger_values(scene, setup, start, units)
+        tolerance = scene.solver.penetration_tolerance
+        if setup.stations:
+            tolerance = tolerance_of(setup, scene) * setup.finger.rod.length / units.length
+        values |= finger_values(setup, start, units, scene.gravity[:2], tension_weight(scene), tolerance)
     for contact in problem.spec.contacts:
         values |= _contact_values(scene, contact.name, start.contacts[contact.name], features[contact.name], units)
     return values
@@ -199,7 +202,12 @@ def _counts(setup: FingerSetup) -> list[int]:
     return [b - a for a, b in pairwise((0, *setup.before, setup.elements))]
 
 
-def _finger_values(scene: GraspScene, setup: FingerSetup, whole: GraspStart, units: Units) -> Values:
+def finger_values(
+    setup: FingerSetup, whole: GraspStart, units: Units, gravity: Sequence[float], weight: float, tolerance: float
+) -> Values:
+    """Numbers of a finger in its plane, with ``gravity`` there [m/s2], the ``weight`` of its tensions in the objective
+    [1/N], and the depth that it may have in obstacles, in units of the problem.
+    """
     finger, rod, tendons, start = setup.finger, setup.finger.rod, setup.tendons, whole.fingers[setup.name]
     tensions, states = whole.tensions.get(setup.name, (0.0, 0.0)), whole.friction_states.get(setup.name)
     length, offset, greatest_tension, used = rod.length, tendons.offset, setup.max_tension, finger.tendons_used
@@ -209,11 +217,11 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: GraspStart, uni
     least = tendons.min_tension * offset / moment
     values: Values = {
         "length": length / units.length,
-        "curves": curve_numbers(setup, any(scene.gravity[:2])),
+        "curves": curve_numbers(setup, any(gravity)),
         "force share": moment / length / units.force,
         "base": [*units.point(finger.base.position), finger.base.angle],
         # Weight per length in units of E I / L^3: how far a finger sags per length, whatever its size.
-        "weight": [g * rod.mass_per_length * length**3 / setup.stiffness for g in scene.gravity[:2]],
+        "weight": [g * rod.mass_per_length * length**3 / setup.stiffness for g in gravity],
         "tendon_friction": tendons.friction,
         # As `FingerModel` takes them: whether it was pulled from its shape at rest on stands last.
         "friction_history": np.append(np.zeros(setup.friction_states), 1.0) if states is None else [*states, 0.0],
@@ -225,7 +233,7 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: GraspStart, uni
             greatest_tension * offset / moment if used in ("both", side) else 0.0 for side in ("left", "right")
         ],
         "pull_per_force": units.force * offset / moment,
-        "tension weight": tension_weight(scene) * moment / offset,
+        "tension weight": weight * moment / offset,
         "pull_held": [t * offset / moment for t in tensions],
     }
     law = setup.drive
@@ -255,9 +263,7 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: GraspStart, uni
     for k, mass in enumerate(inner):
         values |= {f"mass_{k}": mass.mass / rod_mass, f"mass_{k}.at": mass.at / length}
     values |= {f"joint_{k}": s / length for k, s in enumerate(setup.middle_places)}
-    values["tolerance"] = (
-        tolerance_of(setup, scene) * length / units.length if setup.stations else (scene.solver.penetration_tolerance)
-    )
+    values["tolerance"] = tolerance
     return {f"{setup.name}.{key}": value for key, value in values.items()}
 
 
@@ -271,7 +277,7 @@ def held_values(setup: FingerSetup, arrays: Mapping[str, Any]) -> Array:
     return np.asarray(wound.held / length if wound.law.locks else wound.held * pulls)
 
 
-def tolerance_of(setup: FingerSetup, scene: GraspScene) -> float:
+def tolerance_of(setup: FingerSetup, scene: GraspScene | HandScene) -> float:
     """Depth that a finger may have in obstacles, as a part of the length."""
     return max(BETWEEN if setup.stations else 0.0, scene.solver.penetration_tolerance)
 

@@ -1,0 +1,298 @@
+"""Verification of a hand's grasp by numpy alone, from its stored numbers; nothing is shared with the optimizer.
+
+Each finger is integrated anew in its plane, and tested there as planar grasps are; its displacement out of the plane
+under the contact forces is a quadrature. Places and normals on the object are found anew from the displaced fingers.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from continuum_grasp.base import Array, Summarized, amount_text
+from continuum_grasp.grasp.certificate.certificate import _equilibrium, _finger_limits, _lengths, _numbers, _storage
+from continuum_grasp.grasp.certificate.check import CURLED, EXACT, GUARDED, Check, self_overlap, worst
+from continuum_grasp.grasp.certificate.recomputed import OF_FINGER
+from continuum_grasp.grasp.hand.recomputed import OF_CONTACTS, HandTouch, RecomputedHand, SpatialFinger, known_touches
+from continuum_grasp.grasp.hand.stability import HandResponse, HandStability, hand_response, hand_stability
+from continuum_grasp.scene import FAMILIES, HandScene
+
+ASIDE = 0.05
+"""Greatest displacement of a contact out of its finger's plane, per length of the finger [1]: at 0.03 the linear theory
+is within 0.4 % of a geometrically exact rod."""
+
+
+@dataclass(frozen=True)
+class HandContact:
+    """A contact as it was recomputed.
+
+    Attributes
+    ----------
+    name : str
+        The finger's and ``middle`` or ``tip``.
+    normal_force, friction_force : float
+        Force on the object along its inward normal, and across it [N].
+    margin : float
+        1 - |friction force| / (friction coefficient * normal force); positive: it is not about to slip.
+    deflection : float
+        Displacement of the finger out of its plane there, per length of the finger [1].
+    """
+
+    name: str
+    normal_force: float
+    friction_force: float
+    margin: float
+    deflection: float
+
+
+@dataclass(frozen=True)
+class HandCertificate(Summarized):
+    """The result of recomputing a hand's grasp independently.
+
+    Attributes
+    ----------
+    checks : tuple of Check
+        Every property that must hold.
+    contacts : tuple of HandContact
+        Forces and displacement of each contact.
+    hand : RecomputedHand or None
+        What was recomputed; None where the stored numbers are no grasp.
+    """
+
+    checks: tuple[Check, ...]
+    contacts: tuple[HandContact, ...] = ()
+    hand: RecomputedHand | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def passed(self) -> bool:
+        """Whether every check passed."""
+        return all(check.passed for check in self.checks)
+
+    @property
+    def acceptable(self) -> bool:
+        """Whether it is what the scene asks for: every check passed, and stable where that is required."""
+        if self.hand is None or not self.passed:
+            return False
+        return self.hand.scene.stability == "ignore" or self.stability.stable
+
+    @property
+    def failed(self) -> tuple[Check, ...]:
+        """The checks that did not pass."""
+        return tuple(check for check in self.checks if not check.passed)
+
+    @cached_property
+    def stability(self) -> HandStability:
+        """Second-order test in space; computed when first asked for."""
+        return HandStability(float("nan"), float("nan"), "") if self.hand is None else hand_stability(self.hand)
+
+    @cached_property
+    def response(self) -> HandResponse | None:
+        """Linear response to wrenches and tensions; computed when first asked for, None where nothing is known."""
+        return None if self.hand is None else hand_response(self.hand)
+
+    @property
+    def friction_margin(self) -> float:
+        """Least of the friction margins; NaN where nothing is known."""
+        if self.hand is None:
+            return float("nan")
+        return min((contact.margin for contact in self.contacts), default=0.0)
+
+    def data(self) -> dict[str, Any]:
+        """The certificate as plain data."""
+        stability = self.stability
+        verdict = {
+            key: getattr(stability, key) for key in ("stable", "eigenvalue", "stiffness", "motion", "assumptions")
+        }
+        return {
+            "passed": self.passed,
+            "checks": [{**asdict(check), "passed": check.passed} for check in self.checks],
+            "contacts": [asdict(contact) for contact in self.contacts],
+            "friction_margin": self.friction_margin,
+            "stability": verdict | {"mode": stability.mode.tolist()},
+        }
+
+    def headline(self) -> str:
+        """Number of checks that passed."""
+        return f"{len(self.checks) - len(self.failed)} of {len(self.checks)} checks passed"
+
+    def pairs(self) -> dict[str, str]:
+        """Failed checks, least margin, greatest displacement and stability."""
+        failed = {"failed": ", ".join(check.name for check in self.failed)} if self.failed else {}
+        aside = max((abs(contact.deflection) for contact in self.contacts), default=0.0)
+        return {
+            **failed,
+            "least margin": f"{self.friction_margin:.1%} of the friction cone",
+            "lateral deflection": f"{aside:.1%} of the length",
+            "second-order test": str(self.stability),
+        }
+
+    def __getitem__(self, name: str) -> Check:
+        for check in self.checks:
+            if check.name == name:
+                return check
+        raise KeyError(name)
+
+
+def certify_hand(scene: HandScene, arrays: Mapping[str, Any]) -> HandCertificate:
+    """Verify a hand's grasp from its stored numbers.
+
+    Parameters
+    ----------
+    scene : HandScene
+    arrays : mapping
+        For each finger F, in its own plane: ``F.family``, ``F.q``, ``F.lengths``, ``F.curvature_shapes``,
+        ``F.tip_curvature``, ``F.tensions``, ``F.base``, ``F.backbone``. For the contacts, as the hand sees them:
+        ``contact_names``, ``contact_positions`` on the object [m], ``contact_normals`` of the object (outward),
+        ``contact_forces`` on the fingers [N], ``contact_stations`` along them [m], and ``contact_deflections`` of their
+        backbones out of their planes [m].
+
+    Returns
+    -------
+    HandCertificate
+    """
+    with np.errstate(all="ignore"):
+        checks = [
+            Check("numbers that are not finite", float(_not_finite(scene, arrays)), 0.0),
+            Check("stored arrays that are missing or do not fit", float(_misfits(scene, arrays)), 0.0),
+        ]
+        if not all(check.passed for check in checks):  # what is wrong here stops the rest
+            return HandCertificate(tuple(checks))
+        lengths = [_lengths(setup.name, setup.finger.rod.length, arrays) for setup in scene.setups]
+        if not all(check.passed for check in lengths):
+            return HandCertificate((*checks, *lengths))
+        hand = RecomputedHand(scene, arrays)
+        checks += [touches_check(hand), *lengths]
+        for finger in hand.fingers:
+            checks += [*_equilibrium(finger.plane), *_storage(finger.plane), *_finger_limits(finger.plane)]
+            for contact in finger.contacts:
+                checks += _contact(hand, finger, contact)
+        checks += [*_object(hand), *_clearances(hand)]
+        contacts = tuple(
+            HandContact(c.name, c.normal_force, c.friction_force, c.friction_margin, c.deflection / finger.length)
+            for finger in hand.fingers
+            for c in finger.contacts
+        )
+        return HandCertificate(tuple(checks), contacts, hand)
+
+
+def _not_finite(scene: HandScene, arrays: Mapping[str, Any]) -> int:
+    """Number of entries that are NaN or infinite."""
+    names = [f"{setup.name}.{name}" for setup in scene.setups for name in OF_FINGER]
+    names += [f"contact_{key}" for key in OF_CONTACTS]
+    stored = [_numbers(arrays.get(name, 0.0)) for name in names]
+    return sum(int((~np.isfinite(values)).sum()) for values in stored if values is not None)
+
+
+def _misfits(scene: HandScene, arrays: Mapping[str, Any]) -> int:
+    """Number of arrays that are missing, misshapen or of another family than the scene's."""
+
+    def shape(name: str) -> tuple[int, ...] | None:
+        values = _numbers(arrays[name]) if name in arrays else None
+        return None if values is None else tuple(values.shape)
+
+    names = np.asarray(arrays.get("contact_names", 0.0))
+    wrong = ["contact_names" not in arrays or names.shape != (names.size,)]
+    expected: dict[str, tuple[int, ...]] = {f"contact_{key}": (names.size, *of) for key, of in OF_CONTACTS.items()}
+    for setup in scene.setups:
+        prefix, n = f"{setup.name}.", setup.elements
+        shapes, backbone = shape(f"{prefix}curvature_shapes") or (), shape(f"{prefix}backbone")
+        coordinates = (shapes[-1] if shapes else 0) - FAMILIES[setup.family].matches_tip
+        expected |= {f"{prefix}q": (coordinates,), f"{prefix}lengths": (n,), f"{prefix}tip_curvature": ()}
+        expected |= {f"{prefix}tensions": (2,), f"{prefix}base": (3,)}
+        wrong += [str(arrays.get(f"{prefix}family")) != setup.family]
+        wrong += [len(shapes) != 3 or shapes[0] != n or 0 in shapes]
+        wrong += [backbone is None or len(backbone) != 2 or backbone[0] < 2 or backbone[1] != 4]
+    return sum(wrong) + sum(shape(name) != wanted for name, wanted in expected.items())
+
+
+def touches_check(hand: RecomputedHand) -> Check:
+    """Number of contacts that are missing, unknown, there twice, or there although they are off."""
+    present = Counter(hand.names)
+    wrong = sum(count - 1 for count in present.values()) + len(set(present) - set(known_touches(hand.scene)))
+    for setup in hand.scene.setups:
+        for name, switch in setup.switches.items():
+            wrong += switch == ("off" if name in present else "on")
+    return Check("contacts as the scene has them", float(wrong), 0.0)
+
+
+def _contact(hand: RecomputedHand, finger: SpatialFinger, c: HandTouch) -> Iterator[Check]:
+    """Forces and geometry of a contact."""
+    scale, length, normal_force = hand.force_scale, finger.length, c.normal_force
+    yield Check.part(f"friction cone, {c.name}", c.friction_force - c.held_friction * normal_force, scale, "N")
+    limit = c.normal_force_max
+    over = worst(-normal_force / scale, normal_force / limit - 1)
+    yield Check(f"normal force, {c.name}", over, EXACT, amount_text(limit, "N", ".4g"))
+    off = [*np.abs(c.stored_position - c.point) / length, *np.abs(c.stored_normal - c.normal)]
+    off.append(abs(c.stored_station - c.station) / length)
+    yield Check(f"stored contact, {c.name}", worst(*off), EXACT, f"{length:.4g} m")
+    yield Check.part(f"contact gap, {c.name}", abs(c.distance - c.radius), length, "m")
+    aside = float(c.normal @ c.tangent)
+    if c.kind == "middle":
+        yield Check(f"contact tangency, {c.name}", abs(aside), EXACT, "rad")
+    else:  # a rounded end touches with what lies ahead of it; the search leaves the root of its tolerance
+        slack = float(np.sqrt(hand.scene.solver.penetration_tolerance))
+        yield Check(f"contact direction, {c.name}", aside, slack + EXACT, "rad")
+    yield Check.part(f"shift to the side, {c.name}", abs(c.stored_deflection - c.deflection), length, "m")
+    yield Check.part(f"lateral deflection, {c.name}", abs(c.deflection), length, "m", ASIDE)
+
+
+def _object(hand: RecomputedHand) -> Iterator[Check]:
+    """Balance of the object's forces, and of their moments about its center of mass."""
+    force, moment = hand.scene.object.weighed * hand.gravity, np.zeros(3)
+    for contact in hand.contacts:
+        force = force - contact.load
+        moment -= np.cross(contact.point - hand.com, contact.load)
+    yield Check.part("object force balance", float(np.abs(force).max()), hand.force_scale, "N")
+    yield Check.part("object moment balance", float(np.abs(moment).max()), hand.force_scale * hand.size, "N m")
+
+
+def _clearances(hand: RecomputedHand) -> Iterator[Check]:
+    """Displaced fingers against the object and each other, and each against itself within its plane."""
+    for finger in hand.fingers:
+        depth = finger.radius - float(hand.surface.nearest(finger.points).distance.min())
+        yield Check.part(f"penetration into the object, {finger.name}", depth, finger.length, "m", GUARDED)
+        yield Check.part(f"{CURLED}, {finger.name}", self_overlap(finger.plane), finger.length, "m", GUARDED)
+    for first, other in combinations(hand.fingers, 2):
+        depth = first.radius + other.radius - backbone_distance(first.points, other.points)
+        length = min(first.length, other.length)
+        yield Check.part(f"overlap of fingers, {first.name}, {other.name}", depth, length, "m", GUARDED)
+
+
+def backbone_distance(a: Array, b: Array) -> float:
+    """Least distance of two chains of straight panels between points (A, 3), (B, 3) [m]."""
+    apart = np.linalg.norm(a[:, None] - b, axis=2)
+    # What is nearest lies on panels that end where the points are nearly nearest.
+    reach = float(np.linalg.norm(np.diff(a, axis=0), axis=1).max() + np.linalg.norm(np.diff(b, axis=0), axis=1).max())
+    near = apart <= apart.min() + reach
+    p, q = np.nonzero(near[:-1, :-1] | near[1:, :-1] | near[:-1, 1:] | near[1:, 1:])
+    return float(_segments_apart(a[p], a[p + 1], b[q], b[q + 1]).min())
+
+
+def _segments_apart(a: Array, b: Array, c: Array, d: Array) -> Array:
+    """Distances (m,) of segments a b and c d in space: inside of both where that is nearest, else from an end."""
+
+    def dot(v: Array, w: Array) -> Array:
+        return np.asarray((v * w).sum(axis=-1))
+
+    def from_end(point: Array, start: Array, end: Array) -> Array:
+        span = end - start
+        share = np.clip(dot(point - start, span) / np.maximum(dot(span, span), 1e-300), 0.0, 1.0)
+        return np.asarray(np.linalg.norm(point - start - share[..., None] * span, axis=-1))
+
+    ends = [from_end(a, c, d), from_end(b, c, d), from_end(c, a, b), from_end(d, a, b)]
+    u, v, w = b - a, d - c, a - c
+    across = dot(u, u) * dot(v, v) - dot(u, v) ** 2
+    # 1e-12: sine squared of the angle below which segments are parallel, whose ends are then nearest
+    crossing = across > 1e-12 * dot(u, u) * dot(v, v)
+    safe = np.where(crossing, across, 1.0)
+    x = (dot(u, v) * dot(v, w) - dot(v, v) * dot(u, w)) / safe
+    y = (dot(u, u) * dot(v, w) - dot(u, v) * dot(u, w)) / safe
+    inside = crossing & (x >= 0.0) & (x <= 1.0) & (y >= 0.0) & (y <= 1.0)
+    between = np.linalg.norm(w + x[:, None] * u - y[:, None] * v, axis=-1)
+    return np.asarray(np.where(inside, between, np.min(ends, axis=0)))

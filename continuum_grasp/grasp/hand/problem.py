@@ -1,0 +1,323 @@
+"""The grasp of a hand in space as a nonlinear problem: fingers in planes of their own, an object with six balances.
+
+Units of the problem: length of the longest finger, greatest E I / L^2 of the fingers as force, radians. Each finger is
+the planar one of `continuum_grasp.grasp.problem.unit_finger`, in a plane with axes x, y and normal z. At a contact the
+backbone p of a round finger of half thickness h, displaced by w out of its plane, touches a point x of the surface with
+outward normal n:
+
+    contact    x on the surface,  p + w z = x + h n,  n . (t + w' z) = 0 (middle)
+    finger     its planar equilibrium under the part of f = N n + f1 a + f2 b in the plane, and the couple
+               z . ((x - p) x f); a = z x n / |z x n|, b = n x a
+    to the side  w and w' by unit loads: bending E I_l and torsion G J under the other part of f, and the other couples
+    object     m g - sum f = 0,  moments about the center of mass = 0
+
+In the plane of a round finger, n . t = 0 with a gap of h says that its line touches the section of the grown object.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+
+from continuum_grasp.grasp.problem.blocks import Columns, Expressed
+from continuum_grasp.grasp.problem.limits import friction_cone, keep_limits
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
+from continuum_grasp.grasp.problem.structure import FingerSpec
+from continuum_grasp.grasp.problem.unit_finger import UnitFinger
+from continuum_grasp.nlp import NLP
+from continuum_grasp.scene import HandScene
+
+RELAXED = ("tension", "friction", "normal force", "mass")
+"""Limits of a hand that may be relaxed."""
+LITTLE = 1e-8
+"""Weight of the squared contact forces, so that they are unique where equilibrium does not fix them."""
+
+
+@dataclass(frozen=True)
+class SpatialContact:
+    """A contact that is on."""
+
+    name: str
+    finger: int  # index of the finger
+    joint: int  # 0 for the middle contact, -1 for the tip
+
+
+@dataclass(frozen=True)
+class HandSpec:
+    """The problem of a hand but for its numbers."""
+
+    shape: str  # of the object
+    fingers: tuple[FingerSpec, ...]
+    contacts: tuple[SpatialContact, ...]
+    pairs: tuple[tuple[int, int], ...] = ()  # indices of fingers that keep clear of each other
+    dimensions: int = 3  # of a contact force
+
+    @staticmethod
+    def of(scene: HandScene, on: frozenset[str]) -> HandSpec:
+        """The structure of the problem of a scene with some contacts on, by name."""
+        fingers, contacts = [], list[SpatialContact]()
+        for k, setup in enumerate(scene.setups):
+            fingers.append(FingerSpec.of(setup, on, any(scene.gravity)))
+            places = {setup.middle_names[0]: 0, setup.tip_name: -1}
+            contacts += [SpatialContact(name, k, joint) for name, joint in places.items() if name in on]
+        return HandSpec(scene.object.shape, tuple(fingers), tuple(contacts))
+
+
+def level(shape: str, point: ca.SX, half: ca.SX, edge: ca.SX) -> ca.SX:
+    """A function that is zero on the surface of a shape and grows outward: the distance but for ellipsoids.
+
+    ``half`` are half extents (3,) along its axes, ``edge`` the radius of its edges.
+    """
+    if shape == "sphere":
+        return ca.sqrt(ca.sumsqr(point)) - half[0]
+    if shape == "ellipsoid":
+        return half[0] * (ca.sqrt(ca.sumsqr(point / half)) - 1.0)
+    if shape == "cylinder":
+        # 1e-24: keeps the root differentiable on the axis
+        across = ca.sqrt(point[0] ** 2 + point[1] ** 2 + 1e-24)
+        beyond = ca.vertcat(across - (half[0] - edge), ca.fabs(point[2]) - (half[2] - edge))
+    else:
+        beyond = ca.fabs(point) - (half - edge)
+    outside = ca.fmax(beyond, 0.0)
+    return ca.sqrt(ca.sumsqr(outside) + 1e-24) + ca.fmin(ca.mmax(beyond), 0.0) - edge
+
+
+@lru_cache(maxsize=8)
+def levels(shape: str) -> ca.Function:
+    """``(point, half, edge)``: the level of a shape at points (3, K) of its frame, and its gradient (3, K)."""
+    point, half, edge = ca.SX.sym("point", 3), ca.SX.sym("half", 3), ca.SX.sym("edge")
+    value = level(shape, point, half, edge)
+    return ca.Function("level", [point, half, edge], [value, ca.gradient(value, point)])
+
+
+@dataclass(frozen=True)
+class SpatialTouch:
+    """A contact's unknowns and what follows from them, as the hand sees them."""
+
+    spec: SpatialContact
+    point: ca.SX  # (3,) of the object's surface
+    normal: ca.SX  # (3,) outward, of the object
+    sine: ca.SX  # of the angle between the normal and that of the finger's plane
+    force: ca.SX  # (3,) N and friction: along a, in the plane across the normal, and along b = n x a
+    world: ca.SX  # (3,) force on the finger
+    shift: ca.SX  # of the backbone out of its plane
+
+
+class HandProblem:
+    """Unknowns, constraints and objective of the grasp of a hand."""
+
+    def __init__(self, spec: HandSpec) -> None:
+        self.spec = spec
+        self.x, self.numbers, self.rows = Columns(), Columns(), Expressed()
+        self.slack = {
+            r.name: self.x(f"relaxed {r.name}") if r.name in RELAXED else ca.SX(r.size, 1) for r in RELAXATIONS
+        }
+        self.frames = [self.numbers(f"{finger.name}.axes", 9).reshape((3, 3)) for finger in spec.fingers]
+        self.contacts = [self._touch(contact) for contact in spec.contacts]
+        tips = {c.spec.finger: c for c in self.contacts if c.spec.joint == -1}
+        self.fingers = list[UnitFinger]()
+        for k, of in enumerate(spec.fingers):
+            # In the plane, friction along a has all of its couple about z but for the lean of the normal.
+            tip = ca.vertcat(tips[k].force[0], tips[k].force[1] * tips[k].sine, 0.0) if k in tips else ca.SX(3, 1)
+            self.fingers.append(UnitFinger(of, self.x, self.numbers, tip))
+        for k, finger in enumerate(self.fingers):
+            self._add_finger(k, finger)
+        for k, m in spec.pairs:
+            self._keep_apart(self.fingers[k], self.fingers[m], (self.frames[k], self.frames[m]))
+        self._balance_object()
+        for contact in self.contacts:
+            self._bound(contact)
+        self.objective = self._objective()
+
+    # -- contacts ------------------------------------------------------------------------------------------------
+
+    def _touch(self, contact: SpatialContact) -> SpatialTouch:
+        name, number, axes = contact.name, self.numbers, self.frames[contact.finger]
+        local = self.x(f"place, {name}", 3)
+        half, edge = number("half extents", 3), number("edge radius")
+        value = level(self.spec.shape, local, half, edge)
+        gradient = ca.gradient(value, local)
+        self.rows.require(f"contact on the surface, {name}", value, "m", "object")
+        turn = number("object axes", 9).reshape((3, 3))
+        normal = turn @ (gradient / ca.sqrt(ca.sumsqr(gradient)))
+        point = number("object position", 3) + turn @ local
+        across = ca.cross(axes[:, 2], normal)
+        sine = ca.sqrt(ca.sumsqr(across))
+        a = across / sine
+        force = self.x(f"force, {name}", 3)
+        world = force[0] * normal + force[1] * a + force[2] * ca.cross(normal, a)
+        shift = self.x(f"shift, {name}")
+        return SpatialTouch(contact, point, normal, sine, force, world, shift)
+
+    def _bound(self, contact: SpatialTouch) -> None:
+        name, (n, f, g) = contact.spec.name, ca.vertsplit(contact.force)
+        friction = self.numbers(f"{name}.friction") + self.slack["friction"]
+        cone = friction_cone(self, friction, n, f, g)
+        self.rows.require(f"friction cone, {name}", cone, "N", f"contacts.friction ({name})", upper=ca.inf)
+        limit = self.numbers(f"{name}.normal_force_max") + self.slack["normal force"]
+        self.rows.require(f"normal force, {name}", limit - n, "N", "contacts.normal_force_max", upper=ca.inf)
+
+    # -- fingers -------------------------------------------------------------------------------------------------
+
+    def _add_finger(self, k: int, finger: UnitFinger) -> None:
+        require, name = self.rows.require, finger.spec.name
+        touching = [c for c in self.contacts if c.spec.finger == k]
+        share, axes = finger.number("force share"), self.frames[k]
+        forces = {c.spec.joint: (axes.T @ c.world)[:2] / share for c in touching}
+        couples = {c.spec.joint: -finger.half_at(self.end_of(c)) * c.force[1] * c.sine / share for c in touching}
+        missing = finger.missing_force(finger.q, finger.u, finger.loads(forces, couples))
+        require(f"finger equilibrium, {name}", share * finger.number("length") * missing, "N m", name)
+        slopes = self._lean(finger, axes, touching)
+        for contact in touching:
+            self._close(contact, finger, axes, slopes[contact.spec.name])
+        self._keep_clear(finger, axes)
+        keep_limits(self, finger)
+
+    def end_of(self, contact: SpatialTouch) -> int:
+        """Index of the element at whose end a contact sits."""
+        spec = self.spec.fingers[contact.spec.finger]
+        return spec.elements - 1 if contact.spec.joint < 0 else spec.before[0] - 1
+
+    def _close(self, contact: SpatialTouch, finger: UnitFinger, axes: ca.SX, slope: ca.SX) -> None:
+        """The finger touches: no gap, and along the finger it is tangent."""
+        name, end, require = contact.spec.name, self.end_of(contact), self.rows.require
+        key = f"contacts.{name}"
+        thick = finger.half_at(end) * finger.number("length")
+        gap = self.in_space(finger, axes, finger.ends[:, end]) + axes[:, 2] * contact.shift
+        require(f"contact gap, {name}", gap - contact.point - thick * contact.normal, "m", key)
+        along = ca.vertcat(-ca.sin(finger.angles[end]), ca.cos(finger.angles[end]))
+        tilt = ca.dot(axes[:, :2] @ along + slope * axes[:, 2], contact.normal)
+        if contact.spec.joint == 0:
+            require(f"contact tangency, {name}", tilt, "rad", key)
+        else:
+            require(f"contact direction, {name}", ca.sqrt(self.numbers("tolerance")) - tilt, "rad", key, upper=ca.inf)
+
+    def in_space(self, finger: UnitFinger, axes: ca.SX, points: ca.SX) -> ca.SX:
+        """Points (3, K) of places in the finger's plane (2, K)."""
+        base = self.numbers(f"{finger.spec.name}.position", 3)
+        return ca.repmat(base, 1, points.shape[1]) + axes[:, :2] @ points
+
+    def _lean(self, finger: UnitFinger, axes: ca.SX, touching: list[SpatialTouch]) -> dict[str, ca.SX]:
+        """Require the shifts out of the plane to be those under the loads to the side; their slopes at the contacts.
+
+        By unit loads: a unit load at a contact does work on what the loads bend and twist between base and contact.
+        """
+        number, share = finger.number, finger.number("force share")
+        at, tangents, lengths, beyond, integral = finger.shared.backbone.nodes(finger.q, finger.u, finger.p)
+        elements, count = finger.spec.elements, at.shape[1] // finger.spec.elements
+        loads = []
+        for contact in touching:
+            end = self.end_of(contact)
+            local, normal = axes.T @ contact.world / share, axes.T @ contact.normal
+            couple = -finger.half_at(end) * ca.cross(normal, local)
+            place = finger.shared.backbone.joints(finger.q, finger.u, finger.p)[0][:, end]
+            loads.append((contact, (end + 1) * count, place, local[2], couple))
+        across = ca.vertcat(-tangents[1, :], tangents[0, :])  # z x t
+        twist, bend = ca.SX(1, elements * count), ca.SX(1, elements * count)
+        if finger.spec.weighs:
+            lever = number("side weight") * (integral - ca.repmat(beyond.T, 2, 1) * at)
+            twist, bend = ca.sum1(lever * across), -ca.sum1(lever * tangents)
+        for _, upto, place, side, couple in loads:
+            away = ca.repmat(place, 1, upto) - at[:, :upto]
+            t, n = tangents[:, :upto], across[:, :upto]
+            rest = ca.SX(1, elements * count - upto)
+            twist += ca.horzcat(side * ca.sum1(away * n) + couple[:2].T @ t, rest)
+            bend += ca.horzcat(couple[:2].T @ n - side * ca.sum1(away * t), rest)
+        turned, leaned = twist / number("torsion"), bend / number("lateral")
+        slopes = {}
+        for contact, upto, place, _, _ in loads:
+            away = ca.repmat(place, 1, upto) - at[:, :upto]
+            t, n = tangents[:, :upto], across[:, :upto]
+            work = turned[:upto] * ca.sum1(away * n) - leaned[:upto] * ca.sum1(away * t)
+            shift = number("length") * (work @ lengths[:upto])
+            name, end = contact.spec.name, self.end_of(contact)
+            self.rows.require(f"shift to the side, {name}", contact.shift - shift, "m", f"contacts.{name}")
+            angle = finger.angles[end]
+            here = ca.vertcat(-ca.cos(angle), -ca.sin(angle))
+            turn = (ca.repmat(turned[:upto], 2, 1) * t + ca.repmat(leaned[:upto], 2, 1) * n) @ lengths[:upto]
+            slopes[name] = -ca.dot(turn, here)
+        return slopes
+
+    def _keep_clear(self, finger: UnitFinger, axes: ca.SX) -> None:
+        """Guarded places keep clear of planes that the search lays between them and the object, which is convex."""
+        points, _, touches, thick = finger.guarded
+        free = [j for j, touching in enumerate(touches) if not touching]
+        planes = finger.number("planes", 4 * len(free)).reshape((4, len(free)))
+        heights = ca.sum1(planes[:3, :] * self.in_space(finger, axes, points[:, free])).T - planes[3, :].T
+        spare = heights - thick[free] + finger.number("tolerance")
+        self.rows.require(f"penetration into the object, {finger.spec.name}", spare, "m", "object", upper=ca.inf)
+
+    def _keep_apart(self, finger: UnitFinger, other: UnitFinger, axes: tuple[ca.SX, ca.SX]) -> None:
+        """Two fingers keep their gap at the place of each element that is nearest to the other, and the nearest one there;
+        the search says which these are.
+        """
+        name, count, places = f"{finger.spec.name}, {other.spec.name}", finger.spec.elements, []
+        for each, turn, side in zip((finger, other), axes, ("first", "second"), strict=True):
+            points = self.in_space(each, turn, each.guarded[0])
+            chosen = self.numbers(f"{side} of {name}", points.shape[1] * count)
+            places.append(points @ ca.reshape(chosen, points.shape[1], count))
+        thick = sum(f.half_at(f.spec.elements - 1) * f.number("length") for f in (finger, other))
+        # 1e-24 keeps the root differentiable where the fingers cross.
+        away = ca.sqrt(ca.sum1((places[0] - places[1]) ** 2).T + 1e-24)
+        spare = away - thick + self.numbers("tolerance")
+        self.rows.require(f"overlap of fingers, {name}", spare, "m", "hand", upper=ca.inf)
+
+    # -- object --------------------------------------------------------------------------------------------------
+
+    def _balance_object(self) -> None:
+        center = self.numbers("center of mass", 3)
+        force, moment = self.numbers("weight", 3) * (1.0 - self.slack["mass"]), ca.SX(3, 1)
+        for contact in self.contacts:
+            force -= contact.world
+            moment -= ca.cross(contact.point - center, contact.world)
+        self.rows.require("object force balance", force, "N", "object.mass")
+        self.rows.require("object moment balance", moment / self.numbers("size"), "moment per size", "object")
+
+    def _objective(self) -> ca.SX:
+        """Sum of the tensions, and by how much limits are relaxed."""
+        total = sum((f.number("tension weight") * ca.sum1(f.pulls) for f in self.fingers), ca.SX(0))
+        forces = ca.vertcat(*(contact.force for contact in self.contacts)) / self.numbers("force reference")
+        weights = self.numbers("relaxation weights", len(RELAXED))
+        relaxed = ca.vertcat(*(self.slack[name] for name in RELAXED))
+        return self.numbers("effort weight") * (total + LITTLE * ca.sumsqr(forces)) + ca.dot(weights, relaxed)
+
+
+@dataclass(frozen=True, eq=False)
+class HandEquations:
+    """A problem, and the functions that read its points: solvers and results need no expressions."""
+
+    problem: HandProblem
+    nlp: NLP
+    touches: ca.Function
+    """``(x, p)``: per contact point, normal, force (3,), place along its finger and shift."""
+    fingers: ca.Function
+    """``(x, p)``: per finger coordinates, lengths, curvature at the tip, pulls and base, as it stores them."""
+    guarded: ca.Function
+    """``(x, p)``: per finger its guarded places (3, K)."""
+    free: tuple[list[int], ...]  # of these, per finger, the places that do not touch
+    states: ca.Function
+    """``(x, p)``: per finger the arguments of its shared functions."""
+
+
+@lru_cache(maxsize=16)
+def hand_equations(spec: HandSpec) -> HandEquations:
+    """The equations of a structure; built once in a process."""
+    problem = HandProblem(spec)
+    x, p = problem.x.symbol, problem.numbers.symbol
+    touches, fingers, guarded, states = (list[ca.SX]() for _ in range(4))
+    free = list[list[int]]()
+    for contact in problem.contacts:
+        finger = problem.fingers[contact.spec.finger]
+        along = ca.SX(finger.edges[problem.end_of(contact) + 1])
+        touches += [contact.point, contact.normal, contact.world, along, contact.shift]
+    for axes, finger in zip(problem.frames, problem.fingers, strict=True):
+        points, _, touching, _ = finger.guarded
+        free.append([j for j, touches_there in enumerate(touching) if not touches_there])
+        fingers += finger.stored()
+        guarded.append(problem.in_space(finger, axes, points))
+        states += [finger.q, finger.u, finger.p]
+    named = {"touches": touches, "fingers": fingers, "guarded": guarded, "states": states}
+    read = {name: ca.Function(name, [x, p], outputs) for name, outputs in named.items()}
+    return HandEquations(problem, NLP("hand", x, problem.objective, problem.rows.g, p), free=tuple(free), **read)

@@ -1,0 +1,207 @@
+"""Everything about a hand's grasp that follows from its stored numbers, computed anew by numpy alone.
+
+A finger lies in a plane with axes x, y and normal z, along which it is displaced by w. Its sections turn by a small
+vector psi in the plane. With the tangent t, across = z x t, contact forces f beyond s and their couples c, to the side,
+
+    M = sum c + (p_c - p) x f,  psi' = (M . t / G J) t + (M . across / E I_l) across,  w' = -psi . across
+
+which two quadratures along the finger give. The couple of a force at the skin is c = -h n x f.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from continuum_grasp.base import Array
+from continuum_grasp.grasp.certificate.recomputed import TRACE, RecomputedFinger
+from continuum_grasp.grasp.hand.surfaces import PlacedSolid
+from continuum_grasp.scene import HandScene, PlaneFrame
+
+OF_CONTACTS = {"positions": (3,), "normals": (3,), "forces": (3,), "stations": (), "deflections": ()}
+"""Shapes per contact of the arrays ``contact_...`` beside the names."""
+
+
+@dataclass
+class HandTouch:
+    """A contact of a finger, its geometry found anew; as the hand sees it but for what is in the plane."""
+
+    name: str
+    kind: str  # middle or tip
+    joint: int  # number of elements between the finger's base and it
+    station: float  # position along the finger [m]
+    radius: float  # half the finger's thickness [m]
+    stored_position: Array
+    stored_normal: Array
+    stored_station: float
+    stored_deflection: float
+    load: Array  # force on the finger (3,) [N]
+    friction: float  # coefficient, that less the reserve [1], and greatest normal force [N] in the scene
+    held_friction: float
+    normal_force_max: float
+    force: Array = field(init=False)  # in the finger's plane (2,) [N]
+    couple: float = field(init=False)  # about the normal of the plane [N m]
+    side: float = field(init=False)  # force along the normal of the plane [N]
+    twisting: Array = field(init=False)  # couple in the plane (2,) [N m]
+    deflection: float = field(init=False)  # of the backbone along the normal of the plane [m]
+    center: Array = field(init=False)  # of the finger's section (3,) [m]
+    tangent: Array = field(init=False)  # of the backbone (3,), of length one within its plane
+    point: Array = field(init=False)  # where the object's surface is touched (3,) [m]
+    normal: Array = field(init=False)  # outward normal of the object there (3,)
+    distance: float = field(init=False)  # of the section's center from the surface [m]
+
+    @property
+    def normal_force(self) -> float:
+        """Force along the normal [N]; negative where it pulls."""
+        return float(self.load @ self.normal)
+
+    @property
+    def friction_force(self) -> float:
+        """Force across the normal [N]."""
+        return float(np.linalg.norm(self.load - self.normal_force * self.normal))
+
+    @property
+    def friction_margin(self) -> float:
+        """1 - |friction force| / (friction coefficient * normal force); 0 where nothing presses."""
+        if not self.normal_force > 0.0:
+            return 0.0
+        return 1.0 - self.friction_force / (self.friction * self.normal_force)
+
+
+class SpatialFinger:
+    """A finger of a hand: what it is in its plane, and how loads to the side displace it."""
+
+    def __init__(
+        self, plane: RecomputedFinger, frame: PlaneFrame, gravity: Array, stiffness: tuple[float, float]
+    ) -> None:
+        self.plane, self.frame, self.name, self.length = plane, frame, plane.name, plane.length
+        self.lateral, self.torsion = stiffness  # E I_l and G J [N m2]
+        self.radius = float(plane.finger.profile.half_thickness(0.0))
+        self.gravity = gravity  # along the axes of the plane and its normal (3,) [m/s2]
+        self.contacts: list[HandTouch] = []
+
+    def respond(self) -> None:
+        """Compute the displacement to the side, from the contacts."""
+        mesh, start = self.plane.rod.mesh, self.plane.rod.start
+        angle = self.plane.rod.angle(self.plane.curvature)
+        along, across = np.stack([-np.sin(angle), np.cos(angle)]), -np.stack([np.cos(angle), np.sin(angle)])
+        points = start[:, None] + mesh.to_nodes(along)
+        moment = self._moment(points)
+        twist = (moment * along).sum(axis=0) / self.torsion
+        bend = (moment * across).sum(axis=0) / self.lateral
+        turn = twist * along + bend * across
+        slope = -(mesh.to_nodes(turn) * across).sum(axis=0)
+        edge_angle = self.plane.angles
+        edge_across = -np.stack([np.cos(edge_angle), np.sin(edge_angle)])
+        self.turns = mesh.to_edges(turn).T  # psi (P + 1, 2), w and w' (P + 1,) at the ends of panels
+        self.deflections = mesh.to_edges(slope)
+        self.slopes = -(self.turns.T * edge_across).sum(axis=0)
+        # The displaced backbone (P + 1, 3), as the hand sees it.
+        self.points = self.frame.world(np.column_stack([self.plane.points, self.deflections]))
+
+    def _moment(self, points: Array) -> Array:
+        """Moment in the plane (2, G) of what is beyond each Gauss point (2, G) [N m]."""
+        rod, profile = self.plane.rod, self.plane.profile
+        s, moment = rod.nodes, np.zeros(points.shape)
+
+        def lever(away: Array) -> Array:  # D x z
+            return np.stack([away[1], -away[0]])
+
+        for contact in self.contacts:
+            place = self.plane.points[self.plane.joint_edges[contact.joint]]
+            beyond = contact.twisting[:, None] + contact.side * lever(place[:, None] - points)
+            moment += np.where(s < contact.station, beyond, 0.0)
+        if self.gravity[2]:
+            density = profile.linear_density(s)
+            mass = rod.mesh.to_edges(density)[-1] - rod.mesh.to_nodes(density)
+            first = (density * points) @ rod.weights
+            moment += self.gravity[2] * lever(first[:, None] - rod.mesh.to_nodes(density * points) - mass * points)
+            for body in self.plane.finger.masses:
+                place = self.plane.points[rod.edge_index(body.at)]
+                moment += np.where(s < body.at, body.mass * self.gravity[2] * lever(place[:, None] - points), 0.0)
+        return moment
+
+    def place(self, contact: HandTouch) -> None:
+        """Find where a contact is in the hand, from the displacement."""
+        edge = int(self.plane.joint_edges[contact.joint])
+        angle = self.plane.angles[edge]
+        contact.deflection, contact.center = float(self.deflections[edge]), self.points[edge]
+        contact.tangent = self.frame.axes @ np.array([-np.sin(angle), np.cos(angle), self.slopes[edge]])
+
+
+class RecomputedHand:
+    """Shapes, normals and forces of a hand's grasp from its stored numbers, complete and of the right shapes."""
+
+    def __init__(self, scene: HandScene, arrays: Mapping[str, Any]) -> None:
+        self.scene, self.surface = scene, PlacedSolid(scene)
+        self.size, self.com = scene.object.size, scene.object.com
+        self.gravity = np.array(scene.gravity, dtype=float)
+        self.fingers = tuple(self._finger(k, arrays) for k in range(len(scene.setups)))
+        self.names = [str(name) for name in np.asarray(arrays["contact_names"]).ravel()]
+        self.contacts = self._contacts(arrays)
+        for finger in self.fingers:
+            finger.respond()
+            for contact in finger.contacts:
+                finger.place(contact)
+        if self.contacts:
+            near = self.surface.nearest(np.stack([contact.center for contact in self.contacts]))
+            for k, contact in enumerate(self.contacts):
+                contact.point, contact.normal = near.point[k], near.normal[k]
+                contact.distance = float(near.distance[k])
+        forces = [float(np.linalg.norm(contact.load)) for contact in self.contacts]
+        # What a residual force is compared with [N]: the forces on the object, and a trace of what bends a finger.
+        least = TRACE * min(f.plane.stiffness / f.length**2 for f in self.fingers)
+        self.force_scale = float(np.max([*forces, scene.weight, least]))
+
+    def _finger(self, k: int, arrays: Mapping[str, Any]) -> SpatialFinger:
+        setup, frame = self.scene.setups[k], self.scene.frames[k]
+        gravity = frame.axes.T @ self.gravity
+        plane = RecomputedFinger(setup, (float(gravity[0]), float(gravity[1])), arrays)
+        section = (self.scene.hand.named_bases[setup.name].finger or self.scene.hand.finger).cross_section
+        stiffness = setup.stiffness * section.lateral, setup.stiffness * section.torsion
+        return SpatialFinger(plane, frame, gravity, stiffness)
+
+    def _contacts(self, arrays: Mapping[str, Any]) -> list[HandTouch]:
+        stored = {key: np.asarray(arrays[f"contact_{key}"], dtype=float) for key in OF_CONTACTS}
+        known, contacts = known_touches(self.scene), []
+        for k, name in enumerate(self.names):
+            if name not in known:  # which `touches_check` counts
+                continue
+            owner, kind, joint = known[name]
+            finger, setup = self.fingers[owner], self.scene.setups[owner]
+            contact = HandTouch(
+                name=name,
+                kind=kind,
+                joint=joint,
+                station=finger.plane.joint_position(joint),
+                radius=finger.radius,
+                stored_position=stored["positions"][k],
+                stored_normal=stored["normals"][k],
+                stored_station=float(stored["stations"][k]),
+                stored_deflection=float(stored["deflections"][k]),
+                load=stored["forces"][k],
+                friction=setup.friction,
+                held_friction=setup.held_friction,
+                normal_force_max=setup.normal_force_max,
+            )
+            load, normal = (finger.frame.axes.T @ vector for vector in (contact.load, contact.stored_normal))
+            couple = -contact.radius * np.cross(normal, load)
+            contact.force, contact.side = load[:2], float(load[2])
+            contact.twisting, contact.couple = couple[:2], float(couple[2])
+            finger.contacts.append(contact)
+            in_plane: list[Any] = finger.plane.contacts  # which take joint, force and couple alone
+            in_plane.append(contact)
+            contacts.append(contact)
+        return contacts
+
+
+def known_touches(scene: HandScene) -> dict[str, tuple[int, str, int]]:
+    """Contacts that a scene can have by name: index of the finger, kind, joint."""
+    known: dict[str, tuple[int, str, int]] = {}
+    for k, setup in enumerate(scene.setups):
+        known |= {name: (k, "middle", joint) for name, joint in zip(setup.middle_names, setup.before, strict=True)}
+        known[setup.tip_name] = k, "tip", setup.elements
+    return known

@@ -1,0 +1,275 @@
+"""The grasp of a hand in space, or why there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from continuum_grasp.base import Array, Summarized, amount_text, check_arguments
+from continuum_grasp.grasp.values import GraspStatus, Reason
+from continuum_grasp.results import Dimension, File, Picture, Result, Stored, yaml_text
+from continuum_grasp.scene import HandScene
+
+if TYPE_CHECKING:
+    from continuum_grasp.grasp.hand.body import BodySurface
+    from continuum_grasp.grasp.hand.certificate import HandCertificate
+
+_HEAD = """\
+# How a hand holds an object, or why it does not. Axes of the hand, SI units. Forces are those on the fingers.
+# result.npz holds all numbers, meta.json the configuration and every check.
+"""
+STORED = (
+    Stored("contact_names", "(contact,)", "text", "name of each contact"),
+    Stored("contact_positions", "(contact, xyz)", "m", "contacts on the object's surface"),
+    Stored("contact_normals", "(contact, xyz)", "1", "outward normals of the object there"),
+    Stored("contact_forces", "(contact, xyz)", "N", "forces on the fingers"),
+    Stored("contact_stations", "(contact,)", "m", "positions along the finger"),
+    Stored("contact_deflections", "(contact,)", "m", "shift of the backbone out of its plane at the contact"),
+    Stored("{finger}.family", "()", "text", "arc, clothoid or matched_clothoid"),
+    Stored("{finger}.q", "({finger} coordinate,)", "", "above rest: bends [rad] (arc) or nodal curvatures [1/m]"),
+    Stored("{finger}.lengths", "({finger} element,)", "m", "lengths of the elements"),
+    Stored(
+        "{finger}.curvature_shapes",
+        "({finger} element, {finger} spread, {finger} shape)",
+        "",
+        "curvature above rest at places spread evenly along each element, per coordinate",
+    ),
+    Stored("{finger}.tip_curvature", "()", "1/m", "curvature at the tip above rest"),
+    Stored("{finger}.tensions", "(tendon,)", "N", "tensions of the tendons"),
+    Stored("{finger}.base", "(base,)", "", "pose of the base in the plane of the finger: x, y [m] and angle [rad]"),
+    Stored("{finger}.backbone", "({finger} place, section)", "", "shape of the finger in its plane"),
+)
+"""Arrays of the grasp of a hand."""
+
+
+@dataclass(frozen=True)
+class FingerTouch:
+    """A contact of a hand, as the hand sees it."""
+
+    name: str
+    position: Array  # (3,) on the object's surface [m]
+    normal: Array  # (3,) outward, of the object
+    force: Array  # (3,) on the finger [N]
+    station: float  # position along the finger [m]
+    deflection: float  # shift of the backbone out of its plane [m]
+
+    @property
+    def normal_force(self) -> float:
+        """Normal force [N]."""
+        return float(self.force @ self.normal)
+
+    @property
+    def friction_force(self) -> float:
+        """Friction along the surface [N]."""
+        return float(np.linalg.norm(self.force - self.normal_force * self.normal))
+
+
+@dataclass(frozen=True)
+class HandResult(Result):
+    """The grasp of a hand, or why there is none.
+
+    Attributes
+    ----------
+    scene : HandScene
+        What was asked.
+    status : GraspStatus
+    message : str
+        One sentence on how it ended.
+    arrays : dict of str to ndarray
+        The stored arrays by name, ``{finger}`` is the name of each finger. Where there is no grasp: that with the first
+        repair, or the point that came nearest; or empty.
+    certificate : HandCertificate, optional
+        Independent verification of these numbers.
+    reasons : tuple of Reason
+        Why there is none, each with the number that repairs it.
+    advice : str
+        What to try.
+    statistics : dict
+        Starts, iterations, seconds.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> grasp = cg.optimize_grasp("configs/hand/ball.yaml")
+    >>> grasp.solved, [contact.name for contact in grasp.contacts]
+    (True, ['finger_1.middle', 'finger_2.middle', 'finger_3.middle'])
+    """
+
+    kind: ClassVar[str] = "grasp"
+    stored: ClassVar[tuple[Stored, ...]] = STORED
+    dimensions: ClassVar[tuple[Dimension, ...]] = (
+        Dimension("contact", "contacts of the object", "contact_names"),
+        Dimension("xyz", "axes of the hand", ("x", "y", "z")),
+        Dimension("tendon", "tendons: on the side to which it bends, and on the other", ("left", "right")),
+        Dimension("base", "pose of the base", ("x [m]", "y [m]", "angle [rad]")),
+        Dimension("section", "of a section", ("s [m]", "x [m]", "y [m]", "angle [rad]")),
+    )
+    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "continuum_grasp.grasp.hand.result:result_yaml"),)
+    pictures: ClassVar[tuple[Picture, ...]] = (
+        Picture("hand", "continuum_grasp.plotting.grasp.hand:plot_hand", panels=True),
+    )
+
+    scene: HandScene
+    status: GraspStatus
+    message: str
+    arrays: Mapping[str, Array] = field(default_factory=dict)
+    certificate: HandCertificate | None = None
+    reasons: tuple[Reason, ...] = ()
+    advice: str = ""
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def body(self) -> BodySurface:
+        """Surface of the object, for pictures."""
+        from continuum_grasp.grasp.hand.body import BodySurface
+
+        return BodySurface(self.scene)
+
+    @property
+    def solved(self) -> bool:
+        """Whether there is a verified grasp that holds the object."""
+        return self.status in (GraspStatus.OPTIMAL, GraspStatus.FEASIBLE)
+
+    @property
+    def contact_names(self) -> list[str]:
+        """Names of the contacts."""
+        return [str(name) for name in self.arrays.get("contact_names", ())]
+
+    @property
+    def contacts(self) -> tuple[FingerTouch, ...]:
+        """The contacts with their forces."""
+        keys = ("positions", "normals", "forces", "stations", "deflections")
+        rows = zip(*(self.arrays[f"contact_{key}"] for key in keys), strict=True) if self.arrays else ()
+        return tuple(
+            FingerTouch(name, x, n, f, float(s), float(w))
+            for name, (x, n, f, s, w) in zip(self.contact_names, rows, strict=True)
+        )
+
+    @property
+    def tensions(self) -> dict[str, Array]:
+        """Tensions of the tendons of each finger (2,) [N]."""
+        return {s.name: self.arrays[f"{s.name}.tensions"] for s in (self.scene.setups if self.arrays else ())}
+
+    @property
+    def tension(self) -> float:
+        """Sum of all tensions [N]."""
+        return float(sum(tensions.sum() for tensions in self.tensions.values()))
+
+    def words(self) -> dict[str, list[str]]:
+        """Names of the fingers."""
+        return {"finger": [setup.name for setup in self.scene.setups]}
+
+    def stored_arrays(self) -> dict[str, Array]:
+        """The numbers."""
+        return dict(self.arrays)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings before this grasp is relied on."""
+        if self.solved and self.certificate is not None and not self.certificate.stability.stable:
+            return ("the grasp is unstable: small motions that the contacts allow lower the energy",)
+        return ()
+
+    def pairs(self) -> dict[str, str]:
+        """Tension, forces and certificate; where there is no grasp, why."""
+        if not self.solved and self.status is not GraspStatus.UNSTABLE:
+            reasons = {f"reason {k + 1}": reason.text for k, reason in enumerate(self.reasons)}
+            return {**(reasons or {"message": self.message}), **({"advice": self.advice} if self.advice else {})}
+        rows = {"sum of tensions": amount_text(self.tension, "N", ".4g")}
+        rows["greatest normal force"] = amount_text(max(c.normal_force for c in self.contacts), "N", ".4g")
+        if self.certificate is not None:
+            rows["checks passed"] = self.certificate.headline().removesuffix(" checks passed")
+            rows["second-order test"] = str(self.certificate.stability)
+        return rows
+
+    def table(self) -> str:
+        """The result as text: tensions, contacts, verification, reasons."""
+        lines = [f"{self.status.word}: {self.message}"]
+        if self.reasons:
+            lines += ["", "Why there is no grasp; any one of these repairs it:"]
+            lines += [f"  {reason.text}: {reason.repair}" for reason in self.reasons]
+        if self.arrays:
+            lines += ["", "Tensions [N]", *(f"  {line}" for line in self._tension_rows())]
+            lines += ["", "Contacts, as the hand sees them", *(f"  {line}" for line in self._contact_rows())]
+        if self.certificate is not None:
+            lines += ["", f"Certificate: {self.certificate.headline()}; {self.certificate.stability}"]
+        if self.advice and not self.reasons:
+            lines += ["", self.advice]
+        return "\n".join(lines)
+
+    def _tension_rows(self) -> list[str]:
+        rows = [("Finger", "Bends", "Back", "At most")]
+        for setup in self.scene.setups:
+            left, right = self.tensions[setup.name]
+            rows.append((setup.name, f"{left:.3f}", f"{right:.3f}", f"{setup.max_tension:g}"))
+        return Summarized.aligned(rows, {0})
+
+    def _contact_rows(self) -> list[str]:
+        rows = [("Contact", "At [mm]", "Along [mm]", "Normal [N]", "Friction [N]", "Margin", "To the side [mm]")]
+        for contact in self.contacts:
+            setup = next(s for s in self.scene.setups if contact.name.startswith(f"{s.name}."))
+            limit = setup.friction * contact.normal_force
+            rows.append(
+                (
+                    contact.name,
+                    ", ".join(f"{1e3 * c:.1f}" for c in contact.position),
+                    f"{1e3 * contact.station:.1f}",
+                    f"{contact.normal_force:.3f}",
+                    f"{contact.friction_force:.3f}",
+                    f"{1.0 - contact.friction_force / limit:.1%}" if limit > 0.0 else "\N{EN DASH}",
+                    f"{1e3 * contact.deflection:.2f}",
+                )
+            )
+        return Summarized.aligned(rows, {0, 1})
+
+    @check_arguments
+    def save(self, folder: str | PathLike[str], *, quality: bool = True) -> Path:
+        """Write ``result.npz``, ``meta.json`` and ``result.yaml`` into a run folder, as `Result.save` does.
+
+        Parameters
+        ----------
+        folder : path-like
+            Made where missing; a run in it is replaced.
+        quality : bool, optional
+            Save the verdict on stability too, which takes a tenth of a second.
+        """
+        return self._save(folder, quality=quality)
+
+    def details(self, *, quality: bool = True) -> dict[str, Any]:
+        """Verification, and why there is no grasp."""
+        return {
+            "message": self.message,
+            "certificate": self.certificate.data() if quality and self.certificate is not None else None,
+            "reasons": [reason.data() for reason in self.reasons],
+            "advice": self.advice,
+        }
+
+
+def result_yaml(result: HandResult, *, quality: bool = True) -> str:
+    """The summary as YAML."""
+    summary: dict[str, Any] = {"status": result.status.value, "message": result.message}
+    if result.arrays:
+        summary["tensions"] = {name: [round(float(t), 6) for t in pair] for name, pair in result.tensions.items()}
+        summary["contacts"] = {
+            c.name: {
+                "position": [round(float(v), 7) for v in c.position],
+                "normal_force": round(c.normal_force, 6),
+                "friction_force": round(c.friction_force, 6),
+                "deflection": round(c.deflection, 7),
+            }
+            for c in result.contacts
+        }
+    if quality and result.certificate is not None:
+        summary["certificate"] = {
+            "passed": result.certificate.passed,
+            "stability": str(result.certificate.stability),
+        }
+    if result.reasons:
+        summary["reasons"] = [reason.text for reason in result.reasons]
+    return _HEAD + yaml_text(summary)

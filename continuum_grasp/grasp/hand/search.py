@@ -1,0 +1,494 @@
+"""The search for the grasp of a hand: postures, the forces that go with them, and the solver."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+from typing import Any
+
+import numpy as np
+
+from continuum_grasp.base import Numbers as Array
+from continuum_grasp.base import interrupts_held
+from continuum_grasp.grasp.hand.body import BodySurface
+from continuum_grasp.grasp.hand.problem import RELAXED, HandEquations, HandProblem, HandSpec, hand_equations
+from continuum_grasp.grasp.hand.starts import FingerPlane, TouchingPosture, postures
+from continuum_grasp.grasp.problem.points import bending_arrays, coordinates
+from continuum_grasp.grasp.problem.solver_run import allowed_depth, settings_of, solve_clear
+from continuum_grasp.grasp.problem.unknowns import FingerLayout
+from continuum_grasp.grasp.problem.values import APEX, Units, Values, finger_values
+from continuum_grasp.grasp.quality.conic import Cones, solve_conic
+from continuum_grasp.grasp.starts.values import FingerStart, GraspStart
+from continuum_grasp.nlp import Attempt, Budget, Start
+from continuum_grasp.scene import FingerSetup, HandScene, PlaneFrame
+
+POSTURES = {"quick": 2, "normal": 4, "thorough": 8}
+"""Postures of each finger that are combined, by effort."""
+COMBINED = 64
+"""Most combinations whose forces are looked at."""
+LEFT = 0.5
+"""Residual, scaled, that the best forces of a start may leave: of five hands, starts that led to a grasp leave 0.002 to
+0.13, and those with more than 1 led to none."""
+SOLVED = {"quick": 1, "normal": 3, "thorough": 12}
+"""Combinations of each set of contacts that are solved, by effort."""
+ASIDE = 0.05
+"""Greatest shift of a contact out of its finger's plane, per length: up to there linear theory is good to 0.4 %."""
+PATIENCE = 20
+"""Iterations that may leave a violation as it is until it is half of what it was; a run ends then. Those that lead to a
+grasp take 5 to 45 in all."""
+EFFORT = 1e-3
+"""Weight of the tensions beside a limit that is relaxed, so that they are unique."""
+PROBED = np.linspace(0.05, 0.95, 13)
+"""Places on each element among which its deepest one is guarded, per length of the element."""
+IDLE = 1e-3
+"""Normal force, per greatest, below which a contact holds nothing."""
+PRESSED = 1e-2
+"""Least normal force of a start, per weight."""
+
+
+@dataclass(frozen=True)
+class HandTried:
+    """A start that was solved."""
+
+    on: frozenset[str]  # names of the contacts
+    chosen: tuple[TouchingPosture, ...]
+    attempt: Attempt
+    arrays: dict[str, Array]
+    equations: HandEquations
+
+    @property
+    def tension(self) -> float:
+        """Sum of the tensions [N]."""
+        return float(sum(value.sum() for name, value in self.arrays.items() if name.endswith(".tensions")))
+
+
+class HandSearch:
+    """Grasps of a scene, one set of contacts after the other."""
+
+    def __init__(self, scene: HandScene, budget: Budget) -> None:
+        self.scene, self.budget, self.body = scene, budget, BodySurface(scene)
+        self._solver = settings_of(scene).solver()
+        rods = [(setup.finger.rod.length, setup.stiffness) for setup in scene.setups]
+        self.units = Units(max(length for length, _ in rods), max(stiff / length**2 for length, stiff in rods))
+        # Fingers that touch the object in no posture, by set of contacts.
+        self.untouched = dict[frozenset[str], list[str]]()
+
+    # -- sets of contacts ----------------------------------------------------------------------------------------
+
+    @property
+    def modes(self) -> list[frozenset[str]]:
+        """Sets of contacts that the scene leaves to choose: the same kinds for all fingers, where they are free."""
+        sets = dict[frozenset[str], None]()
+        for middle, tip in ((False, True), (True, False), (True, True)):
+            on = set[str]()
+            for setup in self.scene.setups:
+                (one,) = setup.middles
+                on |= {setup.middle_names[0]} if one == "on" or (middle and one == "auto") else set()
+                on |= {setup.tip_name} if setup.tip == "on" or (tip and setup.tip == "auto") else set()
+            if on and all({s.middle_names[0], s.tip_name} & on for s in self.scene.setups):
+                sets[frozenset(on)] = None
+        return list(sets)
+
+    def run(self) -> Iterator[HandTried]:
+        """Solve starts of each set of contacts, the likeliest first."""
+        effort = self.scene.solver.effort
+        held = False
+        for on in self.modes:
+            # Fingers that touch with both of their contacts rarely hold with less, and take twice the equations.
+            if held and effort != "thorough" and len(on) > len(self.scene.setups):
+                continue
+            equations = hand_equations(HandSpec.of(self.scene, on))
+            each = [self._postures(setup, frame, on, POSTURES[effort]) for setup, frame in self._fingers]
+            if not all(each):
+                self.untouched[on] = [s.name for s, found in zip(self.scene.setups, each, strict=True) if not found]
+                continue
+            starts = [(*self._start(equations, on, chosen), chosen) for chosen in _likeliest(each)]
+            starts.sort(key=lambda start: start[0])
+            for left, x, p, chosen in starts[: SOLVED[effort]]:
+                if self.budget.over:
+                    return
+                if left > LEFT and effort != "thorough" and held:
+                    break
+                tried = self._solve(equations, on, chosen, x, p)
+                yield tried
+                if tried.attempt.converged and (lighter := self._without_idle(tried)) is not None:
+                    yield lighter
+                held |= tried.attempt.converged
+                if tried.attempt.converged and effort != "thorough":
+                    break
+
+    def _without_idle(self, tried: HandTried) -> HandTried | None:
+        """A grasp without contacts that press nothing, where the scene leaves them to choose; None where all press."""
+        auto = {name for setup in self.scene.setups for name, state in setup.switches.items() if state == "auto"}
+        forces, normals = tried.arrays["contact_forces"], tried.arrays["contact_normals"]
+        pressing = dict(zip(tried.arrays["contact_names"].tolist(), (forces * normals).sum(axis=1), strict=True))
+        least = IDLE * max(pressing.values())
+        on = frozenset(name for name in tried.on if name not in auto or pressing[name] > least)
+        if on == tried.on:
+            return None
+        lighter = hand_equations(replace(HandSpec.of(self.scene, on), pairs=tried.equations.problem.spec.pairs))
+        _, x, p = self._start(lighter, on, tried.chosen)
+        before, after = tried.equations.problem, lighter.problem
+        for name in before.x.at.keys() & after.x.at.keys():
+            x[after.x.at[name]] = tried.attempt.x[before.x.at[name]]
+        return self._solve(lighter, on, tried.chosen, x, self._near(lighter, x, p))
+
+    def relaxed(self, tried: HandTried, limit: str, eased: HandSearch, amount: float) -> tuple[HandTried, float]:
+        """The nearest point with a limit relaxed as little as can be, and by how much, in units of the problem.
+
+        The forces to start with are those of a search whose limit is ``eased`` by an amount.
+        """
+        equations, problem = tried.equations, tried.equations.problem
+        _, x, _ = eased._start(equations, tried.on, tried.chosen)
+        _, _, p = self._start(equations, tried.on, tried.chosen)
+        p[problem.numbers.at["effort weight"]] = EFFORT
+        p[problem.numbers.at["relaxation weights"]] = np.array([1.0 if name == limit else 0.0 for name in RELAXED])
+        at = problem.x.at[f"relaxed {limit}"]
+        x[at] = amount
+        found = self._solve(equations, tried.on, tried.chosen, x, p, limit)
+        return found, float(found.attempt.x[at][0])
+
+    def again(self, tried: HandTried) -> HandTried:
+        """Solve from a point that was found, with the numbers of this scene."""
+        problem = tried.equations.problem
+        _, _, p = self._start(tried.equations, tried.on, tried.chosen)
+        x = tried.attempt.x.copy()
+        for name in RELAXED:
+            x[problem.x.at[f"relaxed {name}"]] = 0.0
+        return self._solve(tried.equations, tried.on, tried.chosen, x, p)
+
+    @property
+    def _fingers(self) -> list[tuple[FingerSetup, PlaneFrame]]:
+        return list(zip(self.scene.setups, self.scene.frames, strict=True))
+
+    def _postures(self, setup: FingerSetup, frame: PlaneFrame, on: frozenset[str], most: int) -> list[TouchingPosture]:
+        half = float(setup.finger.profile.half_thickness(0.0))
+        plane = FingerPlane(frame, setup.finger.rod.length, half, self.body.distance)
+        return postures(plane, setup, setup.middle_names[0] in on, setup.tip_name in on, most)
+
+    # -- a start -------------------------------------------------------------------------------------------------
+
+    def _start(
+        self, equations: HandEquations, on: frozenset[str], chosen: Sequence[TouchingPosture]
+    ) -> tuple[float, Array, Array]:
+        """What forces leave out of balance, unknowns and numbers for a posture of each finger."""
+        problem, scene, units = equations.problem, self.scene, self.units
+        numbers = self._numbers(chosen)
+        values: Values = {}
+        for k, (setup, frame) in enumerate(self._fingers):
+            spec, length, posture = problem.spec.fingers[k], setup.finger.rod.length, chosen[k]
+            knots, curvatures = (np.array([part]) for part in posture.knots)
+            count, before = setup.elements, setup.before[0]
+            lengths = np.concatenate(
+                [
+                    np.full(before, posture.joint / before),
+                    np.full(count - before, (1.0 - posture.joint) / (count - before)),
+                ]
+            )
+            layout = FingerLayout(spec, int(problem.fingers[k].q.numel()), [], [])
+            values |= {f"{setup.name}.q": coordinates(setup, layout, lengths, knots, curvatures)}
+            values |= {f"{setup.name}.joint_0": posture.joint}
+            for name, at in ((setup.middle_names[0], posture.joint), (setup.tip_name, 1.0)):
+                if name in on:
+                    point = length * _place(posture, at)
+                    away, normal = self.body.distance(frame.world(np.append(point, 0.0)))
+                    touched = frame.world(np.append(point, 0.0)) - away * normal
+                    local = scene.object.axes.T @ (touched - np.array(scene.object.position))
+                    values[f"place, {name}"] = local / units.length
+        # Probes sit amid the elements. Planes of the posture would hold contacts in place: the first run has none.
+        sizes = problem.numbers.sizes
+        free = {name: np.full(sizes[name], 0.5) for name in sizes if name.endswith((".probes", ".strain probes"))}
+        free |= {name: np.zeros(sizes[name]) for name in sizes if name.startswith(("first of ", "second of "))}
+        free |= {name: np.tile([0.0, 0.0, 0.0, -1.0], sizes[name] // 4) for name in sizes if name.endswith(".planes")}
+        p = problem.numbers.pack({name: value for name, value in (numbers | free).items() if name in sizes})
+        x = problem.x.pack(values, 0.0)
+        self._choose_places(problem, self._guarded(equations, x, p), p)
+        residual, x = self._with_forces(equations, x, p)
+        return residual, x, p
+
+    def _numbers(self, chosen: Sequence[TouchingPosture]) -> Values:
+        """Run-time numbers by name, in units of the problem."""
+        scene, units = self.scene, self.units
+        body, weight = scene.object, scene.weight
+        lengths = {setup.name: setup.finger.rod.length for setup in scene.setups}
+        fingers = {
+            name: FingerStart((0.0, 0.0, 0.0), (posture.joint * lengths[name],), (1,), *posture.knots)
+            for name, posture in zip(lengths, chosen, strict=True)
+        }
+        start = GraspStart("hand", (0.0, 0.0, 0.0), fingers, {})
+        numbers: Values = {
+            "half extents": self.body.half / units.length,
+            "edge radius": self.body.edge / units.length,
+            "object position": np.array(body.position) / units.length,
+            "object axes": body.axes.T.ravel(),
+            "center of mass": body.com / units.length,
+            "size": body.size / units.length,
+            "weight": body.weighed * np.array(scene.gravity) / units.force,
+            "tolerance": scene.solver.penetration_tolerance,
+            "cone share": 1.0 - scene.contacts.reserve,
+            "cone rounding": APEX * (weight or units.force) / units.force,
+            "force reference": max(weight, units.force) / units.force,
+            "effort weight": 1.0,
+            "relaxation weights": np.zeros(len(RELAXED)),
+        }
+        total = max(s.stiffness / s.finger.rod.length / s.tendons.offset for s in scene.setups)
+        for setup, frame in self._fingers:
+            gravity = frame.axes[:, :2].T @ np.array(scene.gravity)
+            tolerance = scene.solver.penetration_tolerance
+            numbers |= finger_values(setup, start, units, gravity.tolist(), 1.0 / total, tolerance)
+            section: Any = setup.finger
+            numbers |= {
+                f"{setup.name}.position": frame.base / units.length,
+                f"{setup.name}.axes": frame.axes.T.ravel(),
+                f"{setup.name}.side weight": float(frame.axes[:, 2] @ np.array(scene.gravity))
+                * (setup.finger.rod.mass_per_length * setup.finger.rod.length**3 / setup.stiffness),
+                f"{setup.name}.lateral": section.cross_section.lateral,
+                f"{setup.name}.torsion": section.cross_section.torsion,
+            }
+            for name in (*setup.middle_names, setup.tip_name):
+                numbers[f"{name}.friction"] = setup.friction
+                numbers[f"{name}.normal_force_max"] = setup.normal_force_max / units.force
+        return numbers
+
+    def _near(self, equations: HandEquations, x: Array, p: Array) -> Array:
+        """Numbers whose planes lie between each guarded place and the object as they are at a point."""
+        problem, p = equations.problem, p.copy()
+        states = equations.states.call([x, p])
+        for k, (setup, frame) in enumerate(self._fingers):
+            q, u, numbers = states[3 * k : 3 * k + 3]
+            # Of each element the deepest place among these: (fractions, elements).
+            fractions = np.repeat(PROBED[:, None], setup.elements, axis=1)
+            lines = [problem.fingers[k].shared.probed(q, u, row[None], numbers) for row in fractions]
+            points = np.array([np.array(line).T for line in lines]) * setup.finger.rod.length
+            away, _ = self.body.distance(
+                frame.world(np.concatenate([points, np.zeros((*points.shape[:2], 1))], axis=2))
+            )
+            p[problem.numbers.at[f"{setup.name}.probes"]] = PROBED[away.argmin(axis=0)]
+        guarded = self._guarded(equations, x, p)
+        self._choose_places(problem, guarded, p)
+        for all_points, free, setup in zip(guarded, equations.free, self.scene.setups, strict=True):
+            points = all_points[free]
+            away, normal = self.body.distance(points)
+            on_surface = points - away[:, None] * normal
+            height = (normal * on_surface).sum(axis=1) / self.units.length
+            p[problem.numbers.at[f"{setup.name}.planes"]] = np.column_stack([normal, height]).ravel()
+        return p
+
+    def _choose_places(self, problem: HandProblem, guarded: Sequence[Array], p: Array) -> None:
+        """Set the numbers that say where fingers are nearest to each other."""
+        for k, m in problem.spec.pairs:
+            pair = [self.scene.setups[j].name for j in (k, m)]
+            for side, chosen in zip(("first", "second"), _nearest(guarded[k], guarded[m], problem, k), strict=True):
+                p[problem.numbers.at[f"{side} of {pair[0]}, {pair[1]}"]] = chosen.ravel()
+
+    def _guarded(self, equations: HandEquations, x: Array, p: Array) -> list[Array]:
+        """Guarded places of each finger (K, 3) [m]."""
+        return [np.array(points).T * self.units.length for points in equations.guarded.call([x, p])]
+
+    def _with_forces(self, equations: HandEquations, x: Array, p: Array) -> tuple[float, Array]:
+        """Tensions and forces that come nearest to balance within cones; what they leave, per weight."""
+        problem, scene = equations.problem, self.scene
+        at, rows = problem.x.at, {block.name: block.rows for block in problem.rows.blocks}
+        columns = np.concatenate(
+            [
+                *(np.arange(at[f"{s.name}.pulls"].start, at[f"{s.name}.pulls"].stop) for s in scene.setups),
+                *(
+                    np.arange(at[f"force, {c.spec.name}"].start, at[f"force, {c.spec.name}"].stop)
+                    for c in problem.contacts
+                ),
+            ]
+        )
+        value, matrix = (np.array(part) for part in equations.nlp.functions["jac_g"](x, p))
+        matrix = matrix[:, columns]
+        named = [name for name in rows if name.startswith(("finger equilibrium", "object "))]
+        rows_of = np.concatenate([np.ravel(rows[name]) for name in named])
+        offset = value.ravel()[rows_of] - matrix[rows_of] @ x[columns]
+        count, left = columns.size, rows_of.size
+        pulls = 2 * len(scene.setups)
+        low, high = np.full(count + left, -np.inf), np.full(count + left, np.inf)
+        for k, setup in enumerate(scene.setups):
+            low[2 * k : 2 * k + 2], high[2 * k : 2 * k + 2] = finger_bounds(setup)
+        width, vectors = (
+            np.zeros((len(problem.contacts), count + left)),
+            np.zeros((len(problem.contacts), 2, count + left)),
+        )
+        for c, contact in enumerate(problem.contacts):
+            setup = scene.setups[contact.spec.finger]
+            place = pulls + 3 * c
+            low[place] = PRESSED * max(scene.weight / self.units.force, 0.1)
+            high[place] = setup.normal_force_max / self.units.force
+            width[c, place] = setup.held_friction
+            vectors[c, 0, place + 1] = vectors[c, 1, place + 2] = 1.0
+        cones = Cones(vectors, np.zeros((len(problem.contacts), 2)), width, np.zeros(len(problem.contacts)))
+        squares = np.concatenate([np.full(count, 1e-6), np.ones(left)])
+        found = solve_conic(
+            np.zeros(count + left),
+            np.hstack([matrix[rows_of], -np.eye(left)]),
+            -offset,
+            -offset,
+            low,
+            high,
+            cones,
+            squares,
+        )
+        x = x.copy()
+        if not found.optimal:
+            return np.inf, x
+        x[columns] = found.x[:count]
+        return float(np.linalg.norm(found.x[count:])), x
+
+    # -- the solver ----------------------------------------------------------------------------------------------
+
+    def _bounds(self, equations: HandEquations, relaxed: str = "") -> tuple[Array, Array]:
+        problem = equations.problem
+        low: Values = {f"relaxed {name}": 0.0 for name in RELAXED}
+        high: Values = dict(low)
+        if relaxed:
+            high[f"relaxed {relaxed}"] = 1.0 if relaxed == "mass" else np.inf
+        for setup in self.scene.setups:
+            length = setup.finger.rod.length
+            (span,) = setup.contact_bounds
+            low[f"{setup.name}.joint_0"], high[f"{setup.name}.joint_0"] = (s / length for s in span)
+            low[f"{setup.name}.pulls"], pulled = finger_bounds(setup)
+            # Greatest tensions are constraints, which can be relaxed; a tendon that is not there has a bound.
+            high[f"{setup.name}.pulls"] = [np.inf if pull > 0.0 else 0.0 for pull in pulled]
+        for contact in problem.contacts:
+            low[f"force, {contact.spec.name}"] = [0.0, -np.inf, -np.inf]
+            most = ASIDE * self.scene.setups[contact.spec.finger].finger.rod.length / self.units.length
+            low[f"shift, {contact.spec.name}"], high[f"shift, {contact.spec.name}"] = -most, most
+        return problem.x.pack(low, -np.inf), problem.x.pack(high, np.inf)
+
+    def _solve(
+        self,
+        equations: HandEquations,
+        on: frozenset[str],
+        chosen: tuple[TouchingPosture, ...],
+        x: Array,
+        p: Array,
+        relaxed: str = "",
+    ) -> HandTried:
+        """Solve from a start, laying planes anew until no place of a finger is in the object."""
+        depth = allowed_depth(self.scene)
+        near_to = {k: [m for j, m in equations.problem.spec.pairs if j == k] for k, _ in equations.problem.spec.pairs}
+
+        def look(x: Array, numbers: Array) -> tuple[float, Array]:
+            near = self._near(equations, x, numbers)
+            gaps = []
+            guarded = self._guarded(equations, x, numbers)
+            halves = [float(setup.finger.profile.half_thickness(0.0)) for setup in self.scene.setups]
+            for k, (points, free) in enumerate(zip(guarded, equations.free, strict=True)):
+                depths = [halves[k] - self.body.distance(points[free])[0]]
+                depths += [(halves[k] + halves[m] - _apart(points, guarded[m])).ravel() for m in near_to.get(k, ())]
+                gaps.append(float(np.concatenate(depths).max()) / self.scene.setups[k].finger.rod.length)
+            return max(gaps), near
+
+        problem = equations.problem
+        lower, upper = problem.rows.bounds()
+        bounds = self._bounds(equations, relaxed)
+        start = Start(x, *bounds, lower, upper, p, patience=PATIENCE, standstill=PATIENCE // 2)
+        with interrupts_held(quietly=True):
+            attempt, numbers = solve_clear(
+                lambda start, budget: self._solver.solve(equations.nlp, start, budget),
+                equations.nlp,
+                start,
+                look,
+                depth,
+                self.budget,
+                self.scene.solver.max_iterations,
+            )
+        crossed = self._crossed(equations, attempt.x, numbers) if attempt.converged else ()
+        if set(crossed) <= set(problem.spec.pairs):
+            return HandTried(on, chosen, attempt, self._arrays(equations, attempt.x, numbers), equations)
+        # Once more, with these fingers clear of each other.
+        pairs = tuple(sorted({*problem.spec.pairs, *crossed}))
+        wider = hand_equations(replace(problem.spec, pairs=pairs))
+        x = wider.problem.x.pack({name: attempt.x[at] for name, at in problem.x.at.items()}, 0.0)
+        p = wider.problem.numbers.pack({name: numbers[at] for name, at in problem.numbers.at.items()}, 0.0)
+        return self._solve(wider, on, chosen, x, self._near(wider, x, p), relaxed)
+
+    def _crossed(self, equations: HandEquations, x: Array, p: Array) -> list[tuple[int, int]]:
+        """Pairs of fingers that overlap, by their guarded places."""
+        guarded = self._guarded(equations, x, p)
+        halves = [float(setup.finger.profile.half_thickness(0.0)) for setup in self.scene.setups]
+        return [
+            (k, m)
+            for k, m in combinations(range(len(guarded)), 2)
+            if float(_apart(guarded[k], guarded[m]).min()) < halves[k] + halves[m]
+        ]
+
+    def _arrays(self, equations: HandEquations, x: Array, p: Array) -> dict[str, Array]:
+        """Stored arrays of a point (SI)."""
+        problem, units = equations.problem, self.units
+        contacts = problem.contacts
+        touches = [np.array(value) for value in equations.touches.call([x, p])]
+        per = [touches[5 * c : 5 * c + 5] for c in range(len(contacts))]
+        lengths = [self.scene.setups[c.spec.finger].finger.rod.length for c in contacts]
+        out: dict[str, Array] = {
+            "contact_names": np.array([c.spec.name for c in contacts]),
+            "contact_positions": np.array([part[0].ravel() for part in per]) * units.length,
+            "contact_normals": np.array([part[1].ravel() for part in per]),
+            "contact_forces": np.array([part[2].ravel() for part in per]) * units.force,
+            "contact_stations": np.array([float(part[3].item()) for part in per]) * lengths,
+            "contact_deflections": np.array([float(part[4].item()) for part in per]) * units.length,
+        }
+        fingers = [np.array(value) for value in equations.fingers.call([x, p])]
+        states = equations.states.call([x, p])
+        for k, setup in enumerate(self.scene.setups):
+            q, shares, tip, pulls, _ = fingers[5 * k : 5 * k + 5]
+            name, length = setup.name, setup.finger.rod.length
+            layout = FingerLayout(problem.spec.fingers[k], int(problem.fingers[k].q.numel()), [], [])
+            elements = shares.ravel() * length
+            tensions = pulls.ravel() * setup.stiffness / length / setup.tendons.offset
+            bending = bending_arrays(setup, layout, q.ravel(), elements, float(tip.ravel()[0]), tensions)
+            line = np.array(problem.fingers[k].shared.line(*states[3 * k : 3 * k + 3])).T
+            out |= {f"{name}.{key}": value for key, value in bending.items()} | {
+                f"{name}.family": np.array(setup.family),
+                f"{name}.lengths": elements,
+                f"{name}.tensions": tensions,
+                f"{name}.base": np.zeros(3),
+                f"{name}.backbone": line * [length, length, length, 1.0],
+            }
+        return out
+
+
+def finger_bounds(setup: FingerSetup) -> tuple[list[float], list[float]]:
+    """Least and greatest pulls of both tendons, as moments per E I / L."""
+    moment = setup.stiffness / setup.finger.rod.length
+    least, most = (t * setup.tendons.offset / moment for t in (setup.tendons.min_tension, setup.max_tension))
+    used = setup.finger.tendons_used
+    return [least, least], [most if used in ("both", side) else 0.0 for side in ("left", "right")]
+
+
+def _apart(points: Array, others: Array) -> Array:
+    """Distances (K, M) of points (K, 3) from others (M, 3)."""
+    return np.asarray(np.linalg.norm(points[:, None] - others, axis=2))
+
+
+def _nearest(points: Array, others: Array, problem: HandProblem, k: int) -> tuple[Array, Array]:
+    """Weights (N, K) and (N, M) of the place of each element of finger k that is nearest to the other finger, and of
+    the nearest one there.
+    """
+    apart, owners = _apart(points, others), np.array(problem.fingers[k].guarded[1])
+    first = np.zeros((problem.spec.fingers[k].elements, len(points)))
+    second = np.zeros((len(first), len(others)))
+    for element in range(len(first)):
+        mine = np.flatnonzero(owners == element)
+        a, b = np.unravel_index(int(apart[mine].argmin()), (mine.size, len(others)))
+        first[element, mine[a]] = second[element, b] = 1.0
+    return first, second
+
+
+def _place(posture: TouchingPosture, at: float) -> Array:
+    """Position of a place along a finger of unit length (2,)."""
+    s = np.linspace(0.0, at, 401)
+    knots, curvatures = posture.knots
+    angle = np.concatenate([[0.0], np.cumsum(np.interp(0.5 * (s[1:] + s[:-1]), knots, curvatures) * np.diff(s))])
+    middle = 0.5 * (angle[1:] + angle[:-1])
+    return np.array([-np.sin(middle) @ np.diff(s), np.cos(middle) @ np.diff(s)])
+
+
+def _likeliest(each: Sequence[Sequence[TouchingPosture]]) -> list[tuple[TouchingPosture, ...]]:
+    """Combinations of a posture of each finger, those of least scores first."""
+    combined = sorted(product(*each), key=lambda chosen: sum(posture.score for posture in chosen))
+    return combined[:COMBINED]

@@ -1,0 +1,207 @@
+"""The grasp of a hand: search, certificate, reasons and verdict."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from continuum_grasp.base import Interrupted, amount_text
+from continuum_grasp.grasp.hand.certificate import HandCertificate, certify_hand
+from continuum_grasp.grasp.hand.result import HandResult
+from continuum_grasp.grasp.hand.search import HandSearch, HandTried
+from continuum_grasp.grasp.problem.relaxations import beyond_needed
+from continuum_grasp.grasp.values import NEAR, GraspStatus, Reason
+from continuum_grasp.nlp import Budget
+from continuum_grasp.scene import HandScene
+
+_NEAREST = 2
+"""Starts of each set of contacts from which limits are relaxed, the nearest misses."""
+
+
+@dataclass(frozen=True)
+class HandLimit:
+    """A limit of a hand that may be relaxed."""
+
+    name: str
+    key: str
+    unit: str
+    why: str  # sentence with ``{limit}`` and ``{needed}``
+    limit: Callable[[HandScene], float]
+    changed: Callable[[HandScene, float], HandScene]
+    eased: Callable[[HandScene], float]  # an amount to begin with (SI); of additive ones, the most that makes sense
+    additive: bool = True  # whether the amount is in the unit of the limit; False: a part by which it is less
+
+    def reason(self, scene: HandScene, needed: float, held: HandTried, *, stable: bool) -> Reason:
+        """The reason that a grasp with this limit confirms; one that is not stable says so."""
+        limit, unit = self.limit(scene), "" if self.unit == "1" else f" {self.unit}"
+        repair = f"{self.key} = {needed:.3g}{unit}" + ("" if stable else " (in balance, but not stable)")
+        text = self.why.format(limit=limit, needed=needed)
+        return Reason(self.name, self.key, self.unit, limit, needed, text, repair, stable=stable, arrays=held.arrays)
+
+    def needed(self, scene: HandScene, amount: float) -> float:
+        """The limit where it is relaxed by an amount (SI)."""
+        limit = self.limit(scene)
+        return limit + amount if self.additive else limit * (1.0 - amount)
+
+
+def _stronger(scene: HandScene, tension: float) -> HandScene:
+    hand = scene.hand
+    bases = {
+        name: base if base.finger is None else base.replaced(finger=base.finger.with_tendons(max_tension=tension))
+        for name, base in (hand.bases or {}).items()
+    }
+    finger = hand.finger.with_tendons(max_tension=tension)
+    return scene.replaced(hand=hand.replaced(finger=finger, bases=bases or None))
+
+
+LIMITS = (
+    HandLimit(
+        "tension",
+        "hand.finger.tendons.max_tension",
+        "N",
+        "the tendons are too weak: {limit:.3g} N at most, {needed:.3g} N needed",
+        lambda scene: max(setup.max_tension for setup in scene.setups),
+        _stronger,
+        lambda scene: 4.0 * max(setup.max_tension for setup in scene.setups),
+    ),
+    HandLimit(
+        "friction",
+        "contacts.friction",
+        "1",
+        "friction is too low: coefficient {limit:.3g}, {needed:.3g} needed",
+        lambda scene: scene.contacts.friction,
+        lambda scene, friction: scene.changed({"contacts.friction": friction}),
+        lambda scene: 1.5,
+    ),
+    HandLimit(
+        "normal force",
+        "contacts.normal_force_max",
+        "N",
+        "a contact must bear more: {limit:.3g} N allowed, {needed:.3g} N needed",
+        lambda scene: scene.contacts.normal_force_max,
+        lambda scene, force: scene.changed({"contacts.normal_force_max": force}),
+        lambda scene: 4.0 * scene.contacts.normal_force_max,
+    ),
+    HandLimit(
+        "mass",
+        "object.mass",
+        "kg",
+        "the object is too heavy: {limit:.3g} kg, {needed:.3g} kg can be held",
+        lambda scene: scene.object.weighed,
+        lambda scene, mass: scene.replaced(object=scene.object.replaced(mass=mass, density=None)),
+        lambda scene: 0.8,
+        additive=False,
+    ),
+)
+"""Limits that may stand in the way, in the order in which they are named."""
+
+
+def hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> HandResult:
+    """The best grasp of a hand, or why there is none."""
+    began, budget = time.monotonic(), Budget.of(scene.solver, progress)
+    search, tried = HandSearch(scene, budget), list[HandTried]()
+    verified = list[tuple[HandTried, HandCertificate]]()
+    try:
+        for one in search.run():
+            tried.append(one)
+            if not one.attempt.converged:
+                continue
+            certificate = certify_hand(scene, one.arrays)
+            if certificate.passed:
+                verified.append((one, certificate))
+                budget.tell(f"held with {amount_text(one.tension, 'N', '.4g')}")
+    except KeyboardInterrupt:
+        if not verified:
+            raise Interrupted(f"interrupted before a grasp was found ({len(tried)} starts tried to the end)") from None
+    statistics = {
+        "starts": len(tried),
+        "iterations": sum(one.attempt.iterations for one in tried),
+        "seconds": time.monotonic() - began,
+    }
+    stable = [pair for pair in verified if pair[1].stability.stable]
+    asked = stable if scene.stability == "require" else verified
+    if asked or verified:
+        best, certificate = min(asked or verified, key=lambda pair: pair[0].tension)
+        held = f"a sum of tensions of {amount_text(best.tension, 'N', '.4g')}"
+        if not asked:
+            return HandResult(
+                scene,
+                GraspStatus.UNSTABLE,
+                f"in balance with {held}, but a small push drives the object away: {certificate.stability}",
+                best.arrays,
+                certificate,
+                advice="For a stable grasp: a wider section of the fingers, shorter fingers, or middle contacts. "
+                "stability: ignore, where something else steadies the object.",
+                statistics=statistics,
+            )
+        words = "" if certificate.stability.stable else f" but unstable ({certificate.stability})"
+        message = f"held with {held}{words}; {len(tried)} starts were tried, which are samples of all postures"
+        return HandResult(scene, GraspStatus.FEASIBLE, message, best.arrays, certificate, statistics=statistics)
+    return _without(scene, search, tried, statistics)
+
+
+def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], statistics: dict[str, float]) -> HandResult:
+    """The verdict where no start led to a grasp."""
+    if not tried:
+        idle = sorted({name for fingers in search.untouched.values() for name in fingers})
+        message = f"{' and '.join(idle)} touch the object in no posture that was sampled"
+        advice = "Move the object or the bases, turn the planes of the fingers to it (twist), or take longer fingers."
+        return HandResult(scene, GraspStatus.NOT_SOLVED, message, advice=advice, statistics=statistics)
+    search.budget.tell("no grasp found; what would make one possible is sought")
+    found = [_reason(scene, search, tried, limit) for limit in LIMITS]
+    reasons = sorted((reason for reason in found if reason is not None), key=lambda reason: not reason.stable)
+    nearest = min(tried, key=lambda one: one.attempt.violation)
+    if reasons:
+        repairs = "; ".join(reason.repair for reason in reasons)
+        advice = f"Any one of these repairs it: {repairs}."
+        if not reasons[0].stable:
+            advice = f"With any one of these forces balance, but a small push drives the object away: {repairs}."
+        message = reasons[0].text
+        arrays = dict(reasons[0].arrays)
+        return HandResult(
+            scene, GraspStatus.INFEASIBLE, message, arrays, None, tuple(reasons), advice, statistics=statistics
+        )
+    converged = [one for one in tried if one.attempt.converged]
+    if converged:
+        broken = ", ".join(check.name for check in certify_hand(scene, converged[0].arrays).failed)
+        message = f"the solver converged, but the independent check rejects: {broken}"
+        advice = "Give the fingers more space, or raise fidelity.elements."
+    else:
+        worst = nearest.equations.problem.rows.violations(nearest.attempt.g, 1e-6, {})
+        names = ", ".join(violation.name for violation in worst[:3])
+        message = f"no grasp was found from {len(tried)} starts, and no single limit explains it"
+        message += f"; the nearest breaks {names}"
+        advice = "Likely the geometry: move the object or the bases, or turn the planes of the fingers to it (twist)."
+    return HandResult(
+        scene, GraspStatus.NOT_SOLVED, message, nearest.arrays, None, advice=advice, statistics=statistics
+    )
+
+
+def _reason(scene: HandScene, search: HandSearch, tried: list[HandTried], limit: HandLimit) -> Reason | None:
+    """The least relaxation of a limit with which the object is held, where it is confirmed by a certificate."""
+    unit = search.units.force if limit.unit == "N" else 1.0
+    easing = limit.eased(scene)
+    eased = HandSearch(limit.changed(scene, limit.needed(scene, easing)), search.budget)
+    found = list[tuple[float, HandTried]]()
+    for on in dict.fromkeys(one.on for one in tried):
+        nearest = sorted((one for one in tried if one.on == on), key=lambda one: one.attempt.violation)
+        for one in nearest[:_NEAREST]:
+            if search.budget.over:
+                break
+            relaxed, amount = search.relaxed(one, limit.name, eased, easing / unit)
+            if relaxed.attempt.converged:
+                found.append((amount * unit, relaxed))
+    unstable: Reason | None = None
+    for amount, relaxed in sorted(found, key=lambda pair: pair[0]):
+        if amount > (easing if limit.additive else 1.0 - NEAR):
+            break  # no repair that makes sense: of an object, nothing at all would be left
+        needed = beyond_needed(limit.needed(scene, amount), 1.0 if limit.additive else -1.0)
+        other = HandSearch(limit.changed(scene, needed), search.budget)
+        held = other.again(relaxed)
+        certificate = certify_hand(other.scene, held.arrays)
+        if held.attempt.converged and certificate.acceptable:
+            return limit.reason(scene, needed, held, stable=True)
+        if held.attempt.converged and certificate.passed and unstable is None:
+            unstable = limit.reason(scene, needed, held, stable=False)
+    return unstable

@@ -1,0 +1,168 @@
+"""Starts of a hand: postures of each finger alone that touch, combined by the forces that hold the object.
+
+In the plane of a finger, a round finger touches where its line touches the section of the object grown by half its
+thickness: tangent along the finger, or with its end. Postures have a curvature that is linear along the finger up to
+the middle contact, and constant beyond it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from continuum_grasp.base import Numbers as Array
+from continuum_grasp.scene import FingerSetup, PlaneFrame
+
+Distance = Callable[[Array], tuple[Array, Array]]
+"""Distance (...,) of points (..., 3) from the object and the outward normal (..., 3), as the hand sees them."""
+BENDS = 4.0
+"""Greatest bend of a posture, base to tip [rad]."""
+FIRST, RISES, PLACES = 81, (-2.0, -1.0, 0.0, 1.0, 2.0, 3.0), 41
+"""Curvatures at the base, rises of curvature to the tip per bend of one radian per length, and places along a finger
+that are tried."""
+DEPTH = 0.03
+"""Depth, per length, that a posture may have in the object beside its contacts: the solver moves it out."""
+APART = 0.06
+"""Difference of the places of two postures along the finger, per length, below which they may be the same."""
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+_NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
+
+
+@dataclass(frozen=True)
+class FingerPlane:
+    """A finger in its plane: lengths per its own."""
+
+    frame: PlaneFrame
+    length: float  # [m]
+    half: float  # half thickness [m]
+    distance: Distance
+
+    def gap(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Gap of its skin at points per length (...,), per length, and the normal of the object in the plane."""
+        points = np.stack([x, y, np.zeros_like(x)], axis=-1) * self.length
+        away, normal = self.distance(self.frame.world(points))
+        inside = normal @ self.frame.axes[:, :2]
+        return (away - self.half) / self.length, inside[..., 0], inside[..., 1]
+
+
+@dataclass(frozen=True)
+class TouchingPosture:
+    """A posture that touches, per length of the finger."""
+
+    first: float  # curvature at the base
+    rise: float  # of the curvature, per length, up to the joint
+    beyond: tuple[float, float]  # curvatures beyond the joint and at the tip
+    joint: float  # place of the middle contact, or half way
+    score: float  # the less, the more likely
+
+    @property
+    def knots(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Places and curvatures there, linear between them."""
+        at = self.first + self.rise * self.joint
+        # 1e-3: the step of curvature at the joint
+        return (0.0, self.joint, min(self.joint + 1e-3, 1.0), 1.0), (self.first, at, *self.beyond)
+
+    def is_near(self, other: TouchingPosture) -> bool:
+        """Whether it is nearly the same."""
+        curved = max(abs(self.first - other.first), abs(self.beyond[1] - other.beyond[1]))
+        return abs(self.joint - other.joint) < APART and curved < 0.5
+
+
+def postures(plane: FingerPlane, setup: FingerSetup, middle: bool, tip: bool, most: int) -> list[TouchingPosture]:
+    """The likeliest postures of a finger that touch with middle contact or tip, or both, and differ."""
+    low, high = (s / plane.length for s in setup.middle_bounds)
+    sign = {"both": (-1.0, 1.0), "left": (0.0, 1.0), "right": (-1.0, 0.0)}[setup.finger.tendons_used]
+    first = np.linspace(BENDS * sign[0], BENDS * sign[1], FIRST)
+    found = list[TouchingPosture]()
+    for rise in RISES:
+        angle, x, y = _line(first[:, None], np.array(rise), np.linspace(0.0, 1.0, PLACES + 1)[1:])
+        gap, nx, ny = plane.gap(x, y)
+        if middle:
+            found += _with_middle(plane, first, rise, gap, (low, high), tip)
+        else:
+            found += _with_tip(first, rise, gap, nx * -np.sin(angle) + ny * np.cos(angle))
+    found.sort(key=lambda posture: posture.score)
+    different = list[TouchingPosture]()
+    for posture in found:
+        if not any(posture.is_near(other) for other in different):
+            different.append(posture)
+        if len(different) == most:
+            break
+    return different
+
+
+def _line(first: Array, rise: Array, s: Array) -> tuple[Array, Array, Array]:
+    """Angle and position at s of a line from the origin along y, with curvature first + rise s."""
+    at = s[..., None] * _NODES
+    angle = first[..., None] * at + 0.5 * rise[..., None] * at**2
+    x, y = (s * (part @ _WEIGHTS) for part in (-np.sin(angle), np.cos(angle)))
+    return first * s + 0.5 * rise * s**2, x, y
+
+
+def _with_tip(first: Array, rise: float, gap: Array, lean: Array) -> list[TouchingPosture]:
+    """Postures whose tip comes to the surface from outside, between two curvatures."""
+    found = []
+    for i in np.flatnonzero((gap[:-1, -1] > 0.0) != (gap[1:, -1] > 0.0)):
+        share = gap[i, -1] / (gap[i, -1] - gap[i + 1, -1])
+        start = float(first[i] + share * (first[i + 1] - first[i]))
+        depth = max(-float(((1.0 - share) * gap[i] + share * gap[i + 1])[:-1].min()), 0.0)
+        # 0.2: of the angle at which a tip touches with its side
+        if depth < DEPTH and lean[i, -1] < 0.2:
+            found.append(
+                TouchingPosture(start, rise, (start + 0.5 * rise, start + rise), 0.5, abs(rise) + 100.0 * depth)
+            )
+    return found
+
+
+def _with_middle(
+    plane: FingerPlane, first: Array, rise: float, gap: Array, bounds: tuple[float, float], tip: bool
+) -> list[TouchingPosture]:
+    """Postures tangent to the surface: there the least gap along the finger changes its sign between curvatures."""
+    s = np.linspace(0.0, 1.0, PLACES + 1)[1:]
+    inside = (s[1:-1] >= bounds[0]) & (s[1:-1] <= bounds[1])
+    is_least = (gap[:, 1:-1] <= gap[:, :-2]) & (gap[:, 1:-1] <= gap[:, 2:]) & inside
+    least = np.where(is_least, gap[:, 1:-1], np.inf)
+    at, value = least.argmin(axis=1) + 1, least.min(axis=1)
+    found = []
+    for i in range(len(first) - 1):
+        # 6: places by which the least gap moves between two curvatures at most
+        near = np.isfinite(value[i : i + 2]).all() and abs(at[i] - at[i + 1]) < 6
+        if not near or (value[i] > 0.0) == (value[i + 1] > 0.0):
+            continue
+        share = value[i] / (value[i] - value[i + 1])
+        start = float(first[i] + share * (first[i + 1] - first[i]))
+        joint = float(s[at[i]] + share * (s[at[i + 1]] - s[at[i]]))
+        found += _beyond(plane, start, rise, joint, tip)
+    return found
+
+
+def _beyond(plane: FingerPlane, first: float, rise: float, joint: float, tip: bool) -> list[TouchingPosture]:
+    """A finger that touches at a joint, continued by arcs that are clear, or whose tip touches."""
+    angle, x, y = (float(part[0]) for part in _line(np.array([first]), np.array([rise]), np.array([joint])))
+    here = first + rise * joint
+    arcs = np.linspace(-BENDS, 2.0 * BENDS, 97) if tip else here + np.array([0.3, 1.0])
+    s = (1.0 - joint) * np.linspace(0.15, 1.0, 8)
+    turn, dx, dy = _line(arcs[:, None], np.array(0.0), s)
+    c, n = np.cos(angle), np.sin(angle)
+    gap, nx, ny = plane.gap(x + c * dx - n * dy, y + n * dx + c * dy)
+    _, bx, by = _line(np.array([first]), np.array([rise]), joint * np.linspace(0.05, 0.9, 8)[:, None])
+    before = max(-float(plane.gap(bx, by)[0].min()), 0.0)
+    if not tip:
+        depths = [max(before, -float(row.min())) for row in gap]
+        return [
+            TouchingPosture(first, rise, (float(arc),) * 2, joint, 0.5 * abs(rise) + 100.0 * depth)
+            for arc, depth in zip(arcs, depths, strict=True)
+            if depth < DEPTH
+        ]
+    found = []
+    lean = nx[:, -1] * -np.sin(angle + turn[:, -1]) + ny[:, -1] * np.cos(angle + turn[:, -1])
+    for j in np.flatnonzero((gap[:-1, -1] > 0.0) != (gap[1:, -1] > 0.0)):
+        share = gap[j, -1] / (gap[j, -1] - gap[j + 1, -1])
+        arc = float(arcs[j] + share * (arcs[j + 1] - arcs[j]))
+        depth = max(before, -float(((1.0 - share) * gap[j] + share * gap[j + 1])[:-1].min()))
+        if depth < DEPTH and lean[j] < 0.2:
+            score = 0.5 * abs(rise) + abs(arc - here) + 100.0 * depth
+            found.append(TouchingPosture(first, rise, (arc, arc), joint, score))
+    return found

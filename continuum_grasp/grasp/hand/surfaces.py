@@ -1,0 +1,86 @@
+"""Distance and outward normal from the surface of a solid, by numpy alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from continuum_grasp.base import Array
+from continuum_grasp.scene import HandScene
+
+_STEPS = 100
+"""Newton steps toward the nearest point of an ellipsoid at most; twenty bring a point near it to rounding."""
+
+
+@dataclass(frozen=True)
+class NearestPlaces:
+    """Places of a surface nearest to n points."""
+
+    distance: Array  # (n,) from the surface [m], negative inside
+    point: Array  # (n, 3) of the surface [m]
+    normal: Array  # (n, 3) outward unit normal there
+
+
+class PlacedSolid:
+    """The surface of a scene's object, as the hand sees it."""
+
+    def __init__(self, scene: HandScene) -> None:
+        self._body = scene.object
+        self._position, self._axes = np.array(self._body.position, dtype=float), self._body.axes
+
+    def nearest(self, points: Array) -> NearestPlaces:
+        """Places of the surface nearest to points (n, 3) [m]."""
+        points = np.asarray(points, dtype=float).reshape(-1, 3)
+        distance, normal = self._local((points - self._position) @ self._axes)
+        normal = normal @ self._axes.T
+        return NearestPlaces(distance, points - distance[:, None] * normal, normal)
+
+    def _local(self, points: Array) -> tuple[Array, Array]:
+        """Distances (n,) and normals (n, 3) in the frame of the shape."""
+        body = self._body
+        if body.shape == "sphere":
+            return _grown_box(points, np.zeros(3), 0.5 * body.diameter)
+        if body.shape == "ellipsoid":
+            return _ellipsoid(points, 0.5 * np.array(body.extents))
+        if body.shape == "box":
+            return _grown_box(points, 0.5 * np.array(body.extents) - body.edge_radius, body.edge_radius)
+        # A cylinder is a rounded box in the half plane of its axis.
+        radial = np.hypot(points[:, 0], points[:, 1])
+        half = np.array([0.5 * body.diameter, 0.5 * body.height]) - body.edge_radius
+        distance, normal = _grown_box(np.column_stack([radial, points[:, 2]]), half, body.edge_radius)
+        out = np.where(radial[:, None] > 0.0, points[:, :2] / np.maximum(radial, 1e-300)[:, None], [1.0, 0.0])
+        return distance, np.column_stack([normal[:, :1] * out, normal[:, 1]])
+
+
+def _grown_box(points: Array, half: Array, radius: float) -> tuple[Array, Array]:
+    """Distances and normals from everything within a radius of a box of half extents (k,), which may be zero."""
+    beyond = np.abs(points) - half
+    outside = np.maximum(beyond, 0.0)
+    away = np.linalg.norm(outside, axis=1)
+    # Inside of the box the nearest face is that of the axis along which the least is missing.
+    face = np.eye(half.size)[beyond.argmax(axis=1)]
+    normal = np.where(away[:, None] > 0.0, outside / np.maximum(away, 1e-300)[:, None], face)
+    return away + np.minimum(beyond.max(axis=1), 0.0) - radius, normal * np.copysign(1.0, points)
+
+
+def _ellipsoid(points: Array, half: Array) -> tuple[Array, Array]:
+    """Distances and normals from an ellipsoid: the nearest point is a^2 p / (a^2 + t), with t the greatest root of
+    F(t) = sum (a p / (a^2 + t))^2 - 1 (D. Eberly, "Distance from a Point to an Ellipse, an Ellipsoid, or a
+    Hyperellipsoid", 2013).
+    """
+    # 1e-12: a center, from which several places are nearest, becomes a point beside it.
+    p = np.copysign(np.maximum(np.abs(points), 1e-12 * half), points)
+    squares = half**2
+    # Beyond the greatest pole F is convex and falls: from where it is positive, Newton's method never passes the root.
+    t = (half * np.abs(p) - squares).max(axis=1)
+    for _ in range(_STEPS):
+        shares = (half * p / (squares + t[:, None])) ** 2
+        step = (shares.sum(axis=1) - 1.0) / (2.0 * (shares / (squares + t[:, None])).sum(axis=1))
+        t = t + np.maximum(step, 0.0)
+        if not (step > 1e-16 * squares.max()).any():
+            break
+    normal = p / (squares + t[:, None])
+    place = squares * normal
+    normal = normal / np.linalg.norm(normal, axis=1)[:, None]
+    return ((points - place) * normal).sum(axis=1), normal

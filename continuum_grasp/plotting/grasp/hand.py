@@ -1,0 +1,131 @@
+"""The grasp of a hand: the hand in space, and each finger in its plane with the section of the object there."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from continuum_grasp.base import Array
+from continuum_grasp.plotting.drawing.bodies import draw_body, finger_outline
+from continuum_grasp.plotting.drawing.forces import draw_arrow
+from continuum_grasp.plotting.drawing.style import Color, Z, plain
+from continuum_grasp.plotting.drawing.styled_axes import new_figure, wrapped
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from continuum_grasp.scene import PlaneFrame
+
+_SPACE, _PLANE = 4.6, 2.7
+"""Side of the view in space, and of each plane [inch]."""
+_ARROW = 0.35
+"""Length of the greatest force, per length of the longest finger [1]."""
+
+
+def plot_hand(result: Any) -> list[Axes]:
+    """Draw the grasp of a hand: in space, and in the plane of each finger.
+
+    Arrows are the forces that the object bears at its contacts, in a plane the part of them that lies in it. The closed
+    line in a plane is the section of the object; a finger beside its center touches it at a slant, and its contact then
+    lies off the section.
+    """
+    from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
+
+    scene = result.scene
+    columns = min(len(scene.setups), 3)
+    rows = math.ceil(len(scene.setups) / columns)
+    figure = new_figure(_SPACE + columns * _PLANE, max(_SPACE, rows * _PLANE) + 0.5)
+    grid = figure.add_gridspec(rows, columns + 1, width_ratios=[1.15 * _SPACE / _PLANE, *[1.0] * columns])
+    space: Any = figure.add_subplot(grid[:, 0], axes_class=Axes3D)
+    title = f"{plain(scene.name or 'hand')}: {result.status.word}"
+    figure.suptitle(wrapped(title, _SPACE + columns * _PLANE), fontsize=10, color=Color.INK, x=0.02, ha="left")
+    lines = {s.name: result.arrays[f"{s.name}.backbone"] for s in scene.setups if result.arrays}
+    scale = _arrow_scale(result)
+    _draw_space(space, result, lines, scale)
+    planes = []
+    for k, (setup, frame) in enumerate(zip(scene.setups, scene.frames, strict=True)):
+        ax = figure.add_subplot(grid[k // columns, 1 + k % columns])
+        _draw_plane(ax, result, setup, frame, lines.get(setup.name), scale)
+        planes.append(ax)
+    return [space, *planes]
+
+
+def _arrow_scale(result: Any) -> float:
+    """Length of an arrow per force [m/N]."""
+    greatest = max((float(np.linalg.norm(c.force)) for c in result.contacts), default=0.0)
+    longest = max(setup.finger.rod.length for setup in result.scene.setups)
+    return _ARROW * longest / greatest if greatest > 0.0 else 0.0
+
+
+def _colors(result: Any) -> dict[str, str]:
+    names = [setup.name for setup in result.scene.setups]
+    return dict(zip(names, Color.distinct(len(names)), strict=True))
+
+
+def _draw_space(ax: Any, result: Any, lines: dict[str, Array], scale: float) -> None:
+    scene, colors = result.scene, _colors(result)
+    surface = 1e3 * result.body.mesh()
+    ax.plot_surface(*np.moveaxis(surface, -1, 0), color=Color.OBJECT, edgecolor=Color.EDGE, linewidth=0.15, alpha=0.55)
+    boxes = [surface.reshape(-1, 3)]
+    for setup, frame in zip(scene.setups, scene.frames, strict=True):
+        length, half = setup.finger.rod.length, float(setup.finger.profile.half_thickness(0.0))
+        line = lines.get(setup.name, np.array([[0.0] * 4, [length, 0.0, length, 0.0]]))
+        points = 1e3 * _tube(frame, line, half)
+        ax.plot_surface(*np.moveaxis(points, -1, 0), color=colors[setup.name], linewidth=0.0, alpha=0.85)
+        boxes.append(points.reshape(-1, 3))
+    for contact in result.contacts:
+        start, push = 1e3 * contact.position, -1e3 * scale * contact.force
+        ax.quiver(*(start - push), *push, color=Color.INK, linewidth=1.4, arrow_length_ratio=0.25)
+    low, high = (getattr(np.concatenate(boxes), side)(axis=0) for side in ("min", "max"))
+    center, reach = 0.5 * (low + high), 0.5 * float((high - low).max())
+    ax.set(**{f"{name}lim": (c - reach, c + reach) for name, c in zip("xyz", center, strict=True)})
+    ax.set_box_aspect((1.0, 1.0, 1.0))
+    ax.view_init(elev=18.0, azim=-50.0)
+    ax.set_xlabel("x [mm]", fontsize=8)
+    ax.set_ylabel("y [mm]", fontsize=8)
+    ax.set_zlabel("z [mm]", fontsize=8, labelpad=-2.0)
+    ax.tick_params(labelsize=7)
+
+
+def _tube(frame: PlaneFrame, line: Array, half: float) -> Array:
+    """Points (K, 13, 3) of the skin of a round finger whose shape in its plane is (K, 4) [m]."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 13)
+    places = line[::4]
+    angle = places[:, 3]
+    across = np.stack([np.cos(angle), np.sin(angle), np.zeros(len(places))], axis=1)
+    center = np.column_stack([places[:, 1:3], np.zeros(len(places))])
+    ring = np.cos(turn)[None, :, None] * across[:, None] + np.sin(turn)[None, :, None] * np.array([0.0, 0.0, 1.0])
+    return frame.world(center[:, None] + half * ring)
+
+
+def _draw_plane(ax: Axes, result: Any, setup: Any, frame: PlaneFrame, line: Array | None, scale: float) -> None:
+    from matplotlib.patches import Polygon
+
+    section = 1e3 * result.body.section(frame)
+    if len(section):
+        ax.add_patch(Polygon(section, facecolor=Color.OBJECT, edgecolor=Color.EDGE, zorder=Z.OBJECT))
+    if line is not None:
+        shown = line * [1e3, 1e3, 1e3, 1.0]
+        draw_body(ax, 1e3 * finger_outline(line, setup.finger), facecolor=_colors(result)[setup.name])
+        ax.plot(shown[:, 1], shown[:, 2], color=_colors(result)[setup.name], linewidth=1.2, zorder=Z.CENTERLINE)
+    for contact in result.contacts:
+        if contact.name.startswith(f"{setup.name}."):
+            at = 1e3 * ((contact.position - frame.base) @ frame.axes[:, :2])
+            push = -1e3 * scale * (contact.force @ frame.axes[:, :2])
+            draw_arrow(ax, at - push, at, Color.INK)
+            ax.plot(*at, "o", color="white", markeredgecolor=Color.INK, markersize=4.0, zorder=Z.CONTACT)
+    words = ""
+    if line is not None:
+        left, right = result.tensions[setup.name]
+        words = f"\n{left:.2f} and {right:.2f} N"
+    ax.set_title(f"{setup.name}{words}", fontsize=8, color=Color.INK, loc="left")
+    ax.set_aspect("equal")
+    ax.autoscale_view()
+    # The base is above, as in the hand.
+    ax.invert_xaxis()
+    ax.invert_yaxis()
+    ax.tick_params(labelsize=7)
+    ax.set_xlabel("across [mm]", fontsize=8)
+    ax.set_ylabel("along [mm]", fontsize=8)

@@ -1,0 +1,294 @@
+"""A hand in space: planar fingers around a palm, and the object that they hold."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from continuum_grasp.base import Array
+from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.finger_setup import FingerSetup
+from continuum_grasp.scene.grasp import check_finger, check_name
+from continuum_grasp.scene.grasp_options import GraspContacts, GraspFinger, GraspGravity, GraspSolver
+from continuum_grasp.scene.simulate import Fidelity
+from continuum_grasp.scene.solids import Solid, SpatialPosition, Vector3
+from continuum_grasp.scene.supports import Switch
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import Angle, Configuration, Extent, Value
+
+_PARALLEL = 1e-6
+"""Sine of an angle below which two directions count as parallel [1]."""
+
+
+@dataclass(frozen=True)
+class PlaneFrame:
+    """The plane of a finger in the hand: its base, and as columns its axes x, y (along the straight finger) and normal.
+
+    A finger bends towards -x where its curvature is positive, as planar fingers do.
+    """
+
+    base: Array  # (3,) [m]
+    axes: Array  # (3, 3)
+
+    def world(self, points: Array) -> Array:
+        """Points (..., 3) of the plane's frame as the hand sees them [m]."""
+        world: Array = self.base + points @ self.axes.T
+        return world
+
+
+class FingerSection(Value):
+    """Cross-section of a finger's backbone, which gives its stiffness out of its plane.
+
+    The stiffness in the plane is that of the rod: of a section of width w and thickness t, E I to the side is
+    (w / t)^2 times that, and G J follows from Poisson's ratio.
+    """
+
+    shape: Literal["round", "ellipse", "rectangle"]
+    """Shape of the section."""
+    thickness: Extent | None = None
+    """Extent in the plane of bending [m]; of round ones not needed."""
+    width: Extent | None = None
+    """Extent across the plane of bending [m]; of round ones not needed."""
+    poissons_ratio: Annotated[float, Field(ge=0.0, le=0.5), Unit("1")] = 0.35
+    """Poisson's ratio, by which torsion follows from bending [1]: rubber 0.5, polymers 0.4, metals 0.3."""
+
+    @property
+    def ratio(self) -> float:
+        """Width per thickness [1]."""
+        return 1.0 if self.thickness is None or self.width is None else self.width / self.thickness
+
+    @property
+    def lateral(self) -> float:
+        """Bending stiffness to the side, per that in the plane [1]."""
+        return self.ratio**2
+
+    @property
+    def torsion(self) -> float:
+        """Torsional stiffness G J, per bending stiffness E I in the plane [1] (S. Timoshenko, J. N. Goodier, "Theory of
+        Elasticity", chapter 10).
+        """
+        r, shear = self.ratio, 2.0 * (1.0 + self.poissons_ratio)
+        if self.shape != "rectangle":
+            return 4.0 * r * r / (1.0 + r * r) / shear
+        # J of a b^3 for the shorter side b, per I = w t^3 / 12.
+        slender = min(r, 1.0 / r)
+        series = sum(math.tanh(n * math.pi / (2.0 * slender)) / n**5 for n in range(1, 12, 2))
+        j = (1.0 - 192.0 * slender / math.pi**5 * series) / 3.0
+        return 12.0 * j * (1.0 if r >= 1.0 else r * r) / shear
+
+    def _check(self) -> None:
+        if self.shape == "round" and (self.thickness is not None or self.width is not None):
+            raise ValueError("thickness and width are of an ellipse or a rectangle: leave them out of a round section")
+        if self.shape != "round" and (self.thickness is None or self.width is None):
+            raise ValueError(f"thickness and width are needed for shape: {self.shape}")
+
+
+class HandFinger(GraspFinger):
+    """A finger of a hand, whose base is where the hand has it."""
+
+    section: FingerSection | None = None
+    """Cross-section of the backbone, for its stiffness out of its plane; None: that of the rod, where it has a
+    ``diameter``, or ``thickness`` and ``width``."""
+
+    @cached_property
+    def cross_section(self) -> FingerSection:
+        """The section, given or of the rod."""
+        rod = self.rod
+        if self.section is not None:
+            return self.section
+        if isinstance(rod.diameter, float) and rod.bending_stiffness is None:
+            return FingerSection(shape="round")
+        if isinstance(rod.thickness, float) and isinstance(rod.width, float):
+            return FingerSection(shape="rectangle", thickness=rod.thickness, width=rod.width)
+        raise ValueError(
+            "section is needed: the stiffness of the finger out of its plane follows from its cross-section (round, "
+            "ellipse or rectangle)"
+        )
+
+    def _check(self) -> None:
+        _ = self.cross_section
+        if self.base.pose != (0.0, 0.0, 0.0) or self.base_free is not None:
+            raise ValueError("base: the hand has the bases of its fingers: give hand.ring or hand.bases")
+
+
+def _as_hand_finger(value: Any) -> Any:
+    if isinstance(value, Finger) and not isinstance(value, HandFinger):
+        return HandFinger(**{name: getattr(value, name) for name in type(value).model_fields})
+    return value
+
+
+AnyHandFinger = Annotated[HandFinger, BeforeValidator(_as_hand_finger)]
+
+
+class FingerRing(Value):
+    """Fingers alike on a circle about the z axis of the hand, which point down along -z and bend inward."""
+
+    count: Annotated[int, Field(ge=2, le=6)]
+    """Number of fingers."""
+    radius: Extent
+    """Radius of the circle of their bases [m]."""
+    start: Angle = 0.0
+    """Angle of the first finger from the x axis [rad]."""
+    tilt: Annotated[float, Field(ge=-1.5, le=1.5), Unit("rad")] = 0.0
+    """Angle by which the fingers lean outward from -z [rad]."""
+    twist: Angle = 0.0
+    """Angle by which each plane of bending is turned about its finger [rad]; 0: through the hand's axis."""
+
+    @property
+    def bases(self) -> tuple[FingerBase, ...]:
+        """The bases one by one."""
+        bases = []
+        for k in range(self.count):
+            angle = self.start + math.tau * k / self.count
+            out, side = (math.cos(angle), math.sin(angle), 0.0), (-math.sin(angle), math.cos(angle), 0.0)
+            c, s = math.cos(self.tilt), math.sin(self.tilt)
+            along, inward = (s * out[0], s * out[1], -c), (-c * out[0], -c * out[1], -s)
+            turn, aside = math.cos(self.twist), math.sin(self.twist)
+            # Inward turned about the finger: along x inward is the side.
+            x, y, z = (turn * i + aside * o for i, o in zip(inward, side, strict=True))
+            position = (self.radius * out[0], self.radius * out[1], 0.0)
+            bases.append(FingerBase(position=position, direction=along, bends_toward=(x, y, z)))
+        return tuple(bases)
+
+
+class FingerBase(Value):
+    """Base of one finger in the hand."""
+
+    position: SpatialPosition
+    """Position of the base [m]."""
+    direction: Annotated[Vector3, Unit("1")]
+    """Direction in which the straight finger points, of any length [1]."""
+    bends_toward: Annotated[Vector3, Unit("1")]
+    """Direction to which it bends where its left tendon pulls, of any length; its part along ``direction`` does not
+    matter [1]."""
+    finger: AnyHandFinger | None = None
+    """The finger of this base, where it is not that of all."""
+
+    @property
+    def frame(self) -> PlaneFrame:
+        """The plane of the finger."""
+        import numpy as np
+
+        along = np.array(self.direction) / np.linalg.norm(self.direction)
+        bends = np.array(self.bends_toward) - along * (along @ np.array(self.bends_toward))
+        bends = bends / np.linalg.norm(bends)
+        return PlaneFrame(np.array(self.position), np.column_stack([-bends, along, np.cross(along, bends)]))
+
+    def _check(self) -> None:
+        for key in ("direction", "bends_toward"):
+            if not math.hypot(*getattr(self, key)) > 0.0:
+                raise ValueError(f"{key} must not be zero")
+        size = math.hypot(*self.direction) * math.hypot(*self.bends_toward)
+        along = sum(a * b for a, b in zip(self.direction, self.bends_toward, strict=True)) / size
+        if 1.0 - abs(along) < 0.5 * _PARALLEL**2:
+            raise ValueError("bends_toward must not be parallel to direction")
+
+
+class Hand(Value):
+    """Fingers around a palm; z points from the object to the palm, and the fingers along -z where they do not lean."""
+
+    finger: AnyHandFinger
+    """The finger, of all bases that have none of their own."""
+    ring: FingerRing | None = None
+    """Bases on a circle; the fingers are called ``finger_1`` and so on."""
+    bases: Annotated[dict[str, FingerBase], Field(min_length=1, max_length=6)] | None = None
+    """Bases by the names of their fingers, in place of ``ring``."""
+
+    @cached_property
+    def named_bases(self) -> dict[str, FingerBase]:
+        """The bases by the names of their fingers."""
+        if self.ring is None:
+            return dict(self.bases or {})
+        return {f"finger_{k + 1}": base for k, base in enumerate(self.ring.bases)}
+
+    def _check(self) -> None:
+        self._check_one_given("ring", "bases")
+        for name in self.named_bases:
+            check_name(name)
+
+
+class HandContacts(GraspContacts):
+    """Contacts of a hand's fingers with the object."""
+
+    middle: Switch = "auto"
+    """Contact along the finger, tangent to the object: on, off, or auto: where that is better."""
+    tip: Switch = "auto"
+    """Contact of the rounded end: on, off, or auto: where that is better."""
+
+
+class HandScene(Configuration):
+    """A hand of planar fingers that holds an object in space."""
+
+    REFUSALS = Consumer.refusals(
+        """
+        contacts.stations: hands touch with middle and tip: leave it out
+        fidelity.frequencies: is not for grasps, which do not move
+        fidelity.tolerance: hands have a number of elements: give fidelity.elements
+        """
+    )
+
+    hand: Hand
+    """The fingers and where they are."""
+    object: Solid
+    """The object to be held: shape, mass and pose, as the hand sees them."""
+    contacts: HandContacts
+    """Contacts of fingers with the object, and limits of the touching surfaces."""
+    gravity: GraspGravity
+    """Gravity along x, y and z of the hand [m/s2]."""
+    fidelity: Fidelity = Fidelity()
+    """Resolution of the fingers' models."""
+    stability: Literal["require", "ignore"] = "require"
+    """require: small motions in space that the contacts allow must raise the energy clearly, at constant tensions;
+    ignore: an equilibrium is enough."""
+    solver: GraspSolver = GraspSolver()
+    """Options of the search."""
+
+    @cached_property
+    def setups(self) -> tuple[FingerSetup, ...]:
+        """The fingers with everything resolved, each in its own plane."""
+        return tuple(
+            FingerSetup.of(name, base.finger or self.hand.finger, self.contacts, self.fidelity, releases=False)
+            for name, base in self.hand.named_bases.items()
+        )
+
+    @cached_property
+    def frames(self) -> tuple[PlaneFrame, ...]:
+        """The planes of the fingers."""
+        return tuple(base.frame for base in self.hand.named_bases.values())
+
+    @property
+    def weight(self) -> float:
+        """Weight of the object [N]."""
+        return self.object.weighed * math.hypot(*self.gravity)
+
+    def _check(self) -> None:
+        bases = self.hand.named_bases
+        for setup, base in zip(self.setups, bases.values(), strict=True):
+            check_finger(setup, f"hand.bases.{setup.name}.finger" if base.finger else "hand.finger", self.fidelity)
+            self._check_finger(setup, base)
+        thick = {setup.name: setup.finger.thickness_radius for setup in self.setups}
+        for one, other in combinations(bases, 2):
+            gap = math.dist(bases[one].position, bases[other].position)
+            if gap < thick[one] + thick[other]:
+                raise ValueError(f"hand: the bases of {one} and {other} overlap: {gap:.3g} m apart")
+
+    def _check_finger(self, setup: FingerSetup, base: FingerBase) -> None:
+        if setup.graded:
+            raise ValueError("hand.finger: fingers of hands are uniform along their length so far")
+        if setup.drive is not None or setup.friction_states:
+            raise ValueError("hand.finger: fingers of hands have tendons without friction and drives so far")
+        if setup.finger.masses:
+            raise ValueError("hand.finger.masses: fingers of hands carry no masses so far")
+        away = math.dist(self.object.position, base.position)
+        reach = setup.finger.rod.length + setup.finger.thickness_radius + self.object.size
+        if away > reach:
+            raise ValueError(
+                f"{setup.name} cannot reach the object: its base is {away:.3g} m from the center, and {reach:.3g} m is "
+                "the most; is object.position in meters, as the hand sees it?"
+            )

@@ -1,0 +1,169 @@
+"""Grasps of hands in space: against an independent program, symmetry, and what is said where nothing holds."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import continuum_grasp as cg
+from continuum_grasp.base import InputError, SolverError
+from continuum_grasp.grasp import GraspStatus, optimize_grasp
+from tests.marks import few
+
+CONFIGS = Path(cg.__file__).parents[1] / "configs/hand"
+
+
+def hand(name, changes=None):
+    return cg.load(CONFIGS / f"{name}.yaml").changed(changes or {})
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return optimize_grasp(hand("ball"))
+
+
+def test_a_ball_is_held_with_the_tensions_of_an_independent_program():
+    """An independent program of weightless chains of linear curvature, its contacts points on a level surface: 5.580,
+    5.645 and 6.191 N (eight elements).
+    """
+    scene = hand("ball", {"hand.finger.rod.linear_density": 1e-9})
+    found = optimize_grasp(scene)
+    left = [tensions[0] for tensions in found.tensions.values()]
+    assert left == pytest.approx([5.580, 5.645, 6.191], rel=2e-4)
+    assert max(tensions[1] for tensions in found.tensions.values()) < 1e-6
+
+
+def test_forces_balance_the_weight_within_the_cones(ball):
+    scene = ball.scene
+    total = -sum(contact.force for contact in ball.contacts)
+    assert total == pytest.approx([0.0, 0.0, 9.81 * scene.object.mass], abs=1e-8)
+    moment = sum(np.cross(c.position - scene.object.position, -c.force) for c in ball.contacts)
+    assert moment == pytest.approx(np.zeros(3), abs=1e-9)
+    for contact in ball.contacts:
+        assert np.linalg.norm(contact.position - scene.object.position) == pytest.approx(0.03, rel=1e-8)
+        assert contact.friction_force <= 0.8 * 0.6 * contact.normal_force + 1e-7
+    assert ball.certificate.passed
+    assert ball.certificate.stability.stable
+
+
+@pytest.mark.parametrize("turn", few([0.4, 2.0], 1))
+def test_a_hand_that_is_turned_with_all_that_it_holds_needs_the_same_tensions(ball, turn):
+    rotation = Rotation.from_rotvec([0.0, 0.0, turn])
+    other = hand(
+        "ball",
+        {"hand.ring.start": turn, "object.position": rotation.apply(ball.scene.object.position).tolist()},
+    )
+    assert optimize_grasp(other).tension == pytest.approx(ball.tension, rel=1e-6)
+
+
+@pytest.mark.deep
+def test_a_mirrored_hand_needs_the_same_tensions():
+    """At the plane y = 0: the first finger lies in it, the others change places."""
+    egg = optimize_grasp(hand("egg"))
+    x, y, z = egg.scene.object.position
+    a, b, c = egg.scene.object.rotation
+    other = optimize_grasp(hand("egg", {"object.position": [x, -y, z], "object.rotation": [-a, b, -c]}))
+    assert other.tension == pytest.approx(egg.tension, rel=1e-6)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("name", ["can", "lying_can", "box", "egg"])
+def test_shipped_hands_hold_and_are_stable(name):
+    found = optimize_grasp(hand(name))
+    assert found.solved
+    assert found.certificate.passed
+    assert found.certificate.stability.stable
+
+
+@pytest.mark.deep
+def test_round_fingers_that_turn_the_can_away_are_no_grasp():
+    """Tips that press with N at a radius r turn the object where their stiffness to the side k is below N / r."""
+    found = optimize_grasp(hand("can", {"hand.finger.section": {"shape": "round"}}), raise_on_failure=False)
+    assert found.status is not GraspStatus.FEASIBLE
+    ignored = hand("can", {"hand.finger.section": {"shape": "round"}, "stability": "ignore"})
+    found = optimize_grasp(ignored, raise_on_failure=False)
+    if found.solved:
+        assert not found.certificate.stability.stable
+
+
+@pytest.mark.deep
+def test_every_reason_repairs():
+    heavy = hand("ball", {"object.mass": 2.0})
+    found = optimize_grasp(heavy, raise_on_failure=False)
+    assert found.status is GraspStatus.INFEASIBLE
+    assert found.reasons
+    for reason in found.reasons:
+        repaired = optimize_grasp(heavy.changed({reason.key: reason.needed}), raise_on_failure=False)
+        assert repaired.solved or (not reason.stable and repaired.status is GraspStatus.UNSTABLE), reason.text
+    with pytest.raises(SolverError, match=r"needed|can be held"):
+        optimize_grasp(heavy)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"object.position": [2.0, 3.0, -90.0]}, "cannot reach the object: .* in meters"),
+        ({"hand.ring.radius": 0.005}, "bases of finger_1 and finger_2 overlap"),
+        ({"hand.finger.section": None}, "section is needed"),
+        ({"hand.finger.base": {"position": [0.1, 0.0]}}, "base: the hand has the bases"),
+        ({"hand.ring": None}, "exactly one of ring and bases"),
+        ({"object": {"shape": "sphere", "diameter": 0.06, "position": [0.0, 0.0, -0.09]}}, "give mass, or density"),
+        (
+            {
+                "object": {
+                    "shape": "box",
+                    "extents": [0.06] * 3,
+                    "edge_radius": 0.04,
+                    "mass": 0.1,
+                    "position": [0, 0, 0],
+                }
+            },
+            "edge_radius = 0.04 m: expected",
+        ),
+        ({"contacts.middle": "off", "contacts.tip": "off"}, "at least one of middle and tip"),
+    ],
+)
+def test_what_is_no_hand_is_named(changes, said):
+    with pytest.raises(InputError, match=said):
+        hand("ball", changes)
+
+
+@pytest.mark.parametrize(
+    ("solid", "volume"),
+    [
+        ({"shape": "sphere", "diameter": 0.06}, 4.0 / 3.0 * math.pi * 0.03**3),
+        ({"shape": "ellipsoid", "extents": [0.04, 0.06, 0.1]}, 4.0 / 3.0 * math.pi * 0.02 * 0.03 * 0.05),
+        ({"shape": "cylinder", "diameter": 0.06, "height": 0.1, "edge_radius": 0.01}, None),
+        ({"shape": "box", "extents": [0.06, 0.08, 0.1], "edge_radius": 0.01}, None),
+    ],
+)
+def test_mass_follows_from_density(solid, volume):
+    """Of shapes with rounded edges, by points drawn at random in the box about them: 1 % at three deviations."""
+    body = hand("ball", {"object": {**solid, "density": 1000.0, "position": [0.0, 0.0, -0.08]}}).object
+    if volume is None:
+        half = 0.5 * np.array(solid.get("extents", [0.06, 0.06, 0.1]))
+        points = np.abs(np.random.default_rng(0).uniform(-half, half, (400_000, 3)))
+        core = half - 0.01
+        if body.shape == "cylinder":
+            beyond = np.stack([np.hypot(points[:, 0], points[:, 1]) - core[0], points[:, 2] - core[2]])
+        else:
+            beyond = (points - core).T
+        inside = np.linalg.norm(np.maximum(beyond, 0.0), axis=0) <= 0.01
+        volume = inside.mean() * float(np.prod(2.0 * half))
+    assert body.weighed == pytest.approx(1000.0 * volume, rel=2e-3)
+
+
+def test_sections_are_as_stiff_as_their_shape():
+    """A square bar: 0.1406 a^4 and a^4 / 12 (S. Timoshenko); round ones J = 2 I; a thin strip w t^3 / 3 = 4 I."""
+    square = hand("ball", {"hand.finger.section": {"shape": "rectangle", "thickness": 0.002, "width": 0.002}})
+    section = square.setups[0].finger.cross_section
+    assert (section.lateral, section.torsion) == (1.0, pytest.approx(12 * 0.140577 / 2.7, rel=1e-4))
+    round_one = hand("ball", {"hand.finger.section": {"shape": "round"}}).setups[0].finger.cross_section
+    assert (round_one.lateral, round_one.torsion) == (1.0, pytest.approx(2.0 / 2.7))
+    strip = {"shape": "rectangle", "thickness": 0.001, "width": 0.1}
+    thin = hand("ball", {"hand.finger.section": strip}).setups[0].finger.cross_section
+    assert (thin.lateral, thin.torsion) == (pytest.approx(1e4), pytest.approx(4.0 * (1 - 0.63 / 100) / 2.7, rel=1e-4))

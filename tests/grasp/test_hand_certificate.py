@@ -1,0 +1,302 @@
+"""from inside: hands are certified from arrays made by hand, as no search gives them. Each check holds at 0.999 of its
+limit and fails at 1.001; displacements out of the plane are closed forms.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from continuum_grasp.grasp.hand.certificate import certify_hand
+from continuum_grasp.grasp.hand.surfaces import PlacedSolid
+from tests import hand_cases as cases
+from tests.hand_cases import EXTENTS, HALF, LENGTH, OFFSET, STIFFNESS
+
+Z = np.array([0.0, 0.0, 1.0])
+PRESS, MASS = 2.0, 0.05
+FORCE = 0.5 * 9.81 * MASS
+SCALE = math.hypot(PRESS, FORCE)
+"""Greatest force in the grasp of a box."""
+SIZE = float(np.linalg.norm(0.5 * EXTENTS - 0.004)) + 0.004
+
+
+def test_a_grasp_in_closed_form_passes():
+    certificate = certify_hand(*cases.squeezed_box(PRESS, MASS))
+    assert certificate.passed, certificate
+    left, right = certificate.contacts
+    for contact, sign in ((left, -1.0), (right, 1.0)):
+        assert contact.normal_force == pytest.approx(PRESS, rel=1e-12)
+        assert contact.friction_force == pytest.approx(FORCE, rel=1e-12)
+        assert contact.margin == pytest.approx(1.0 - FORCE / (0.5 * PRESS), rel=1e-9)
+        assert contact.deflection == pytest.approx(sign * cases.sag(FORCE) / LENGTH, rel=1e-9)
+    assert str(len(certificate.checks)) in certificate.headline()
+
+
+# -- displacement out of the plane ------------------------------------------------------------------------------------
+
+RATIO = 4.0
+TORSION = 4 * RATIO**2 / (1 + RATIO**2) / (2 * 1.35) * STIFFNESS
+FORCED = 0.1
+
+
+def arc(turn):
+    """Displacement of the end of an arc by a force on it across its plane (S. Timoshenko, Strength of Materials)."""
+    r = LENGTH / turn
+    bends = 0.5 * turn - 0.25 * math.sin(2 * turn)
+    twists = 1.5 * turn - 2.0 * math.sin(turn) + 0.25 * math.sin(2 * turn)
+    return FORCED * r**3 * (bends / cases.LATERAL + twists / TORSION)
+
+
+@pytest.mark.parametrize("turn", [1e-3, 0.5, 1.8, 3.6, -1.8])
+def test_an_arc_yields_to_a_force_across_its_plane(turn):
+    scene, arrays = cases.one_finger(FORCED * Z, Z, turn / LENGTH)
+    (contact,) = certify_hand(scene, arrays).contacts
+    assert contact.deflection * LENGTH == pytest.approx(arc(turn), rel=1e-7)
+
+
+def test_a_straight_finger_yields_to_a_force_at_its_end_or_ahead_of_it():
+    for normal, length in ((Z, 0.0), ((1, 0, 0), 0.0), ((0, -1, 0), HALF), ((0, 1, 0), -HALF)):
+        scene, arrays = cases.one_finger(FORCED * Z, normal)
+        (contact,) = certify_hand(scene, arrays).contacts
+        expected = FORCED * (LENGTH**3 / 3 + length * LENGTH**2 / 2) / cases.LATERAL
+        assert contact.deflection * LENGTH == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_force_along_the_finger_does_not_bend_what_is_beyond_it():
+    at = 0.04
+    scene, arrays = cases.one_finger(FORCED * Z, Z, station=at)
+    certificate = certify_hand(scene, arrays)
+    (contact,), (finger,) = certificate.contacts, certificate.hand.fingers
+    assert contact.deflection * LENGTH == pytest.approx(FORCED * at**3 / 3 / cases.LATERAL, rel=1e-9)
+    tip = FORCED * at**2 * (3 * LENGTH - at) / 6 / cases.LATERAL
+    assert finger.deflections[-1] == pytest.approx(tip, rel=1e-9)
+    assert finger.slopes[-1] == pytest.approx(FORCED * at**2 / 2 / cases.LATERAL, rel=1e-9)
+
+
+def test_an_own_weight_across_the_plane_bends_a_finger():
+    scene, arrays = cases.one_finger(0 * Z, Z, gravity=(0.0, 0.0, -9.81), density=0.02)
+    (contact,) = certify_hand(scene, arrays).contacts
+    assert contact.deflection * LENGTH == pytest.approx(-0.02 * 9.81 * LENGTH**4 / 8 / cases.LATERAL, rel=1e-9)
+
+
+# -- limits -----------------------------------------------------------------------------------------------------------
+
+
+def add(name, index, amount):
+    """A part of a limit added to a stored number of the box's grasp."""
+
+    def build(part):
+        scene, arrays = cases.squeezed_box(PRESS, MASS)
+        arrays[f"contact_{name}"][index] += part * amount
+        return scene, arrays
+
+    return build
+
+
+def put(finger, tension):
+    def build(part):
+        scene, arrays = cases.squeezed_box(PRESS, MASS)
+        arrays[f"{finger}.tensions"][0] = tension(part)
+        return scene, arrays
+
+    return build
+
+
+def body(**changes):
+    """The box with other values, by the part."""
+    return lambda part: cases.squeezed_box(PRESS, MASS, {key: value(part) for key, value in changes.items()})
+
+
+def contacts(**changes):
+    return lambda part: cases.squeezed_box(PRESS, MASS, **{key: value(part) for key, value in changes.items()})
+
+
+def heavier(part):
+    """As heavy as displaces the fingers by 5 % of their length."""
+    return cases.squeezed_box(9.0, part * 0.05 * LENGTH / cases.sag(0.5 * 9.81))
+
+
+def pulling(part):
+    return cases.squeezed_box(-part * 1e-6 * 9.81 * MASS, MASS)
+
+
+def beside(sine, kind):
+    """A straight finger beside a box with a face at x = 0, and leaning away from it."""
+
+    def build(part):
+        lean = part * sine
+        along = np.array([lean, math.sqrt(1 - lean**2), 0.0])
+        at = LENGTH if kind == "tip" else 0.5 * LENGTH
+        base = np.array([HALF, 0.0, 0.0]) - at * along
+        switch = {"middle": "off", "tip": "off", kind: "on"}
+        box = {
+            "shape": "box",
+            "extents": (0.02, 0.02, 0.02),
+            "edge_radius": 0.001,
+            "mass": 0.0,
+            "position": (-0.01, 0, 0),
+        }
+        scene = cases.make_scene({"finger": (base, along, (-1, 0, 0))}, box, switch)
+        touch = [(f"finger.{kind}", (0, 0, 0), (1, 0, 0), (0, 0, 0), at, 0.0)]
+        return scene, cases.stored(scene, touch)
+
+    return build
+
+
+def sunk(part):
+    """A straight finger beside a box, with no contact."""
+    base = (HALF - part * 1e-4 * LENGTH, -0.06, 0.0)
+    box = {"shape": "box", "extents": (0.02, 0.02, 0.02), "edge_radius": 0.001, "mass": 0.0, "position": (-0.01, 0, 0)}
+    scene = cases.make_scene({"finger": (base, (0, 1, 0), (-1, 0, 0))}, box, {"tip": "auto"})
+    return scene, cases.stored(scene, [])
+
+
+def sagged(part):
+    """A finger that a force to the side pushes down upon a box under its end."""
+    w = FORCED * LENGTH**3 / 3 / cases.LATERAL
+    top = -HALF - w + part * 1e-4 * LENGTH
+    bases = {"finger": ((0, 0, 0), (0, 1, 0), (-1, 0, 0))}
+    box = {"shape": "box", "extents": (0.02, 1e-3, 0.02), "edge_radius": 5e-4, "mass": 0.0}
+    scene = cases.make_scene(bases, {**box, "position": (0, LENGTH, top - 0.01)}, {"tip": "auto"})
+    return scene, cases.stored(scene, [("finger.tip", (0, 0, 0), Z, -FORCED * Z, LENGTH, -w)])
+
+
+def two(second, direction):
+    """Two straight fingers that touch nothing else."""
+    bases = {"a": ((0, 0, 0), (0, 1, 0), (-1, 0, 0))}
+
+    def build(part):
+        bases["b"] = (np.array(second) - part * 1e-4 * LENGTH * Z, direction, (0, 0, 1))
+        scene = cases.make_scene(bases, {**cases.AWAY, "position": (-0.05, 0.05, -0.05)}, {"tip": "auto"})
+        return scene, cases.stored(scene, [])
+
+    return build
+
+
+def middle_at(part):
+    """A contact along the finger beyond where it may be."""
+    scene, arrays = beside(0.0, "middle")(part)
+    high = 0.5 * LENGTH - part * 1e-6 * LENGTH
+    return scene.changed({"contacts.middle_range": (0.01, high)}), arrays
+
+
+def bent(part):
+    curve = (1.0 + part * 1e-6) * 2.0 / LENGTH
+    scene, arrays = cases.one_finger((0, 0, 0), Z, curve)
+    return scene.changed({"fidelity.bending_range": 1.0}), arrays
+
+
+WIDER = np.array([2e-6 * LENGTH, 0.0, 0.0])
+"""By which both gaps are off as far as they may be [m]."""
+ARM = 1e-6 * SCALE * SIZE / (2 * FORCE)
+"""Center of mass beside the middle, by which the weight has the moment that the balance may be off [m]."""
+LIMITS = [
+    ("finger equilibrium, left", put("left", lambda part: part * 1e-6 * 0.01 * PRESS * LENGTH / OFFSET)),
+    ("tip moment balance, left", put("left", lambda part: part * 1e-6 * 0.01 * PRESS * LENGTH / OFFSET)),
+    ("tendon tension, left", put("left", lambda part: 60.0 * (1 + part * 1e-6))),
+    ("bending range, finger", bent),
+    ("position along the finger, finger.middle", middle_at),
+    *(("object force balance", body(mass=lambda part, sign=sign: MASS + sign * part * 1e-6 * SCALE / 9.81))
+      for sign in (1, -1)),
+    *(("object force balance", add("forces", (0, k), sign * 1e-6 * SCALE)) for k in (0, 1) for sign in (1, -1)),
+    *(("object moment balance",
+       body(center_of_mass=lambda part, k=k, sign=sign: tuple(sign * part * ARM * np.eye(3)[k])))
+      for k in (0, 1) for sign in (1, -1)),
+    ("friction cone, left.tip", contacts(friction=lambda part: (FORCE - part * 1e-6 * SCALE) / PRESS)),
+    ("friction cone, right.tip", contacts(friction=lambda part: (FORCE - part * 1e-6 * SCALE) / PRESS / 0.8,
+                                          reserve=lambda part: 0.2)),
+    ("normal force, left.tip", contacts(normal_force_max=lambda part: PRESS / (1 + part * 1e-6))),
+    ("normal force, right.tip", pulling),
+    *(("stored contact, right.tip", add(key, (1, k), sign * amount)) for k in range(3) for sign in (1, -1)
+      for key, amount in (("positions", 1e-6 * LENGTH), ("normals", 1e-6))),
+    *(("stored contact, right.tip", add("stations", 1, sign * 1e-6 * LENGTH)) for sign in (1, -1)),
+    *(("contact gap, left.tip", body(extents=lambda part, sign=sign: tuple(EXTENTS + sign * part * WIDER)))
+      for sign in (1, -1)),
+    *(("shift to the side, left.tip", add("deflections", 0, sign * 1e-6 * LENGTH)) for sign in (1, -1)),
+    ("lateral deflection, left.tip", heavier),
+    ("lateral deflection, right.tip", heavier),
+    ("contact direction, finger.tip", beside(1e-3 + 1e-6, "tip")),
+    ("contact tangency, finger.middle", beside(1e-6, "middle")),
+    ("contact tangency, finger.middle", beside(-1e-6, "middle")),
+    ("penetration into the object, finger", sunk),
+    ("penetration into the object, finger", sagged),
+    ("overlap of fingers, a, b", two((0, 0.05, 2 * HALF), (0, 1, 0))),
+    ("overlap of fingers, a, b", two((-0.05, 0.0601, 2 * HALF), (1, 0, 0))),
+    ("overlap of fingers, a, b", two((0, LENGTH, 2 * HALF), (0, 1, 0))),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("check", "case"), LIMITS)
+def test_a_check_holds_up_to_its_limit_and_no_further(check, case):
+    for part, passes in ((0.999, True), (1.001, False)):
+        assert certify_hand(*case(part))[check].passed is passes, part
+
+
+def test_a_finger_that_passes_through_itself_is_seen():
+    for turn, passes in ((3.0, True), (7.5, False)):
+        scene, arrays = cases.one_finger((0, 0, 0), Z, turn / LENGTH)
+        assert certify_hand(scene, arrays)["passes through itself, finger"].passed is passes
+
+
+@pytest.mark.parametrize("names", [["left.tip"], ["left.tip", "left.tip"], ["left.tip", "right.middle"]])
+def test_contacts_that_the_scene_does_not_have_are_seen(names):
+    scene, arrays = cases.squeezed_box(PRESS, MASS)
+    arrays = {key: value[: len(names)] if key.startswith("contact_") else value for key, value in arrays.items()}
+    failed = {check.name for check in certify_hand(scene, {**arrays, "contact_names": np.array(names)}).failed}
+    assert "contacts as the scene has them" in failed
+
+
+def test_what_is_missing_misshapen_or_not_finite_is_no_grasp():
+    scene, arrays = cases.squeezed_box(PRESS, MASS)
+    for key, value in arrays.items():
+        lacking = certify_hand(scene, {name: one for name, one in arrays.items() if name != key})
+        assert lacking.hand is None
+        assert not lacking.acceptable
+        if value is not None and np.asarray(value).dtype.kind == "f":
+            assert not certify_hand(scene, {**arrays, key: np.asarray(value) * np.nan}).passed
+            assert not certify_hand(scene, {**arrays, key: np.append(np.ravel(value), 0.0)}).passed
+
+
+# -- surfaces ---------------------------------------------------------------------------------------------------------
+
+TURNED = {"position": (0.01, -0.02, 0.03), "rotation": (0.3, -0.5, 0.9), "mass": 0.1}
+BOX = {"shape": "box", "extents": (0.04, 0.05, 0.06), "edge_radius": 0.004}
+TUBE = {"shape": "cylinder", "diameter": 0.05, "height": 0.08, "edge_radius": 0.003}
+EGG = {"shape": "ellipsoid", "extents": (0.04, 0.06, 0.1)}
+
+
+def unit(*vector):
+    return np.array(vector) / np.linalg.norm(vector)
+
+
+def egg(direction):
+    """Point of an ellipsoid and its normal, by the parameter of its sphere."""
+    half = np.array([0.02, 0.03, 0.05])
+    return half * direction, unit(*(direction / half))
+
+
+PLACES = [
+    ({"shape": "sphere", "diameter": 0.06}, 0.03 * unit(1, 2, -3), unit(1, 2, -3)),
+    *((EGG, *egg(unit(*v))) for v in ((1, 2, -3), (0, 0, 1), (1, 0, 0), (-1, 1, 0.01), (0, -1e-9, 1))),
+    (BOX, np.array([0.02, 0.01, -0.02]), np.array([1.0, 0, 0])),
+    (BOX, np.array([-0.01, 0.02, -0.03]), np.array([0, 0, -1.0])),
+    (BOX, np.array([0.016, -0.021, 0.01]) + 0.004 * unit(1, -2, 0), unit(1, -2, 0)),
+    (BOX, np.array([0.016, -0.021, 0.026]) + 0.004 * unit(1, -2, 3), unit(1, -2, 3)),
+    (TUBE, np.array([*(0.025 * unit(-3, 4)), 0.02]), unit(-3, 4, 0)),
+    (TUBE, np.array([0.01, 0.005, -0.04]), np.array([0, 0, -1.0])),
+    (TUBE, np.array([0.022 * 0.6, 0.022 * 0.8, 0.037]) + 0.003 * unit(0.6, 0.8, 2), unit(0.6, 0.8, 2)),
+]
+
+
+@pytest.mark.parametrize(("shape", "place", "normal"), PLACES)
+def test_points_off_a_surface_find_the_place_they_left(shape, place, normal):
+    scene = cases.make_scene({"finger": ((0, 0, 0.1), (0, 0, -1), (1, 0, 0))}, {**shape, **TURNED})
+    body, surface = scene.object, PlacedSolid(scene)
+    position = np.array(TURNED["position"])
+    for away in (0.05, 1e-4, 0.0, -1e-3):
+        near = surface.nearest(position + body.axes @ (place + away * normal))
+        assert near.distance == pytest.approx([away], abs=1e-15 + 1e-12 * abs(away))
+        np.testing.assert_allclose(near.point[0], position + body.axes @ place, atol=1e-12)
+        np.testing.assert_allclose(near.normal[0], body.axes @ normal, atol=1e-9)

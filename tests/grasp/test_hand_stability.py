@@ -1,0 +1,237 @@
+"""from inside: hands are tested from arrays made by hand: buckling loads, springs, and an independent chain."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+from scipy.special import jv
+
+from continuum_grasp.grasp.hand.certificate import certify_hand
+from continuum_grasp.grasp.hand.stability import (
+    CREEPS,
+    LINKS,
+    FingerChain,
+    HandStability,
+    hand_response,
+    hand_stability,
+)
+from tests import hand_cases as cases
+from tests.hand_cases import LENGTH, STIFFNESS
+
+ROUND = {"shape": "round", "poissons_ratio": 0.3}
+TORSION = STIFFNESS / 1.3
+Y = np.array([0.0, 1.0, 0.0])
+
+
+def hand_of(scene, arrays):
+    return certify_hand(scene, arrays).hand
+
+
+def critical(load, normal, section, links=LINKS, **more):
+    """Factor on a load, or on the weight, at which a straight finger without object buckles."""
+
+    def hessian(factor):
+        values = {"gravity": tuple(factor * np.array(more["gravity"])), "density": more["density"]} if more else {}
+        hand = hand_of(*cases.one_finger(factor * np.asarray(load), normal, section=section, half=1e-6, **values))
+        return FingerChain(hand.fingers[0], hand.gravity, links).hessian()
+
+    free = hessian(0.0)
+    return -1.0 / eigh(hessian(1.0) - free, free, eigvals_only=True)[0]
+
+
+# -- buckling ---------------------------------------------------------------------------------------------------------
+
+PRANDTL = 2.0 * brentq(lambda x: jv(-0.25, x), 1.0, 3.0)
+"""Of a cantilever under a dead force across its end: P L^2 = 4.013 sqrt(E I_l G J)."""
+
+
+def test_prandtl_lateral_buckling_converges_with_the_square_of_the_links():
+    assert abs(PRANDTL - 4.013) < 5e-4
+    load = PRANDTL * math.sqrt(STIFFNESS * TORSION) / LENGTH**2
+    errors = [critical((1, 0, 0), (1, 0, 0), ROUND, links) / load - 1.0 for links in (12, 24, 48)]
+    assert abs(errors[1]) < 2e-3
+    for coarse, fine in pairwise(errors):
+        assert coarse / fine == pytest.approx(4.0, rel=0.1)
+
+
+@pytest.mark.parametrize(("width", "weaker"), [(4e-3, 1.0), (1e-3, 1.0), (0.5e-3, 0.25)])
+def test_euler_buckling_is_in_the_weaker_plane(width, weaker):
+    section = {"shape": "ellipse", "thickness": 1e-3, "width": width}
+    load = math.pi**2 / 4 * weaker * STIFFNESS / LENGTH**2
+    assert critical((0, -1, 0), (0, -1, 0), section) == pytest.approx(load, rel=2e-3)
+
+
+@pytest.mark.parametrize("section", [ROUND, {"shape": "ellipse", "thickness": 1e-3, "width": 0.5e-3}])
+def test_a_finger_buckles_under_its_own_weight(section):
+    """A. G. Greenhill, 1881: w L^3 = 9 / 4 j^2 E I with j the first zero of the Bessel function of order -1/3."""
+    weaker = 1.0 if section is ROUND else 0.25
+    weight = 9 / 4 * brentq(lambda x: jv(-1 / 3, x), 1.0, 2.5) ** 2 * weaker * STIFFNESS / LENGTH**3
+    found = critical((0, 0, 0), (0, -1, 0), section, gravity=-Y, density=1.0)
+    assert found == pytest.approx(weight, rel=5e-3)
+
+
+# -- stiffness against turns about the axis ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("half", [1e-5, 0.006])
+def test_straight_tips_are_springs_against_a_turn(half):
+    """Each yields to the side by bending, and by its twist by the skin's arm."""
+    radius = 0.03
+    hand = hand_of(*cases.three_straight(1e-6, radius, half, ROUND))
+    each = LENGTH**3 / 3 / STIFFNESS + half**2 * LENGTH / TORSION
+    assert hand_response(hand).pose[5, 5] == pytest.approx(each / (3 * radius**2), rel=1e-3)
+
+
+def test_pressing_tips_push_a_turn_on():
+    """The force has its direction while its point moves on: k r^2 - N r each, as long as N is small."""
+    radius, press = 0.03, 0.003
+    hands = [hand_of(*cases.three_straight(n, radius, 1e-6, ROUND)) for n in (1e-6, press)]
+    free, pressed = (1.0 / hand_response(hand).pose[5, 5] for hand in hands)
+    assert pressed - free == pytest.approx(-3 * press * radius, rel=1e-3)
+
+
+def test_what_presses_harder_than_its_springs_turns_about_the_axis():
+    # From k r^2 = N r on, and a little before as the force also twists the fingers.
+    stiff = 3 * STIFFNESS / LENGTH**3 * 0.03
+    for part, stable in ((0.5, True), (1.1, False)):
+        verdict = hand_stability(hand_of(*cases.three_straight(part * stiff, section=ROUND)))
+        assert (verdict.eigenvalue > 0.0) is stable
+    assert verdict.motion == "turns about the hand's axis"
+    assert abs(verdict.mode[5]) > 0.9
+
+
+def test_a_response_balances_the_object():
+    scene, arrays = independent(16, 1.0)
+    response = hand_response(hand_of(scene, arrays))
+    wrench = np.zeros((3, 6))
+    wrench[:, :3] = np.eye(3)
+    np.testing.assert_allclose(response.forces.sum(axis=0), wrench, atol=1e-9)
+    np.testing.assert_allclose(response.forces_by_tension.sum(axis=0), 0.0, atol=1e-9)
+    # Maxwell and Betti: what a wrench does to another's motion.
+    np.testing.assert_allclose(response.pose, response.pose.T, atol=1e-9 * np.abs(response.pose).max())
+
+
+# -- an independent chain ---------------------------------------------------------------------------------------------
+
+CENTERED = [
+    ((-6.730591834054, -0.201598319201, 6.278126157994, 13.432083838067, 20.976316500769), 21.567249955356),
+    0.2,
+    [((0.0, 1.3625, -0.654), (0.0, 1.0, 0.0), (0.0, 0.035, -0.115223477103), 0.0)],
+]
+"""Three tips on an upright cylinder of 70 mm and 200 g, by an independent program with contacts in space: curvatures of
+each finger at nodes [1/m] and its tension, the mass; of the first contact force, normal, place and displacement."""
+ASIDE = [
+    [
+        ((-3.415458254554, 0.288708269137, 4.003103947925, 7.935192747813, 12.098932171274), 12.467975080434273),
+        ((-1.545776614561, 1.406834012994, 4.415311620328, 7.583543868024, 10.876434924885), 11.16140885927342),
+        ((-2.584389633873, 0.800788787162, 4.221960853546, 7.838189031196, 11.635800333653), 11.968366128011487),
+    ],
+    0.1,
+    [
+        (
+            (-0.052910302422, 0.755719433271, -0.36351364395),
+            (-0.058765564133, 0.998271810917, 0.0),
+            (-5.679474380871e-05, 3.793951336785e-02, -1.179970771883e-01),
+            0.00040938812860554993,
+        ),
+        (
+            (-0.494955275616, -0.331586861443, -0.285668536719),
+            (-0.841598954621, -0.54010295276, 0.0),
+            (-0.0274559634, -0.015903603339, -0.117108931981),
+            0.0003266032059755227,
+        ),
+        (
+            (0.547865578036, -0.424132571828, -0.331817819331),
+            (0.808202951765, -0.588904057346, 0.0),
+            (0.0302871033, -0.017611641999, -0.117603290561),
+            -0.0007440041121634784,
+        ),
+    ],
+]
+"""The same with 100 g, 2 and 3 mm off the axis: fingers are displaced to the side by up to 0.7 mm."""
+CHAIN = [(1, 0.0, -0.119643), (4, 0.0, -0.048113), (16, 0.0, 0.054536), (16, 1.0, 0.086019)]
+"""E I_l / E I, whether aside, least eigenvalue [N m]: rigid links, finite rotations at hinges, derivatives by CasADi,
+extrapolated from 24, 48 and 96 links. Grasps that it found hold or turn away in MuJoCo as it says."""
+
+
+def turned(vector, k):
+    """A vector of the first finger's side, at that of another."""
+    c, s = math.cos(math.tau * k / 3), math.sin(math.tau * k / 3)
+    return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1], vector[2]])
+
+
+def independent(ratio, aside=0.0):
+    shapes, mass, found = ASIDE if aside else CENTERED
+    if not aside:
+        (load, normal, place, w), shapes = found[0], [shapes] * 3
+        found = [(turned(load, k), turned(normal, k), turned(place, k), w) for k in range(3)]
+    bases, touches, fingers = {}, [], {}
+    for k, ((nodes, tension), (load, normal, place, w)) in enumerate(zip(shapes, found, strict=True)):
+        name, out = f"finger_{k + 1}", turned((0.0, 1.0, 0.0), k)
+        bases[name] = (0.055 * out, (0, 0, -1), -out)
+        touches.append((f"{name}.tip", place, normal, load, LENGTH, w))
+        fingers[name] = {"q": nodes, "tensions": (tension, 0.0)}
+    tube = {"shape": "cylinder", "diameter": 0.07, "height": 0.1, "edge_radius": 0.004, "mass": mass}
+    section = {"shape": "ellipse", "thickness": 1e-3, "width": math.sqrt(ratio) * 1e-3, "poissons_ratio": 0.3}
+    scene = cases.make_scene(
+        bases,
+        {**tube, "position": (0.002 * aside, 0.003 * aside, -0.1)},
+        {"friction": 0.6, "reserve": 0.2},
+        section,
+        (0.0, 0.0, -9.81),
+        fidelity={"family": "clothoid", "elements": 4},
+    )
+    return scene, cases.stored(scene, touches, **fingers)
+
+
+@pytest.mark.parametrize(("ratio", "aside", "least"), CHAIN)
+def test_the_least_eigenvalue_is_that_of_an_independent_chain(ratio, aside, least):
+    scene, arrays = independent(ratio, aside)
+    certificate = certify_hand(scene, arrays)
+    assert certificate.passed, certificate
+    found = certificate.stability
+    assert found.stiffness == pytest.approx(least, rel=2e-3)
+    assert found.eigenvalue == pytest.approx(found.stiffness / (STIFFNESS / LENGTH), rel=1e-12)
+    assert certificate.acceptable is found.stable is (least > 0.0)
+    if least < 0.0:
+        assert found.motion == "turns about the hand's axis"
+        assert certify_hand(scene.replaced(stability="ignore"), arrays).acceptable
+
+
+def test_the_margin_is_two_tenths():
+    for part, word in ((1.001, "stable"), (0.999, "creeps"), (-0.001, "unstable")):
+        verdict = HandStability(part * 0.2, part * 0.01, "")
+        assert verdict.word == word
+        assert verdict.stable is (word == "stable")
+    assert CREEPS == 0.2
+
+
+def test_what_no_contact_holds_is_not_stable():
+    scene, arrays = cases.squeezed_box(0.0, 0.0)
+    assert not certify_hand(scene, arrays).stability.stable
+
+
+def test_a_box_between_two_ends_turns_about_the_line_between_them():
+    """Two points leave that turn, which nothing resists."""
+    verdict = certify_hand(*cases.squeezed_box(0.01, 0.0)).stability
+    assert verdict.eigenvalue == pytest.approx(0.0, abs=1e-6)
+    assert not verdict.stable
+    assert verdict.motion == "tilts about x"
+    assert abs(verdict.mode[3]) == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(("width", "motion"), [(0.5e-3, "swings sideways"), (4e-3, "bends in its plane")])
+def test_a_finger_that_touches_nothing_buckles_alone(width, motion):
+    """A finger that stands on its base, 1.2 times as heavy as its weaker plane bears; the others lean on each other."""
+    section = {"shape": "ellipse", "thickness": 1e-3, "width": width}
+    weaker = min(1.0, (width / 1e-3) ** 2) * STIFFNESS
+    other = {"free": ((0.08, 0.0, 0.0), (0, 0, -1), (0, 1, 0))}
+    values = {"gravity": (0.0, 0.0, 1.2 * 7.837 * weaker / LENGTH**3), "density": 1.0}
+    verdict = certify_hand(*cases.three_straight(1e-3, 0.03, 1e-3, section, other, **values)).stability
+    assert verdict.eigenvalue < 0.0
+    assert verdict.motion == f"free {motion}"

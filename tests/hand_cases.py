@@ -1,0 +1,95 @@
+"""Grasps of hands made by hand: straight fingers in closed form, and one that an independent program found."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from continuum_grasp.scene import HandScene
+from tests import certificate_cases as planar
+
+LENGTH, STIFFNESS, HALF, OFFSET = 0.12, 0.006, 0.006, 0.006
+STRIP = {"shape": "ellipse", "thickness": 1e-3, "width": 4e-3}
+LATERAL = 16 * STIFFNESS
+EXTENTS = np.array([0.04, 0.05, 0.06])
+AWAY = {"shape": "sphere", "diameter": 0.01, "mass": 0.0, "position": (0.07, 0.07, 0.0)}
+"""An object that nothing touches."""
+
+
+def make_scene(bases, body, contacts=None, section=None, gravity=(0.0, 0.0, 0.0), half=HALF, **more):
+    """A scene of fingers without weight: of a hand of names to (position, direction, bends toward)."""
+    finger = {
+        "rod": {"length": LENGTH, "bending_stiffness": STIFFNESS, "linear_density": more.pop("density", 1e-12)},
+        "half_thickness": half,
+        "section": STRIP if section is None else section,
+        "tendons": {"offset": min(OFFSET, half), "max_tension": 60.0},
+    }
+    names = ("position", "direction", "bends_toward")
+    plain = {name: dict(zip(names, (tuple(map(float, v)) for v in base), strict=True)) for name, base in bases.items()}
+    contacts = {"friction": 0.5, "normal_force_max": 50.0, "middle": "off", "tip": "on", **(contacts or {})}
+    more = {"fidelity": {"family": "matched_clothoid", "elements": 2}, **more}
+    hand = {"finger": finger, "bases": plain}
+    return HandScene(schema_version=1, hand=hand, object=body, contacts=contacts, gravity=gravity, **more)
+
+
+def stored(scene, contacts, **fingers):
+    """All stored arrays: contacts (name, position, normal, force, station, deflection); fingers as in a plane."""
+    arrays = {}
+    for setup in scene.setups:
+        arrays |= planar.finger_arrays(scene, setup.name, base=(0.0, 0.0, 0.0), **fingers.get(setup.name, {}))
+    arrays["contact_names"] = np.array([contact[0] for contact in contacts], dtype=str)
+    for k, (key, shape) in enumerate(
+        {"positions": 3, "normals": 3, "forces": 3, "stations": 0, "deflections": 0}.items()
+    ):
+        values = np.array([contact[k + 1] for contact in contacts], dtype=float)
+        arrays[f"contact_{key}"] = values.reshape((-1, shape) if shape else -1)
+    return arrays
+
+
+def sag(force):
+    """Displacement of a straight finger's end by a force to the side that acts a half thickness ahead of it."""
+    return force * (LENGTH**3 / 3.0 + HALF * LENGTH**2 / 2.0) / LATERAL
+
+
+def squeezed_box(press=2.0, mass=0.05, body=None, **contacts):
+    """Two straight fingers press a box between their ends, and bear its weight by their stiffness to the side."""
+    a, force = 0.5 * EXTENTS[0], 0.5 * 9.81 * mass
+    w, reach = sag(force), 0.5 * EXTENTS[0] + HALF + LENGTH
+    bases = {
+        "left": ((-reach, 0, w), (1, 0, 0), (0, 1, 0)),
+        "right": ((reach, 0, w), (-1, 0, 0), (0, 1, 0)),
+    }
+    box = {"shape": "box", "extents": tuple(EXTENTS), "edge_radius": 0.004, "mass": mass, "position": (0.0, 0.0, 0.0)}
+    scene = make_scene(bases, {**box, **(body or {})}, contacts, gravity=(0.0, 0.0, -9.81))
+    # The plane's normal is along z on the left and against it on the right.
+    touches = [
+        ("left.tip", (-a, 0, 0), (-1, 0, 0), (-press, 0, -force), LENGTH, -w),
+        ("right.tip", (a, 0, 0), (1, 0, 0), (press, 0, -force), LENGTH, w),
+    ]
+    return scene, stored(scene, touches)
+
+
+def one_finger(load, normal, curvature=0.0, section=None, station=LENGTH, **more):
+    """A finger along the hand's y axis, in whose plane z is that of the hand, under one force; it touches nothing."""
+    bases = {"finger": ((0, 0, 0), (0, 1, 0), (-1, 0, 0))}
+    family = {"family": "clothoid", "elements": 2}
+    switches = {"middle": "auto", "tip": "auto"}
+    scene = make_scene(bases, AWAY, switches, section, fidelity=family, **more)
+    name = "finger.tip" if station == LENGTH else "finger.middle"
+    lengths = [station, LENGTH - station] if station < LENGTH else [0.5 * LENGTH] * 2
+    touches = [(name, (0, 0, 0), normal, load, station, 0.0)]
+    return scene, stored(scene, touches, finger={"q": [curvature] * 3, "lengths": lengths})
+
+
+def three_straight(press, radius=0.03, half=1e-5, section=None, others=None, **more):
+    """Three straight fingers downward beside a ball, whose ends press on its equator, and others that touch nothing."""
+    bases, touches = {}, []
+    for k in range(3):
+        out = np.array([math.cos(math.tau * k / 3), math.sin(math.tau * k / 3), 0.0])
+        bases[f"finger_{k + 1}"] = ((radius + half) * out, (0, 0, -1), -out)
+        touches.append((f"finger_{k + 1}.tip", radius * out + (0, 0, -LENGTH), out, press * out, LENGTH, 0.0))
+    ball = {"shape": "sphere", "diameter": 2 * radius, "mass": 0.0, "position": (0.0, 0.0, -LENGTH)}
+    switch = {"tip": "auto"}
+    scene = make_scene(bases | (others or {}), ball, switch, section, half=half, **more)
+    return scene, stored(scene, touches)
