@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.base import SolverError
 from continuum_grasp.cli.options import option, run_verb
 from continuum_grasp.cli.output import Output
-
-if TYPE_CHECKING:
-    from continuum_grasp.grasp import Reason
 
 
 @run_verb(pictures="Draw a picture and write the HTML report.")
@@ -43,12 +39,6 @@ def grasp(
 
     output.say(result.table())  # its first line is the verdict
     output.warn(result.warnings)
-    output.conclude(result, files, table=result.table(), reasons=[_numbers(reason) for reason in result.reasons])
+    output.conclude(result, files, table=result.table(), reasons=[reason.numbers for reason in result.reasons])
     if not result.solved:
         raise SolverError(result.message, status=result.status.value, result=result)
-
-
-def _numbers(reason: Reason) -> dict[str, Any]:
-    """The numbers of a reason, and of those that go with it."""
-    numbers = {"name": reason.name, "key": reason.key, "limit": reason.limit, "needed": reason.needed}
-    return numbers | ({"also": [_numbers(other) for other in reason.also]} if reason.also else {})

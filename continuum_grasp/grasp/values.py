@@ -176,6 +176,12 @@ class Reason:
         """Names of all limits that must be changed."""
         return " and ".join(reason.name for reason in (self, *self.also))
 
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Name, key, limit and amount needed, also of those that go with it."""
+        numbers = {"name": self.name, "key": self.key, "limit": self.limit, "needed": self.needed}
+        return numbers | ({"also": [other.numbers for other in self.also]} if self.also else {})
+
     def data(self) -> dict[str, Any]:
         """The reason as plain data, without its grasp."""
         entries = {entry.name: getattr(self, entry.name) for entry in fields(self) if entry.name != "arrays"}

@@ -56,7 +56,6 @@ from .grasp_options import GraspSolver as GraspSolver
 from .grasp_options import ObjectiveWeights as ObjectiveWeights
 from .grasp_options import Robust as Robust
 from .hand import HandScene as HandScene
-from .hand import PlaneFrame as PlaneFrame
 from .loads import Actuation as Actuation
 from .loads import ForceLoad as ForceLoad
 from .loads import Load as Load

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from continuum_grasp.base import Array
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.finger_scene import Fidelity
 from continuum_grasp.scene.finger_setup import FingerSetup
 from continuum_grasp.scene.grasp import check_finger, check_name
 from continuum_grasp.scene.grasp_options import GraspContacts, GraspFinger, GraspGravity, GraspSolver
-from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.solids import Solid, SpatialPosition, Vector3
 from continuum_grasp.scene.supports import Switch
 from continuum_grasp.scene.units import Unit
@@ -24,22 +22,6 @@ from continuum_grasp.scene.value import Angle, Configuration, Extent, Value
 
 _PARALLEL = 1e-6
 """Sine of an angle below which two directions count as parallel [1]."""
-
-
-@dataclass(frozen=True)
-class PlaneFrame:
-    """The plane of a finger in the hand: its base, and as columns its axes x, y (along the straight finger) and normal.
-
-    A finger bends towards -x where its curvature is positive, as planar fingers do.
-    """
-
-    base: Array  # (3,) [m]
-    axes: Array  # (3, 3)
-
-    def world(self, points: Array) -> Array:
-        """Points (..., 3) of the plane's frame as the hand sees them [m]."""
-        world: Array = self.base + points @ self.axes.T
-        return world
 
 
 class FingerSection(Value):
@@ -170,16 +152,6 @@ class FingerBase(Value):
     finger: AnyHandFinger | None = None
     """The finger of this base, where it is not that of all."""
 
-    @property
-    def frame(self) -> PlaneFrame:
-        """The plane of the finger."""
-        import numpy as np
-
-        along = np.array(self.direction) / np.linalg.norm(self.direction)
-        bends = np.array(self.bends_toward) - along * (along @ np.array(self.bends_toward))
-        bends = bends / np.linalg.norm(bends)
-        return PlaneFrame(np.array(self.position), np.column_stack([-bends, along, np.cross(along, bends)]))
-
     def _check(self) -> None:
         for key in ("direction", "bends_toward"):
             if not math.hypot(*getattr(self, key)) > 0.0:
@@ -256,11 +228,6 @@ class HandScene(Configuration):
             FingerSetup.of(name, base.finger or self.hand.finger, self.contacts, self.fidelity, releases=False)
             for name, base in self.hand.named_bases.items()
         )
-
-    @cached_property
-    def frames(self) -> tuple[PlaneFrame, ...]:
-        """The planes of the fingers."""
-        return tuple(base.frame for base in self.hand.named_bases.values())
 
     @property
     def weight(self) -> float:

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
+from continuum_grasp.grasp.hand.frames import PlaneFrame
 from continuum_grasp.grasp.hand.problem import levels
-from continuum_grasp.scene import HandScene, PlaneFrame
+from continuum_grasp.scene import HandScene
 
 _HALVINGS = 50
 """Bisections along a ray: to rounding."""

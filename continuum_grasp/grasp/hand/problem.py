@@ -250,7 +250,7 @@ class HandProblem:
         self.rows.require(f"penetration into the object, {finger.spec.name}", spare, "m", "object", upper=ca.inf)
 
     def _keep_apart(self, finger: UnitFinger, other: UnitFinger, axes: tuple[ca.SX, ca.SX]) -> None:
-        """Two fingers keep their gap at the place of each element that is nearest to the other, and the nearest one there;
+        """Two fingers keep their gap at the place of each element that is nearest to the other and the one next to it;
         the search says which these are.
         """
         name, count, places = f"{finger.spec.name}, {other.spec.name}", finger.spec.elements, []

@@ -18,8 +18,9 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.recomputed import TRACE, RecomputedFinger
+from continuum_grasp.grasp.hand.frames import PlaneFrame
 from continuum_grasp.grasp.hand.surfaces import PlacedSolid
-from continuum_grasp.scene import HandScene, PlaneFrame
+from continuum_grasp.scene import HandScene
 
 OF_CONTACTS = {"positions": (3,), "normals": (3,), "forces": (3,), "stations": (), "deflections": ()}
 """Shapes per contact of the arrays ``contact_...`` beside the names."""
@@ -139,6 +140,7 @@ class RecomputedHand:
         self.scene, self.surface = scene, PlacedSolid(scene)
         self.size, self.com = scene.object.size, scene.object.com
         self.gravity = np.array(scene.gravity, dtype=float)
+        self.frames = PlaneFrame.each(scene)
         self.fingers = tuple(self._finger(k, arrays) for k in range(len(scene.setups)))
         self.names = [str(name) for name in np.asarray(arrays["contact_names"]).ravel()]
         self.contacts = self._contacts(arrays)
@@ -157,7 +159,7 @@ class RecomputedHand:
         self.force_scale = float(np.max([*forces, scene.weight, least]))
 
     def _finger(self, k: int, arrays: Mapping[str, Any]) -> SpatialFinger:
-        setup, frame = self.scene.setups[k], self.scene.frames[k]
+        setup, frame = self.scene.setups[k], self.frames[k]
         gravity = frame.axes.T @ self.gravity
         plane = RecomputedFinger(setup, (float(gravity[0]), float(gravity[1])), arrays)
         section = (self.scene.hand.named_bases[setup.name].finger or self.scene.hand.finger).cross_section

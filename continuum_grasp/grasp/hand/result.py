@@ -19,6 +19,7 @@ from continuum_grasp.scene import HandScene
 if TYPE_CHECKING:
     from continuum_grasp.grasp.hand.body import BodySurface
     from continuum_grasp.grasp.hand.certificate import HandCertificate
+    from continuum_grasp.grasp.hand.frames import PlaneFrame
 
 _HEAD = """\
 # How a hand holds an object, or why it does not. Axes of the hand, SI units. Forces are those on the fingers.
@@ -130,6 +131,13 @@ class HandResult(Result):
         from continuum_grasp.grasp.hand.body import BodySurface
 
         return BodySurface(self.scene)
+
+    @property
+    def frames(self) -> list[PlaneFrame]:
+        """Planes of the fingers."""
+        from continuum_grasp.grasp.hand.frames import PlaneFrame
+
+        return PlaneFrame.each(self.scene)
 
     @property
     def solved(self) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.base import interrupts_held
 from continuum_grasp.grasp.hand.body import BodySurface
+from continuum_grasp.grasp.hand.frames import PlaneFrame
 from continuum_grasp.grasp.hand.problem import RELAXED, HandEquations, HandProblem, HandSpec, hand_equations
 from continuum_grasp.grasp.hand.starts import FingerPlane, TouchingPosture, postures
 from continuum_grasp.grasp.problem.points import bending_arrays, coordinates
@@ -21,7 +22,7 @@ from continuum_grasp.grasp.problem.values import APEX, Units, Values, finger_val
 from continuum_grasp.grasp.quality.conic import Cones, solve_conic
 from continuum_grasp.grasp.starts.values import FingerStart, GraspStart
 from continuum_grasp.nlp import Attempt, Budget, Start
-from continuum_grasp.scene import FingerSetup, HandScene, PlaneFrame
+from continuum_grasp.scene import FingerSetup, HandScene
 
 POSTURES = {"quick": 2, "normal": 4, "thorough": 8}
 """Postures of each finger that are combined, by effort."""
@@ -68,7 +69,7 @@ class HandSearch:
 
     def __init__(self, scene: HandScene, budget: Budget) -> None:
         self.scene, self.budget, self.body = scene, budget, BodySurface(scene)
-        self._solver = settings_of(scene).solver()
+        self._solver, self._frames = settings_of(scene).solver(), PlaneFrame.each(scene)
         rods = [(setup.finger.rod.length, setup.stiffness) for setup in scene.setups]
         self.units = Units(max(length for length, _ in rods), max(stiff / length**2 for length, stiff in rods))
         # Fingers that touch the object in no posture, by set of contacts.
@@ -160,7 +161,7 @@ class HandSearch:
 
     @property
     def _fingers(self) -> list[tuple[FingerSetup, PlaneFrame]]:
-        return list(zip(self.scene.setups, self.scene.frames, strict=True))
+        return list(zip(self.scene.setups, self._frames, strict=True))
 
     def _postures(self, setup: FingerSetup, frame: PlaneFrame, on: frozenset[str], most: int) -> list[TouchingPosture]:
         half = float(setup.finger.profile.half_thickness(0.0))
@@ -172,7 +173,7 @@ class HandSearch:
     def _start(
         self, equations: HandEquations, on: frozenset[str], chosen: Sequence[TouchingPosture]
     ) -> tuple[float, Array, Array]:
-        """What forces leave out of balance, unknowns and numbers for a posture of each finger."""
+        """Residual that the best forces leave, unknowns and numbers for a posture of each finger."""
         problem, scene, units = equations.problem, self.scene, self.units
         numbers = self._numbers(chosen)
         values: Values = {}

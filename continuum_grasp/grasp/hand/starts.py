@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.scene import FingerSetup, PlaneFrame
+from continuum_grasp.grasp.hand.frames import PlaneFrame
+from continuum_grasp.scene import FingerSetup
 
 Distance = Callable[[Array], tuple[Array, Array]]
 """Distance (...,) of points (..., 3) from the object and the outward normal (..., 3), as the hand sees them."""

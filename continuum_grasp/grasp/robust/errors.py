@@ -39,7 +39,7 @@ from continuum_grasp.grasp.robust.result import ERRORS
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.starts.supports import object_outlines, pinned_by, settle, support_contacts
 from continuum_grasp.grasp.starts.values import ContactStart, GraspStart, Pose
-from continuum_grasp.scene import Freedom, GraspScene, Robust, Shape
+from continuum_grasp.scene import GraspScene, Robust, Shape
 
 OBJECT = len(ERRORS)
 """Columns of errors of the object, before the friction states."""
@@ -184,9 +184,8 @@ class InError:
         scene, reach = self._sized(error), YIELDS * self.scene.object.size
         ranges = {"x": (x - reach, x + reach), "y": (y - reach, y + reach), "angle": (angle - YIELDS, angle + YIELDS)}
         # Where it does not yield, the response pins its pose.
-        free = Freedom(**ranges) if self.yields or self.scene.object.free is not None else None
-        pose = {"position": (x, y), "angle": angle, "free": free, "against": None}
-        body = scene.object.model_copy(update={**pose, "mass": mass * scene.object.mass})
+        free = ranges if self.yields or self.scene.object.free is not None else None
+        body = scene.object.standing((x, y, angle), free, mass=mass * scene.object.mass)
         changed = with_contacts_changed(scene, "friction", lambda nominal: friction * nominal)
         return changed.model_copy(update={"object": body})
 

@@ -16,8 +16,6 @@ from continuum_grasp.plotting.drawing.styled_axes import new_figure, wrapped
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from continuum_grasp.scene import PlaneFrame
-
 _SPACE, _PLANE = 4.6, 2.7
 """Side of the view in space, and of each plane [inch]."""
 _ARROW = 0.35
@@ -45,7 +43,7 @@ def plot_hand(result: Any) -> list[Axes]:
     scale = _arrow_scale(result)
     _draw_space(space, result, lines, scale)
     planes = []
-    for k, (setup, frame) in enumerate(zip(scene.setups, scene.frames, strict=True)):
+    for k, (setup, frame) in enumerate(zip(scene.setups, result.frames, strict=True)):
         ax = figure.add_subplot(grid[k // columns, 1 + k % columns])
         _draw_plane(ax, result, setup, frame, lines.get(setup.name), scale)
         planes.append(ax)
@@ -69,7 +67,7 @@ def _draw_space(ax: Any, result: Any, lines: dict[str, Array], scale: float) -> 
     surface = 1e3 * result.body.mesh()
     ax.plot_surface(*np.moveaxis(surface, -1, 0), color=Color.OBJECT, edgecolor=Color.EDGE, linewidth=0.15, alpha=0.55)
     boxes = [surface.reshape(-1, 3)]
-    for setup, frame in zip(scene.setups, scene.frames, strict=True):
+    for setup, frame in zip(scene.setups, result.frames, strict=True):
         length, half = setup.finger.rod.length, float(setup.finger.profile.half_thickness(0.0))
         line = lines.get(setup.name, np.array([[0.0] * 4, [length, 0.0, length, 0.0]]))
         points = 1e3 * _tube(frame, line, half)
@@ -89,7 +87,7 @@ def _draw_space(ax: Any, result: Any, lines: dict[str, Array], scale: float) -> 
     ax.tick_params(labelsize=7)
 
 
-def _tube(frame: PlaneFrame, line: Array, half: float) -> Array:
+def _tube(frame: Any, line: Array, half: float) -> Array:
     """Points (K, 13, 3) of the skin of a round finger whose shape in its plane is (K, 4) [m]."""
     turn = np.linspace(0.0, 2.0 * np.pi, 13)
     places = line[::4]
@@ -97,10 +95,10 @@ def _tube(frame: PlaneFrame, line: Array, half: float) -> Array:
     across = np.stack([np.cos(angle), np.sin(angle), np.zeros(len(places))], axis=1)
     center = np.column_stack([places[:, 1:3], np.zeros(len(places))])
     ring = np.cos(turn)[None, :, None] * across[:, None] + np.sin(turn)[None, :, None] * np.array([0.0, 0.0, 1.0])
-    return frame.world(center[:, None] + half * ring)
+    return np.asarray(frame.world(center[:, None] + half * ring))
 
 
-def _draw_plane(ax: Axes, result: Any, setup: Any, frame: PlaneFrame, line: Array | None, scale: float) -> None:
+def _draw_plane(ax: Axes, result: Any, setup: Any, frame: Any, line: Array | None, scale: float) -> None:
     from matplotlib.patches import Polygon
 
     section = 1e3 * result.body.section(frame)

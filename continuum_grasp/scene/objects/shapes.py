@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
@@ -119,6 +120,12 @@ class ObjectBody(MaybeDrawn):
     def moved_to(self, pose: Pose, **fields: Any) -> Self:
         """A copy that stands at a pose, whatever it lay ``against``, with other values of some ``fields``."""
         return self.replaced(position=(pose[0], pose[1]), angle=pose[2], against=None, **fields)
+
+    def standing(self, pose: Pose, free: Mapping[str, tuple[float, float]] | None, **fields: Any) -> Self:
+        """A copy that is not checked anew and stands at a pose, which may be chosen within bounds where there are some."""
+        bounds = None if free is None else Freedom.model_validate(free)
+        place = {"position": (pose[0], pose[1]), "angle": pose[2], "free": bounds, "against": None}
+        return self.model_copy(update=place | fields)
 
     def distance(self, point: PlanePoint) -> float:
         """Distance of a world point from the object where it starts [m], negative inside."""
