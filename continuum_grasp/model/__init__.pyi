@@ -7,7 +7,7 @@ from .family import Family as Family
 from .finger_model import FingerModel as FingerModel
 from .functions import Model as Model
 from .functions import Remade as Remade
-from .graded_backbone import GradedBackbone as GradedBackbone
+from .graded_backbone import backbone_of as backbone_of
 from .laws.section import POSITIVE as POSITIVE
 from .layout import MOST_ELEMENTS as MOST_ELEMENTS
 from .layout import SHORTEST as SHORTEST

@@ -85,7 +85,7 @@ def _tangents(angles: ca.SX) -> ca.SX:
 
 
 class Backbone:
-    """Functions of the places of a finger of uniform elements, and of its equilibrium; see `FingerModel.backbone`.
+    """Functions of the places of a finger of uniform elements, and of its equilibrium; see `backbone_of`.
 
     ``lengths`` are those of the elements, ``p`` the run-time arguments of the functions.
     """

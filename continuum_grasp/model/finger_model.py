@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.base import Array, InputError, check_arguments
-from continuum_grasp.model.backbone import Backbone
 from continuum_grasp.model.functions import Model, named
 from continuum_grasp.model.layout import WIDEST
 from continuum_grasp.model.parameters import ModelOptions
@@ -395,13 +394,6 @@ class FingerModel(Model):
             return np.zeros(0)
         *states, moved = history
         return np.asarray(np.clip(states + moved * self.slid(q, u, p), -1.0, 1.0))
-
-    def backbone(self) -> Backbone:
-        """Places and equilibrium of a finger of uniform elements, written for problems that differentiate them.
-
-        They are as accurate as the model, by the nodes of its elements; arcs get the nodes for its accuracy.
-        """
-        return Backbone(self._equations)
 
     def curvatures(self) -> ca.Function:
         """``(q, u, p) -> kappa, at, bend``: curvature and bends of the N elements.

@@ -16,7 +16,7 @@ from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from itertools import accumulate, pairwise
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import casadi as ca
 
@@ -29,8 +29,20 @@ from continuum_grasp.model.runtime_curves import CurvesSpec
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.tendon_friction import Cell
 
+if TYPE_CHECKING:
+    from continuum_grasp.model.finger_model import FingerModel
+
 _GRADED_NODES = 2
 """Nodes beside those of a uniform element: a taper of 1:4 in four elements is then within 1e-7 (tests measure it)."""
+
+
+def backbone_of(model: FingerModel, curves: CurvesSpec) -> Backbone:
+    """Places and equilibrium of a finger, written for problems that differentiate them; curves that change along it are
+    those of its problem.
+
+    They are as accurate as the model, by the nodes of its elements; arcs get the nodes for its accuracy.
+    """
+    return GradedBackbone(model.structure, curves) if curves.graded else Backbone(model._equations)
 
 
 class _Part(Panel):

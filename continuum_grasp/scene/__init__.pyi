@@ -60,7 +60,6 @@ from .loads import Actuation as Actuation
 from .loads import ForceLoad as ForceLoad
 from .loads import Load as Load
 from .loads import MomentLoad as MomentLoad
-from .loads import ObjectLoad as ObjectLoad
 from .loads import Samples as Samples
 from .loads import VectorSamples as VectorSamples
 from .methods import FAMILIES as FAMILIES

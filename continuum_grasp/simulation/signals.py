@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import ForceLoad, Load, ObjectLoad, Samples, Scene, VectorSamples
+from continuum_grasp.scene import ForceLoad, Load, Samples, Scene, VectorSamples
 
 Value = float | tuple[float, float] | Samples | VectorSamples
 
@@ -95,8 +95,9 @@ class Signals:
         ]
         """Values, each with its first entry of ``w``."""
         if self._nw > model.nw:
-            pulls = scene.object_load or ObjectLoad()
-            outside = zip((pulls.force, pulls.moment, scene.table_height), (0, 2, 3), strict=True)
+            pulls = scene.object_load
+            pulled = ((0.0, 0.0), 0.0) if pulls is None else (pulls.force, pulls.moment)
+            outside = zip((*pulled, scene.table_height), (0, 2, 3), strict=True)
             self._forces += [(value, model.nw + k) for value, k in outside if model.nw + k < self._nw]
         self._rates = model.structure.inputs.rates
         for value in self._values:

@@ -24,7 +24,7 @@ from continuum_grasp.grasp.problem.solver_run import OPTION_SETS
 from continuum_grasp.grasp.problem.structure import FingerSpec
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.values import GraspStart
-from continuum_grasp.model import FingerModel, TouchingCircle, surface_of
+from continuum_grasp.model import CurvesSpec, FingerModel, TouchingCircle, backbone_of, surface_of
 from continuum_grasp.model.surfaces.offset_polygon import pieces_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import (
@@ -147,7 +147,7 @@ def test_places_and_equilibrium_are_those_of_the_model(family):
     )
     q, u, p = np.array([0.5, -0.4, 0.9, 0.3][: model.n]), [3.0, 1.0, 0.2], np.concatenate(list(loaded.values()))
     w, lengths = np.array([0.5, -1.0, 0.2, 0.8, -0.7, 0.1, 0.3, -0.2]), LOADED["element_lengths"]
-    starts, backbone = np.cumsum([0.0, *lengths]), model.backbone()
+    starts, backbone = np.cumsum([0.0, *lengths]), backbone_of(model, CurvesSpec(()))
     r, angles = (np.array(v) for v in backbone.joints(q, u, p))
     for k in range(3):
         assert_allclose(r[:, k], np.array(model.position(q, u, starts[k + 1], p)).ravel(), atol=1e-12)
@@ -175,7 +175,7 @@ def test_sections_of_a_finger_that_bends_to_its_limit():
     )
     model = FingerModel(finger, family="clothoid", elements=2, gravity=(0, 0), bending_range=2 * math.pi, accuracy=1e-7)
     q, u = np.array([-7.5, 11.1, -4.0 * math.pi])[: model.n], np.zeros(model.nu)
-    section = model.backbone().section
+    section = backbone_of(model, CurvesSpec(())).section
     for s in (0.2, 0.5, 0.64, 0.81, 1.0):
         at = np.linspace(0.0, s, 2001)
         angles = np.array([float(model.orientation(q, u, one, model.p_nominal)) for one in at])

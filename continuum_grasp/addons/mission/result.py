@@ -31,7 +31,7 @@ from continuum_grasp.results import (
     plain,
     yaml_text,
 )
-from continuum_grasp.scene import GraspObject, ObjectLoad, Samples, Scene, VectorSamples
+from continuum_grasp.scene import GraspObject, Samples, Scene, VectorSamples
 from continuum_grasp.simulation import ContactHistory, scene_under
 
 _HEAD = """\
@@ -128,7 +128,7 @@ class MissionRun(MissionRecord, MotionResult):
         force = VectorSamples(times=times, values=tuple(map(tuple, pulls[:, :2].tolist())))
         moment = Samples(times=times, values=tuple(pulls[:, 2].tolist()))
         return plant.replaced(
-            object_load=ObjectLoad(force=force, moment=moment) if pulls.any() else None,
+            object_load={"force": force, "moment": moment} if pulls.any() else None,
             table_height=Samples(times=times, values=tuple(height.tolist())),
         )
 

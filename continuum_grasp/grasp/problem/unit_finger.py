@@ -15,7 +15,7 @@ import casadi as ca
 
 from continuum_grasp.grasp.problem.blocks import Columns, rotation
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec
-from continuum_grasp.model import FingerModel, GradedBackbone, soft
+from continuum_grasp.model import FingerModel, backbone_of, soft
 from continuum_grasp.scene import Finger, MomentLoad
 
 _OFFSET = 0.5
@@ -224,8 +224,7 @@ class SharedFinger:
 
     def __init__(self, spec: FingerSpec) -> None:
         self.model = _unit_model(spec)
-        graded = spec.curves.graded
-        self.backbone = GradedBackbone(self.model.structure, spec.curves) if graded else self.model.backbone()
+        self.backbone = backbone_of(self.model, spec.curves)
         self.fixed, self.owners = self.backbone.fixed_places(spec.guards)
         self.probed = self.backbone.places(spec.probes)
         self.missing = self.backbone.missing(spec.masses)

@@ -122,7 +122,7 @@ class ObjectBody(MaybeDrawn):
         return self.replaced(position=(pose[0], pose[1]), angle=pose[2], against=None, **fields)
 
     def standing(self, pose: Pose, free: Mapping[str, tuple[float, float]] | None, **fields: Any) -> Self:
-        """A copy that is not checked anew and stands at a pose, which may be chosen within bounds where there are some."""
+        """A copy that is not checked anew and stands at a pose, which may be chosen within bounds, if any."""
         bounds = None if free is None else Freedom.model_validate(free)
         place = {"position": (pose[0], pose[1]), "angle": pose[2], "free": bounds, "against": None}
         return self.model_copy(update=place | fields)
