@@ -16,7 +16,7 @@ from tests.commands import ROOT, run
 
 NAMES = list(examples.examples())
 WHOLE = [name for name in NAMES if not examples.example(name).missing]
-VERB_OF = {"mission": "mpc", "fingers": "validate"}
+VERB_OF = {"mission": "mpc", "hand": "grasp", "fingers": "validate"}
 """Of folders of configurations; the others are named after their verb."""
 
 

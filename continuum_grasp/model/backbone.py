@@ -131,25 +131,31 @@ class Backbone:
     def _angles(self) -> ca.SX:
         return column([element[-1].end_angle for element in self.elements])
 
-    @cached_property
-    def nodes(self) -> ca.Function:
-        """``(q, u, p)``: at the Gauss nodes of all elements world positions (2, M), tangents (2, M), and the lengths
-        (M,) that they stand for; beyond each of them the length (M,) and the integral of positions (2, M).
+    def nodes(self, count: int) -> ca.Function:
+        """``(q, u, p)``: at ``count`` Gauss nodes of each element, M in all, positions (2, M), tangents (2, M) and
+        lengths (M,) that they stand for; beyond each of them the length (M,) and the integral of positions (2, M).
         """
-        panels = [panel for element in self.elements for panel in element]
-        points = [cast(_Uniform, panel).at(panel.rule.nodes[None]) for panel in panels]
-        weights = [panel.length * ca.DM(panel.rule.weights) for panel in panels]
-        first, integral = ca.SX.zeros(2), list[ca.SX]()
-        for panel, here, weight in zip(panels, points, weights, strict=True):
-            running = panel.length * (here @ ca.DM(panel.rule.running).T)
-            integral.append(ca.repmat(first, 1, here.shape[1]) + running)
-            first = first + here @ weight
-        places = [panel.start + panel.length * ca.DM(panel.rule.nodes) for panel in panels]
+        rule, panels = collocation(count), [panel for element in self.elements for panel in element]
+        nodes, points, tangents, weights, integral = (
+            rule.nodes,
+            list[ca.SX](),
+            list[ca.SX](),
+            list[ca.SX](),
+            list[ca.SX](),
+        )
+        first = ca.SX.zeros(2)
+        for panel in panels:
+            here = cast(_Uniform, panel).at(nodes[None])
+            turned = ca.SX(cast(_Uniform, panel).link.bend(ca.SX(ca.DM(nodes))))
+            points.append(here)
+            tangents.append(_tangents(panel.angle + turned))
+            weights.append(ca.SX(panel.length * ca.DM(rule.weights)))
+            integral.append(ca.repmat(first, 1, count) + panel.length * (here @ ca.DM(rule.running).T))
+            first = first + here @ weights[-1]
+        places = [panel.start + panel.length * ca.DM(nodes) for panel in panels]
         whole = panels[-1].start + panels[-1].length
-        count = sum(here.shape[1] for here in points)
-        outputs = [ca.horzcat(*points), ca.horzcat(*(panel.tangents for panel in panels)), ca.vertcat(*weights)]
-        beyond = [whole - ca.vertcat(*places), ca.repmat(first, 1, count) - ca.horzcat(*integral)]
-        return self._function("nodes", [], [*outputs, *beyond])
+        beyond = [whole - ca.vertcat(*places), ca.repmat(first, 1, count * len(panels)) - ca.horzcat(*integral)]
+        return self._function("nodes", [], [ca.horzcat(*points), ca.horzcat(*tangents), ca.vertcat(*weights), *beyond])
 
     def places(self, count: int) -> ca.Function:
         """``(q, u, f, p)``: world positions (2, count N) at fractions f (count, N) of the elements."""

@@ -61,7 +61,7 @@ def in_order(apart):
         number=lambda name, size=1: ca.DM.zeros(size), pulls=ca.DM.zeros(2), curvatures=lambda: [ca.DM.zeros(2, 3)] * 3,
         joints=[ca.DM(0.3), ca.DM(0.3 + apart)],
     )  # fmt: skip
-    limits._keep_limits(problem, finger)
+    limits.keep_limits(problem, finger)
     return float(rows["order of the middle contacts, f"]) >= 0.0
 
 

@@ -60,6 +60,28 @@ def test_a_hand_that_is_turned_with_all_that_it_holds_needs_the_same_tensions(ba
     assert optimize_grasp(other).tension == pytest.approx(ball.tension, rel=1e-6)
 
 
+def test_a_hand_of_another_size_is_as_stable(ball):
+    """Eight times as long, E I as L^2: forces as before, and the same least eigenvalue per E I / L."""
+    longer = 8.0
+    given = ball.scene
+    finger = given.hand.finger
+    other = given.changed(
+        {
+            "hand.finger.rod.length": longer * finger.rod.length,
+            "hand.finger.rod.bending_stiffness": longer**2 * finger.rod.bending_stiffness,
+            "hand.finger.rod.linear_density": finger.rod.linear_density / longer,
+            "hand.finger.half_thickness": longer * finger.half_thickness,
+            "hand.finger.tendons.offset": longer * finger.tendons.offset,
+            "hand.ring.radius": longer * given.hand.ring.radius,
+            "object.diameter": longer * given.object.diameter,
+            "object.position": [longer * c for c in given.object.position],
+        }
+    )
+    found = optimize_grasp(other)
+    assert found.tension == pytest.approx(ball.tension, rel=1e-6)
+    assert found.certificate.stability.eigenvalue == pytest.approx(ball.certificate.stability.eigenvalue, rel=1e-5)
+
+
 @pytest.mark.deep
 def test_a_mirrored_hand_needs_the_same_tensions():
     """At the plane y = 0: the first finger lies in it, the others change places."""

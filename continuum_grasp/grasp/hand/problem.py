@@ -31,6 +31,9 @@ from continuum_grasp.scene import HandScene
 
 RELAXED = ("tension", "friction", "normal force", "mass")
 """Limits of a hand that may be relaxed."""
+NODES = 3
+"""Gauss nodes per element of integrals to the side: shifts of shipped hands are 4e-10 of the length off at most, with 2
+nodes 9e-8; the certificate asks for 1e-6."""
 LITTLE = 1e-8
 """Weight of the squared contact forces, so that they are unique where equilibrium does not fix them."""
 
@@ -205,7 +208,7 @@ class HandProblem:
         By unit loads: a unit load at a contact does work on what the loads bend and twist between base and contact.
         """
         number, share = finger.number, finger.number("force share")
-        at, tangents, lengths, beyond, integral = finger.shared.backbone.nodes(finger.q, finger.u, finger.p)
+        at, tangents, lengths, beyond, integral = finger.shared.backbone.nodes(NODES)(finger.q, finger.u, finger.p)
         elements, count = finger.spec.elements, at.shape[1] // finger.spec.elements
         loads = []
         for contact in touching:

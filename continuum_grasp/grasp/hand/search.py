@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
-from typing import Any
 
 import numpy as np
 
@@ -13,14 +12,13 @@ from continuum_grasp.base import Numbers as Array
 from continuum_grasp.base import interrupts_held
 from continuum_grasp.grasp.hand.body import BodySurface
 from continuum_grasp.grasp.hand.frames import PlaneFrame
+from continuum_grasp.grasp.hand.numbers import finger_bounds, hand_numbers, hand_units, with_forces
 from continuum_grasp.grasp.hand.problem import RELAXED, HandEquations, HandProblem, HandSpec, hand_equations
 from continuum_grasp.grasp.hand.starts import FingerPlane, TouchingPosture, postures
 from continuum_grasp.grasp.problem.points import bending_arrays, coordinates
 from continuum_grasp.grasp.problem.solver_run import allowed_depth, settings_of, solve_clear
 from continuum_grasp.grasp.problem.unknowns import FingerLayout
-from continuum_grasp.grasp.problem.values import APEX, Units, Values, finger_values
-from continuum_grasp.grasp.quality.conic import Cones, solve_conic
-from continuum_grasp.grasp.starts.values import FingerStart, GraspStart
+from continuum_grasp.grasp.problem.values import Values
 from continuum_grasp.nlp import Attempt, Budget, Start
 from continuum_grasp.scene import FingerSetup, HandScene
 
@@ -44,8 +42,6 @@ PROBED = np.linspace(0.05, 0.95, 13)
 """Places on each element among which its deepest one is guarded, per length of the element."""
 IDLE = 1e-3
 """Normal force, per greatest, below which a contact holds nothing."""
-PRESSED = 1e-2
-"""Least normal force of a start, per weight."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +66,7 @@ class HandSearch:
     def __init__(self, scene: HandScene, budget: Budget) -> None:
         self.scene, self.budget, self.body = scene, budget, BodySurface(scene)
         self._solver, self._frames = settings_of(scene).solver(), PlaneFrame.each(scene)
-        rods = [(setup.finger.rod.length, setup.stiffness) for setup in scene.setups]
-        self.units = Units(max(length for length, _ in rods), max(stiff / length**2 for length, stiff in rods))
+        self.units = hand_units(scene)
         # Fingers that touch the object in no posture, by set of contacts.
         self.untouched = dict[frozenset[str], list[str]]()
 
@@ -175,7 +170,7 @@ class HandSearch:
     ) -> tuple[float, Array, Array]:
         """Residual that the best forces leave, unknowns and numbers for a posture of each finger."""
         problem, scene, units = equations.problem, self.scene, self.units
-        numbers = self._numbers(chosen)
+        numbers = hand_numbers(scene, self.body, self._frames, chosen)
         values: Values = {}
         for k, (setup, frame) in enumerate(self._fingers):
             spec, length, posture = problem.spec.fingers[k], setup.finger.rod.length, chosen[k]
@@ -205,52 +200,8 @@ class HandSearch:
         p = problem.numbers.pack({name: value for name, value in (numbers | free).items() if name in sizes})
         x = problem.x.pack(values, 0.0)
         self._choose_places(problem, self._guarded(equations, x, p), p)
-        residual, x = self._with_forces(equations, x, p)
+        residual, x = with_forces(scene, equations, x, p)
         return residual, x, p
-
-    def _numbers(self, chosen: Sequence[TouchingPosture]) -> Values:
-        """Run-time numbers by name, in units of the problem."""
-        scene, units = self.scene, self.units
-        body, weight = scene.object, scene.weight
-        lengths = {setup.name: setup.finger.rod.length for setup in scene.setups}
-        fingers = {
-            name: FingerStart((0.0, 0.0, 0.0), (posture.joint * lengths[name],), (1,), *posture.knots)
-            for name, posture in zip(lengths, chosen, strict=True)
-        }
-        start = GraspStart("hand", (0.0, 0.0, 0.0), fingers, {})
-        numbers: Values = {
-            "half extents": self.body.half / units.length,
-            "edge radius": self.body.edge / units.length,
-            "object position": np.array(body.position) / units.length,
-            "object axes": body.axes.T.ravel(),
-            "center of mass": body.com / units.length,
-            "size": body.size / units.length,
-            "weight": body.weighed * np.array(scene.gravity) / units.force,
-            "tolerance": scene.solver.penetration_tolerance,
-            "cone share": 1.0 - scene.contacts.reserve,
-            "cone rounding": APEX * (weight or units.force) / units.force,
-            "force reference": max(weight, units.force) / units.force,
-            "effort weight": 1.0,
-            "relaxation weights": np.zeros(len(RELAXED)),
-        }
-        total = max(s.stiffness / s.finger.rod.length / s.tendons.offset for s in scene.setups)
-        for setup, frame in self._fingers:
-            gravity = frame.axes[:, :2].T @ np.array(scene.gravity)
-            tolerance = scene.solver.penetration_tolerance
-            numbers |= finger_values(setup, start, units, gravity.tolist(), 1.0 / total, tolerance)
-            section: Any = setup.finger
-            numbers |= {
-                f"{setup.name}.position": frame.base / units.length,
-                f"{setup.name}.axes": frame.axes.T.ravel(),
-                f"{setup.name}.side weight": float(frame.axes[:, 2] @ np.array(scene.gravity))
-                * (setup.finger.rod.mass_per_length * setup.finger.rod.length**3 / setup.stiffness),
-                f"{setup.name}.lateral": section.cross_section.lateral,
-                f"{setup.name}.torsion": section.cross_section.torsion,
-            }
-            for name in (*setup.middle_names, setup.tip_name):
-                numbers[f"{name}.friction"] = setup.friction
-                numbers[f"{name}.normal_force_max"] = setup.normal_force_max / units.force
-        return numbers
 
     def _near(self, equations: HandEquations, x: Array, p: Array) -> Array:
         """Numbers whose planes lie between each guarded place and the object as they are at a point."""
@@ -286,58 +237,6 @@ class HandSearch:
     def _guarded(self, equations: HandEquations, x: Array, p: Array) -> list[Array]:
         """Guarded places of each finger (K, 3) [m]."""
         return [np.array(points).T * self.units.length for points in equations.guarded.call([x, p])]
-
-    def _with_forces(self, equations: HandEquations, x: Array, p: Array) -> tuple[float, Array]:
-        """Tensions and forces that come nearest to balance within cones; what they leave, per weight."""
-        problem, scene = equations.problem, self.scene
-        at, rows = problem.x.at, {block.name: block.rows for block in problem.rows.blocks}
-        columns = np.concatenate(
-            [
-                *(np.arange(at[f"{s.name}.pulls"].start, at[f"{s.name}.pulls"].stop) for s in scene.setups),
-                *(
-                    np.arange(at[f"force, {c.spec.name}"].start, at[f"force, {c.spec.name}"].stop)
-                    for c in problem.contacts
-                ),
-            ]
-        )
-        value, matrix = (np.array(part) for part in equations.nlp.functions["jac_g"](x, p))
-        matrix = matrix[:, columns]
-        named = [name for name in rows if name.startswith(("finger equilibrium", "object "))]
-        rows_of = np.concatenate([np.ravel(rows[name]) for name in named])
-        offset = value.ravel()[rows_of] - matrix[rows_of] @ x[columns]
-        count, left = columns.size, rows_of.size
-        pulls = 2 * len(scene.setups)
-        low, high = np.full(count + left, -np.inf), np.full(count + left, np.inf)
-        for k, setup in enumerate(scene.setups):
-            low[2 * k : 2 * k + 2], high[2 * k : 2 * k + 2] = finger_bounds(setup)
-        width, vectors = (
-            np.zeros((len(problem.contacts), count + left)),
-            np.zeros((len(problem.contacts), 2, count + left)),
-        )
-        for c, contact in enumerate(problem.contacts):
-            setup = scene.setups[contact.spec.finger]
-            place = pulls + 3 * c
-            low[place] = PRESSED * max(scene.weight / self.units.force, 0.1)
-            high[place] = setup.normal_force_max / self.units.force
-            width[c, place] = setup.held_friction
-            vectors[c, 0, place + 1] = vectors[c, 1, place + 2] = 1.0
-        cones = Cones(vectors, np.zeros((len(problem.contacts), 2)), width, np.zeros(len(problem.contacts)))
-        squares = np.concatenate([np.full(count, 1e-6), np.ones(left)])
-        found = solve_conic(
-            np.zeros(count + left),
-            np.hstack([matrix[rows_of], -np.eye(left)]),
-            -offset,
-            -offset,
-            low,
-            high,
-            cones,
-            squares,
-        )
-        x = x.copy()
-        if not found.optimal:
-            return np.inf, x
-        x[columns] = found.x[:count]
-        return float(np.linalg.norm(found.x[count:])), x
 
     # -- the solver ----------------------------------------------------------------------------------------------
 
@@ -451,14 +350,6 @@ class HandSearch:
                 f"{name}.backbone": line * [length, length, length, 1.0],
             }
         return out
-
-
-def finger_bounds(setup: FingerSetup) -> tuple[list[float], list[float]]:
-    """Least and greatest pulls of both tendons, as moments per E I / L."""
-    moment = setup.stiffness / setup.finger.rod.length
-    least, most = (t * setup.tendons.offset / moment for t in (setup.tendons.min_tension, setup.max_tension))
-    used = setup.finger.tendons_used
-    return [least, least], [most if used in ("both", side) else 0.0 for side in ("left", "right")]
 
 
 def _apart(points: Array, others: Array) -> Array:

@@ -26,8 +26,8 @@ from continuum_grasp.grasp.hand.recomputed import HandTouch, RecomputedHand, Spa
 LINKS = 24
 """Links per finger: least eigenvalues of six grasps by three tips are then within 0.2 % of those with 96, and the load
 at which a straight finger buckles to the side within 0.2 % of Prandtl's; errors fall with the square of the number."""
-UNIT = 0.03
-"""Shift of the object that counts as much as a turn by 1 rad [m]."""
+UNIT = 0.25
+"""Shift of the object, per length of the first finger, that counts as much as a turn by 1 rad [1]."""
 SMOOTH = 12.0
 """Part of ``length * int |psi'|^2 ds`` that counts as much as the square of a turn of the object: hinges of a chain of
 12 links by their squares, whatever the number of links is."""
@@ -52,7 +52,7 @@ class HandStability:
     eigenvalue: float
     stiffness: float
     motion: str  # how what is least stable moves, in words; empty where nothing can
-    # Shift per 30 mm and turn of the object about its center of mass in that motion, of which the whole has length one.
+    # Of the object in that motion: shift per quarter of the first finger, turn about the center of mass.
     mode: Array = field(default_factory=lambda: np.zeros(6), compare=False)
     assumptions: str = ASSUMPTIONS
 
@@ -132,7 +132,9 @@ class HandSystem:
         ends = np.cumsum([0, *(chain.size for chain in self.chains)])
         self.spans = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         size = int(ends[-1]) + 6
-        self.scale = np.concatenate([*(chain.scale for chain in self.chains), [UNIT] * 3, [1.0] * 3])
+        self.scale = np.concatenate(
+            [*(chain.scale for chain in self.chains), [UNIT * hand.fingers[0].length] * 3, [1.0] * 3]
+        )
         self.hessian = np.zeros((size, size))
         tendons, rows = [], [np.zeros((0, size))]
         for finger, chain, span in zip(hand.fingers, self.chains, self.spans, strict=True):

@@ -83,7 +83,7 @@ def _draw_space(ax: Any, result: Any, lines: dict[str, Array], scale: float) -> 
     ax.view_init(elev=18.0, azim=-50.0)
     ax.set_xlabel("x [mm]", fontsize=8)
     ax.set_ylabel("y [mm]", fontsize=8)
-    ax.set_zlabel("z [mm]", fontsize=8, labelpad=-2.0)
+    ax.set_zlabel("z [mm]", fontsize=8, labelpad=-5.0)
     ax.tick_params(labelsize=7)
 
 
@@ -125,5 +125,4 @@ def _draw_plane(ax: Axes, result: Any, setup: Any, frame: Any, line: Array | Non
     ax.invert_xaxis()
     ax.invert_yaxis()
     ax.tick_params(labelsize=7)
-    ax.set_xlabel("across [mm]", fontsize=8)
-    ax.set_ylabel("along [mm]", fontsize=8)
+    ax.set_xlabel("across, along [mm]", fontsize=8)

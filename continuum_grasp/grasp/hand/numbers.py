@@ -1,0 +1,119 @@
+"""Run-time numbers of the problem of a hand, and the forces that go with a posture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from continuum_grasp.base import Numbers as Array
+from continuum_grasp.grasp.hand.body import BodySurface
+from continuum_grasp.grasp.hand.frames import PlaneFrame
+from continuum_grasp.grasp.hand.problem import RELAXED, HandEquations
+from continuum_grasp.grasp.hand.starts import TouchingPosture
+from continuum_grasp.grasp.problem.values import APEX, Units, Values, finger_values
+from continuum_grasp.grasp.quality.conic import Cones, solve_conic
+from continuum_grasp.grasp.starts.values import FingerStart, GraspStart
+from continuum_grasp.scene import FingerSetup, HandScene
+
+PRESSED = 1e-2
+"""Least normal force of a start, per weight."""
+
+
+def hand_units(scene: HandScene) -> Units:
+    """Units of the problem of a hand, as in the plane."""
+    rods = [(setup.finger.rod.length, setup.stiffness) for setup in scene.setups]
+    return Units(max(length for length, _ in rods), max(stiff / length**2 for length, stiff in rods))
+
+
+def hand_numbers(
+    scene: HandScene, body: BodySurface, frames: Sequence[PlaneFrame], chosen: Sequence[TouchingPosture]
+) -> Values:
+    """Run-time numbers by name, in units of the problem."""
+    units, solid, weight = hand_units(scene), scene.object, scene.weight
+    lengths = {setup.name: setup.finger.rod.length for setup in scene.setups}
+    fingers = {
+        name: FingerStart((0.0, 0.0, 0.0), (posture.joint * lengths[name],), (1,), *posture.knots)
+        for name, posture in zip(lengths, chosen, strict=True)
+    }
+    start = GraspStart("hand", (0.0, 0.0, 0.0), fingers, {})
+    numbers: Values = {
+        "half extents": body.half / units.length,
+        "edge radius": body.edge / units.length,
+        "object position": np.array(solid.position) / units.length,
+        "object axes": solid.axes.T.ravel(),
+        "center of mass": solid.com / units.length,
+        "size": solid.size / units.length,
+        "weight": solid.weighed * np.array(scene.gravity) / units.force,
+        "tolerance": scene.solver.penetration_tolerance,
+        "cone share": 1.0 - scene.contacts.reserve,
+        "cone rounding": APEX * (weight or units.force) / units.force,
+        "force reference": max(weight, units.force) / units.force,
+        "effort weight": 1.0,
+        "relaxation weights": np.zeros(len(RELAXED)),
+    }
+    total = max(s.stiffness / s.finger.rod.length / s.tendons.offset for s in scene.setups)
+    for setup, frame in zip(scene.setups, frames, strict=True):
+        gravity = frame.axes[:, :2].T @ np.array(scene.gravity)
+        tolerance = scene.solver.penetration_tolerance
+        numbers |= finger_values(setup, start, units, gravity.tolist(), 1.0 / total, tolerance)
+        section: Any = setup.finger
+        numbers |= {
+            f"{setup.name}.position": frame.base / units.length,
+            f"{setup.name}.axes": frame.axes.T.ravel(),
+            f"{setup.name}.side weight": float(frame.axes[:, 2] @ np.array(scene.gravity))
+            * (setup.finger.rod.mass_per_length * setup.finger.rod.length**3 / setup.stiffness),
+            f"{setup.name}.lateral": section.cross_section.lateral,
+            f"{setup.name}.torsion": section.cross_section.torsion,
+        }
+        for name in (*setup.middle_names, setup.tip_name):
+            numbers[f"{name}.friction"] = setup.friction
+            numbers[f"{name}.normal_force_max"] = setup.normal_force_max / units.force
+    return numbers
+
+
+def finger_bounds(setup: FingerSetup) -> tuple[list[float], list[float]]:
+    """Least and greatest pulls of both tendons, as moments per E I / L."""
+    moment = setup.stiffness / setup.finger.rod.length
+    least, most = (t * setup.tendons.offset / moment for t in (setup.tendons.min_tension, setup.max_tension))
+    used = setup.finger.tendons_used
+    return [least, least], [most if used in ("both", side) else 0.0 for side in ("left", "right")]
+
+
+def with_forces(scene: HandScene, equations: HandEquations, x: Array, p: Array) -> tuple[float, Array]:
+    """Residual of the equilibria and balances with the tensions and forces within their cones that leave the least, in
+    units of the problem; and the point with these.
+
+    All rows are linear in them where the posture stays: one conic problem.
+    """
+    problem, contacts, unit = equations.problem, equations.problem.contacts, hand_units(scene).force
+    names = [*(f"{setup.name}.pulls" for setup in scene.setups), *(f"force, {c.spec.name}" for c in contacts)]
+    columns = np.concatenate([np.arange(problem.x.size)[problem.x.at[name]] for name in names])
+    blocks = [b for b in problem.rows.blocks if b.name.startswith(("finger equilibrium", "object "))]
+    rows = np.concatenate([np.ravel(block.rows) for block in blocks])
+    values, slopes = (np.array(part) for part in equations.nlp.functions["jac_g"](x, p))
+    matrix = slopes[np.ix_(rows, columns)]
+    offset = values.ravel()[rows] - matrix @ x[columns]
+    # Unknowns are tensions and forces, then what they leave of each row.
+    sought, size = columns.size, columns.size + rows.size
+    low, high = np.full(size, -np.inf), np.full(size, np.inf)
+    for k, setup in enumerate(scene.setups):
+        low[2 * k : 2 * k + 2], high[2 * k : 2 * k + 2] = finger_bounds(setup)
+    width, across = np.zeros((len(contacts), size)), np.zeros((len(contacts), 2, size))
+    for c, contact in enumerate(contacts):
+        setup, place = scene.setups[contact.spec.finger], 2 * len(scene.setups) + 3 * c
+        low[place] = PRESSED * max(scene.weight / unit, 0.1)
+        high[place] = setup.normal_force_max / unit
+        width[c, place] = setup.held_friction
+        across[c, 0, place + 1] = across[c, 1, place + 2] = 1.0
+    cones = Cones(across, np.zeros((len(contacts), 2)), width, np.zeros(len(contacts)))
+    # 1e-6: weight of forces beside what is left, so that they are unique
+    squares = np.concatenate([np.full(sought, 1e-6), np.ones(rows.size)])
+    wholes = np.hstack([matrix, -np.eye(rows.size)])
+    found = solve_conic(np.zeros(size), wholes, -offset, -offset, low, high, cones, squares)
+    if not found.optimal:
+        return np.inf, x
+    x = x.copy()
+    x[columns] = found.x[:sought]
+    return float(np.linalg.norm(found.x[sought:])), x
