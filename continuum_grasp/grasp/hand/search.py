@@ -32,7 +32,7 @@ LEFT = 0.5
 SOLVED = {"quick": 1, "normal": 3, "thorough": 12}
 """Combinations of each set of contacts that are solved, by effort."""
 ASIDE = 0.05
-"""Greatest shift of a contact out of its finger's plane, per length: up to there linear theory is good to 0.4 %."""
+"""Greatest shift of a contact out of its finger's plane, per length, as the certificate has it."""
 PATIENCE = 20
 """Iterations that may leave a violation as it is until it is half of what it was; a run ends then. Those that lead to a
 grasp take 5 to 45 in all."""
