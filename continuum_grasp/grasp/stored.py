@@ -4,17 +4,7 @@ from __future__ import annotations
 
 from continuum_grasp.results import Dimension, Stored
 
-_POSTURE = (
-    Stored("object.pose", "(pose,)", "", "pose of the object: x, y [m], angle [rad]"),
-    Stored("contact_positions", "(contact, xy)", "m", "contacts on the object's surface, world"),
-    Stored("contact_normals", "(contact, xy)", "1", "outward normals of the object there, world"),
-    Stored(
-        "contact_forces",
-        "(contact, part)",
-        "N",
-        "normal force, friction along the surface, friction out of the plane",
-    ),
-    Stored("contact_stations", "(contact,)", "m", "positions along the finger; NaN for supports"),
+SHAPE = (
     Stored(
         "{finger}.q",
         "({finger} coordinate,)",
@@ -30,6 +20,20 @@ _POSTURE = (
     ),
     Stored("{finger}.tip_curvature", "()", "1/m", "curvature at the tip above rest"),
     Stored("{finger}.tensions", "(tendon,)", "N", "tensions of the tendons"),
+)
+"""Arrays of the shape of a finger in its plane, and of what bends it."""
+_POSTURE = (
+    Stored("object.pose", "(pose,)", "", "pose of the object: x, y [m], angle [rad]"),
+    Stored("contact_positions", "(contact, xy)", "m", "contacts on the object's surface, world"),
+    Stored("contact_normals", "(contact, xy)", "1", "outward normals of the object there, world"),
+    Stored(
+        "contact_forces",
+        "(contact, part)",
+        "N",
+        "normal force, friction along the surface, friction out of the plane",
+    ),
+    Stored("contact_stations", "(contact,)", "m", "positions along the finger; NaN for supports"),
+    *SHAPE,
     Stored("{finger}.base", "(base,)", "", "world x, y [m] and angle [rad] of the base"),
     Stored("{finger}.backbone", "({finger} place, section)", "", "shape of the finger from base to tip"),
 )

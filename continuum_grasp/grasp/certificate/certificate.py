@@ -210,13 +210,13 @@ def _recomputed(
     # What is wrong here stops the rest.
     if not all(check.passed for check in checks):
         return checks, None
-    lengths = [_lengths(setup.name, setup.finger.rod.length, arrays) for setup in scene.setups]
+    lengths = [length_check(setup.name, setup.finger.rod.length, arrays) for setup in scene.setups]
     if not all(check.passed for check in lengths):
         return [*checks, *lengths], None
     grasp = RecomputedGrasp(scene, arrays)
     checks += [mode_check(grasp), *lengths]
     for finger in grasp.fingers:
-        checks += [*_equilibrium(finger), *_storage(finger), *_finger_limits(finger)]
+        checks += [*equilibrium_checks(finger), *storage_checks(finger), *limit_checks(finger)]
     return [*checks, *_object(grasp), *contact_checks(grasp), *clearance_checks(grasp)], grasp
 
 
@@ -224,7 +224,7 @@ def _not_finite(scene: GraspScene, arrays: Mapping[str, Any]) -> int:
     """Number of entries of a grasp that are NaN or infinite; the stations of supports are NaN by right."""
     names = [f"{setup.name}.{name}" for setup in scene.setups for name in OF_FINGER]
     names += ["object.pose", *(key for key in OF_CONTACTS if key not in ("contact_names", "contact_stations"))]
-    stored = [_numbers(arrays.get(name, 0.0)) for name in names]
+    stored = [as_numbers(arrays.get(name, 0.0)) for name in names]
     return sum(int((~np.isfinite(values)).sum()) for values in stored if values is not None)
 
 
@@ -232,11 +232,11 @@ def _misfits(scene: GraspScene, arrays: Mapping[str, Any], *, reached: bool) -> 
     """Number of arrays that are missing, misshapen or of another family than the scene's."""
 
     def shape(name: str) -> tuple[int, ...] | None:
-        values = _numbers(arrays[name]) if name in arrays else None
+        values = as_numbers(arrays[name]) if name in arrays else None
         return None if values is None else tuple(values.shape)
 
     names = np.asarray(arrays.get("contact_names", 0.0))
-    count, parts = names.size, _numbers(arrays.get("contact_parts"))
+    count, parts = names.size, as_numbers(arrays.get("contact_parts"))
     wrong = ["contact_names" not in arrays or names.shape != (count,)]
     wrong += [parts is None or not bool(np.isin(parts, np.arange(len(scene.object.parts))).all())]
     expected: dict[str, tuple[int, ...]] = {
@@ -261,21 +261,24 @@ def _misfits(scene: GraspScene, arrays: Mapping[str, Any], *, reached: bool) -> 
     return sum(wrong) + sum(shape(name) != wanted for name, wanted in expected.items())
 
 
-def _numbers(value: Any) -> Any:
+def as_numbers(value: Any) -> Any:
+    """Stored values as numbers; no value where they are none."""
     try:
         return np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         return None
 
 
-def _lengths(name: str, total: float, arrays: Mapping[str, Any]) -> Check:
+def length_check(name: str, total: float, arrays: Mapping[str, Any]) -> Check:
+    """Whether the lengths of a finger's elements add up to its own."""
     lengths = np.asarray(arrays[f"{name}.lengths"], dtype=float)
     # Each element without a length counts as an error of one: shapes cannot be integrated then.
     off = worst(abs(lengths.sum() / total - 1), *(1e-9 - lengths / total > 0.0))
     return Check(f"element lengths, {name}", off, EXACT, f"{total:.4g} m")
 
 
-def _equilibrium(finger: RecomputedFinger) -> Iterator[Check]:
+def equilibrium_checks(finger: RecomputedFinger) -> Iterator[Check]:
+    """Equilibrium of a finger in its plane."""
     scale = finger.load_moment
     imbalance = float(np.max(np.abs(finger.virtual_work())))
     yield Check.part(f"finger equilibrium, {finger.name}", imbalance, scale, "N m")
@@ -286,7 +289,8 @@ def _equilibrium(finger: RecomputedFinger) -> Iterator[Check]:
         yield Check.part(f"tip moment balance, {finger.name}", abs(gap), scale, "N m")
 
 
-def _storage(finger: RecomputedFinger) -> Iterator[Check]:
+def storage_checks(finger: RecomputedFinger) -> Iterator[Check]:
+    """Stored shape of a finger against the recomputed one."""
     yield Check(f"curvature shapes that do not span the family, {finger.name}", float(not finger.shape.complete), 0.0)
     stored, length = finger.stored_backbone, finger.length
     s = np.clip(stored[:, 0], 0.0, finger.rod.joints[-1])
@@ -305,7 +309,8 @@ def _storage(finger: RecomputedFinger) -> Iterator[Check]:
     yield Check(f"base, {finger.name}", off, EXACT, f"{length:.4g} m")
 
 
-def _finger_limits(finger: RecomputedFinger) -> Iterator[Check]:
+def limit_checks(finger: RecomputedFinger) -> Iterator[Check]:
+    """Limits of tendons, drives, contacts along a finger, and bends."""
     setup, length = finger.setup, finger.length
     limit, used = setup.tendons.max_tension, finger.finger.tendons_used
     over = [(t - limit, setup.tendons.min_tension - t) for t in finger.tensions]

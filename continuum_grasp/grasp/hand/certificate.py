@@ -16,7 +16,13 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Array, Summarized, amount_text
-from continuum_grasp.grasp.certificate.certificate import _equilibrium, _finger_limits, _lengths, _numbers, _storage
+from continuum_grasp.grasp.certificate.certificate import (
+    as_numbers,
+    equilibrium_checks,
+    length_check,
+    limit_checks,
+    storage_checks,
+)
 from continuum_grasp.grasp.certificate.check import CURLED, EXACT, GUARDED, Check, self_overlap, worst
 from continuum_grasp.grasp.certificate.recomputed import OF_FINGER
 from continuum_grasp.grasp.hand.recomputed import OF_CONTACTS, HandTouch, RecomputedHand, SpatialFinger, known_touches
@@ -77,7 +83,7 @@ class HandCertificate(Summarized):
 
     @property
     def acceptable(self) -> bool:
-        """Whether it is what the scene asks for: every check passed, and stable where that is required."""
+        """Whether the grasp is as the scene asks: every check passed, and stable where that is required."""
         if self.hand is None or not self.passed:
             return False
         return self.hand.scene.stability == "ignore" or self.stability.stable
@@ -164,13 +170,13 @@ def certify_hand(scene: HandScene, arrays: Mapping[str, Any]) -> HandCertificate
         ]
         if not all(check.passed for check in checks):  # what is wrong here stops the rest
             return HandCertificate(tuple(checks))
-        lengths = [_lengths(setup.name, setup.finger.rod.length, arrays) for setup in scene.setups]
+        lengths = [length_check(setup.name, setup.finger.rod.length, arrays) for setup in scene.setups]
         if not all(check.passed for check in lengths):
             return HandCertificate((*checks, *lengths))
         hand = RecomputedHand(scene, arrays)
         checks += [touches_check(hand), *lengths]
         for finger in hand.fingers:
-            checks += [*_equilibrium(finger.plane), *_storage(finger.plane), *_finger_limits(finger.plane)]
+            checks += [*equilibrium_checks(finger.plane), *storage_checks(finger.plane), *limit_checks(finger.plane)]
             for contact in finger.contacts:
                 checks += _contact(hand, finger, contact)
         checks += [*_object(hand), *_clearances(hand)]
@@ -186,7 +192,7 @@ def _not_finite(scene: HandScene, arrays: Mapping[str, Any]) -> int:
     """Number of entries that are NaN or infinite."""
     names = [f"{setup.name}.{name}" for setup in scene.setups for name in OF_FINGER]
     names += [f"contact_{key}" for key in OF_CONTACTS]
-    stored = [_numbers(arrays.get(name, 0.0)) for name in names]
+    stored = [as_numbers(arrays.get(name, 0.0)) for name in names]
     return sum(int((~np.isfinite(values)).sum()) for values in stored if values is not None)
 
 
@@ -194,7 +200,7 @@ def _misfits(scene: HandScene, arrays: Mapping[str, Any]) -> int:
     """Number of arrays that are missing, misshapen or of another family than the scene's."""
 
     def shape(name: str) -> tuple[int, ...] | None:
-        values = _numbers(arrays[name]) if name in arrays else None
+        values = as_numbers(arrays[name]) if name in arrays else None
         return None if values is None else tuple(values.shape)
 
     names = np.asarray(arrays.get("contact_names", 0.0))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from continuum_grasp.base import Array, Summarized, amount_text, check_arguments
+from continuum_grasp.grasp.stored import SHAPE
 from continuum_grasp.grasp.values import GraspStatus, Reason
 from continuum_grasp.results import Dimension, File, Picture, Result, Stored, yaml_text
 from continuum_grasp.scene import HandScene
@@ -33,16 +34,7 @@ STORED = (
     Stored("contact_stations", "(contact,)", "m", "positions along the finger"),
     Stored("contact_deflections", "(contact,)", "m", "shift of the backbone out of its plane at the contact"),
     Stored("{finger}.family", "()", "text", "arc, clothoid or matched_clothoid"),
-    Stored("{finger}.q", "({finger} coordinate,)", "", "above rest: bends [rad] (arc) or nodal curvatures [1/m]"),
-    Stored("{finger}.lengths", "({finger} element,)", "m", "lengths of the elements"),
-    Stored(
-        "{finger}.curvature_shapes",
-        "({finger} element, {finger} spread, {finger} shape)",
-        "",
-        "curvature above rest at places spread evenly along each element, per coordinate",
-    ),
-    Stored("{finger}.tip_curvature", "()", "1/m", "curvature at the tip above rest"),
-    Stored("{finger}.tensions", "(tendon,)", "N", "tensions of the tendons"),
+    *SHAPE,
     Stored("{finger}.base", "(base,)", "", "pose of the base in the plane of the finger: x, y [m] and angle [rad]"),
     Stored("{finger}.backbone", "({finger} place, section)", "", "shape of the finger in its plane"),
 )

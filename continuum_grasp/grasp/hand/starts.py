@@ -66,7 +66,7 @@ class TouchingPosture:
         return (0.0, self.joint, min(self.joint + 1e-3, 1.0), 1.0), (self.first, at, *self.beyond)
 
     def is_near(self, other: TouchingPosture) -> bool:
-        """Whether it is nearly the same."""
+        """Whether another posture is nearly the same."""
         curved = max(abs(self.first - other.first), abs(self.beyond[1] - other.beyond[1]))
         return abs(self.joint - other.joint) < APART and curved < 0.5
 
