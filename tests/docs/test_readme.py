@@ -29,7 +29,7 @@ def checkout(tmp_path):
 
 
 def test_the_page_has_two_blocks_of_commands():
-    assert [len(block) for block in COMMANDS] == [2, 10]
+    assert [len(block) for block in COMMANDS] == [2, 11]
     home = (ROOT / "docs/README.md").read_text(encoding="utf-8")
     assert re.findall(r"^```sh\n(.*?)^```", home, re.MULTILINE | re.DOTALL) == ["\n".join(COMMANDS[0]) + "\n"]
 
