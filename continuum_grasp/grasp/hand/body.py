@@ -2,17 +2,60 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.hand.frames import PlaneFrame
-from continuum_grasp.grasp.hand.problem import levels
 from continuum_grasp.scene import HandScene
 
 _HALVINGS = 50
 """Bisections along a ray: to rounding."""
+_NEWTON = 30
+"""Steps toward the nearest point of a surface at most; of ellipsoids 5 are enough."""
+_CLOSE = 1e-14
+"""Step, per size of the object, that ends them."""
+
+
+def level(shape: str, point: ca.SX, half: ca.SX, edge: ca.SX) -> ca.SX:
+    """A function that is zero on the surface of a shape and grows outward: the distance but for ellipsoids.
+
+    ``half`` are half extents (3,) along its axes, ``edge`` the radius of its edges.
+    """
+    if shape == "sphere":
+        return ca.sqrt(ca.sumsqr(point)) - half[0]
+    if shape == "ellipsoid":
+        return half[0] * (ca.sqrt(ca.sumsqr(point / half)) - 1.0)
+    if shape == "cylinder":
+        # 1e-24: keeps the root differentiable on the axis
+        across = ca.sqrt(point[0] ** 2 + point[1] ** 2 + 1e-24)
+        beyond = ca.vertcat(across - (half[0] - edge), ca.fabs(point[2]) - (half[2] - edge))
+    else:
+        beyond = ca.fabs(point) - (half - edge)
+    outside = ca.fmax(beyond, 0.0)
+    return ca.sqrt(ca.sumsqr(outside) + 1e-24) + ca.fmin(ca.mmax(beyond), 0.0) - edge
+
+
+@lru_cache(maxsize=8)
+def levels(shape: str) -> ca.Function:
+    """``(point, half, edge)``: the level of a shape at points (3, K) of its frame, its gradient and its Hessian."""
+    point, half, edge = ca.SX.sym("point", 3), ca.SX.sym("half", 3), ca.SX.sym("edge")
+    value = level(shape, point, half, edge)
+    bending, gradient = ca.hessian(value, point)
+    return ca.Function("level", [point, half, edge], [value, gradient, ca.densify(bending)])
+
+
+@dataclass(frozen=True)
+class Nearby:
+    """The object around points: its distance there to second order."""
+
+    distance: Array  # (K,) [m], negative inside
+    normal: Array  # (K, 3) gradient of the distance: outward
+    bending: Array  # (K, 3, 3) second derivative of the distance [1/m]
 
 
 class BodySurface:
@@ -38,10 +81,41 @@ class BodySurface:
     def distance(self, points: Array) -> tuple[Array, Array]:
         """Distance (...,) of points (..., 3) [m], of ellipsoids to first order, and the outward normal (..., 3)."""
         local = (points - self.center).reshape(-1, 3) @ self.axes
-        value, gradient = (np.array(part) for part in levels(self.solid.shape)(local.T, self.half, self.edge))
-        slope = np.maximum(np.linalg.norm(gradient, axis=0), 1e-12)
-        normal = (gradient / slope).T @ self.axes.T
-        return (value.ravel() / slope).reshape(points.shape[:-1]), normal.reshape(points.shape)
+        value, gradient, _ = self._level(local)
+        slope = np.maximum(np.linalg.norm(gradient, axis=1), 1e-12)
+        normal = (gradient / slope[:, None]) @ self.axes.T
+        return (value / slope).reshape(points.shape[:-1]), normal.reshape(points.shape)
+
+    def near(self, points: Array) -> Nearby:
+        """Distance of points (K, 3) with its first and second derivative, by the nearest place of the surface."""
+        local = (points - self.center) @ self.axes
+        away, count = np.zeros(len(local)), len(local)
+        value, gradient, bending = self._level(local)
+        place = local - (value / (gradient**2).sum(axis=1))[:, None] * gradient
+        # Newton's method on place + away gradient = point, level = 0.
+        matrix, rest = np.zeros((count, 4, 4)), np.zeros((count, 4))
+        for _ in range(_NEWTON):
+            value, gradient, bending = self._level(place)
+            rest[:, :3], rest[:, 3] = local - place - away[:, None] * gradient, -value
+            matrix[:, :3, :3] = np.eye(3) + away[:, None, None] * bending
+            matrix[:, :3, 3], matrix[:, 3, :3] = gradient, gradient
+            step = np.linalg.solve(matrix, rest[..., None])[..., 0]
+            place, away = place + step[:, :3], away + step[:, 3]
+            if np.abs(step[:, :3]).max(initial=0.0) < _CLOSE * self.solid.size:
+                break
+        _, gradient, bending = self._level(place)
+        slope = np.linalg.norm(gradient, axis=1)
+        normal, distance = gradient / slope[:, None], away * slope
+        # Curvatures of the surface, then those of the surface through the point, which is parallel to it.
+        across = np.eye(3) - normal[:, :, None] * normal[:, None, :]
+        curved = across @ bending @ across / slope[:, None, None]
+        curved = np.linalg.solve(np.eye(3) + distance[:, None, None] * curved, curved)
+        return Nearby(distance, normal @ self.axes.T, self.axes @ curved @ self.axes.T)
+
+    def _level(self, local: Array) -> tuple[Array, Array, Array]:
+        """Level (K,), gradient (K, 3) and second derivative (K, 3, 3) at points (K, 3) of the object's frame."""
+        value, gradient, bending = (np.array(part) for part in levels(self.solid.shape)(local.T, self.half, self.edge))
+        return value.ravel(), gradient.T, bending.T.reshape(-1, 3, 3)
 
     def along(self, start: Array, directions: Array) -> Array:
         """Points (K, 3) where rays from a point inside leave it in directions (K, 3)."""

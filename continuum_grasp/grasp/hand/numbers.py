@@ -17,6 +17,10 @@ from continuum_grasp.grasp.quality.conic import Cones, solve_conic
 from continuum_grasp.grasp.starts.values import FingerStart, GraspStart
 from continuum_grasp.scene import FingerSetup, HandScene
 
+STENCIL = 1e-3
+"""Distance of points between which curvatures of an object are compared, per half thickness of the finger."""
+JUMP = 3.0
+"""Change of the curvature per length and curvature squared above which it jumps, as at the rim of a face."""
 PRESSED = 1e-2
 """Least normal force of a start, per weight."""
 
@@ -27,9 +31,7 @@ def hand_units(scene: HandScene) -> Units:
     return Units(max(length for length, _ in rods), max(stiff / length**2 for length, stiff in rods))
 
 
-def hand_numbers(
-    scene: HandScene, body: BodySurface, frames: Sequence[PlaneFrame], chosen: Sequence[TouchingPosture]
-) -> Values:
+def hand_numbers(scene: HandScene, frames: Sequence[PlaneFrame], chosen: Sequence[TouchingPosture]) -> Values:
     """Run-time numbers by name, in units of the problem."""
     units, solid, weight = hand_units(scene), scene.object, scene.weight
     lengths = {setup.name: setup.finger.rod.length for setup in scene.setups}
@@ -39,10 +41,6 @@ def hand_numbers(
     }
     start = GraspStart("hand", (0.0, 0.0, 0.0), fingers, {})
     numbers: Values = {
-        "half extents": body.half / units.length,
-        "edge radius": body.edge / units.length,
-        "object position": np.array(solid.position) / units.length,
-        "object axes": solid.axes.T.ravel(),
         "center of mass": solid.com / units.length,
         "size": solid.size / units.length,
         "weight": solid.weighed * np.array(scene.gravity) / units.force,
@@ -71,6 +69,31 @@ def hand_numbers(
             numbers[f"{name}.friction"] = setup.friction
             numbers[f"{name}.normal_force_max"] = setup.normal_force_max / units.force
     return numbers
+
+
+def surfaces(body: BodySurface, places: Array, thick: Array, length: float) -> Array:
+    """Cubics (K, `SURFACE`) near places (K, 3) [m], for the surfaces at distances ``thick`` (K,) [m] from the object,
+    with a unit of length [m].
+
+    With d beyond such a surface these are d + k d^2 / 2 to third order, which vanishes where d does. With k a mean
+    curvature, that of balls and cylinders is of second order, and exact.
+    """
+    near = body.near(places)
+    foot, normal = places + (thick - near.distance)[:, None] * near.normal, near.normal
+    step = STENCIL * thick
+    shifts = np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])[:, None, :] * step[:, None]
+    around = body.near((foot + shifts).reshape(-1, 3)).bending.reshape(7, -1, 3, 3)
+    bending = around[0]
+    changing = np.moveaxis((around[1:4] - around[4:]) / (2.0 * step[:, None, None]), 0, -1)
+    curved = np.linalg.eigvalsh(bending)
+    jumps = np.abs(changing).max(axis=(1, 2, 3)) > JUMP * np.abs(curved).max(axis=1) ** 2
+    changing[jumps] = 0.0
+    mean = (curved * np.abs(curved)).sum(axis=1) / np.maximum(np.abs(curved).sum(axis=1), 1e-300)
+    once = np.einsum("k,ki,kjl->kijl", mean, normal, bending)
+    changing = changing + once + np.moveaxis(once, 1, 2) + np.moveaxis(once, 1, 3)
+    bending = bending + mean[:, None, None] * normal[:, :, None] * normal[:, None, :]
+    columns = [foot / length, normal, bending.reshape(-1, 9) * length, changing.reshape(-1, 27) * length**2]
+    return np.hstack(columns)
 
 
 def finger_bounds(setup: FingerSetup) -> tuple[list[float], list[float]]:

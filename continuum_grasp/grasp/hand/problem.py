@@ -2,16 +2,18 @@
 
 Units of the problem: length of the longest finger, greatest E I / L^2 of the fingers as force, radians. Each finger is
 the planar one of `continuum_grasp.grasp.problem.unit_finger`, in a plane with axes x, y and normal z. At a contact the
-backbone p of a round finger of half thickness h, displaced by w out of its plane, touches a point x of the surface with
-outward normal n:
+backbone p of a round finger of half thickness h, displaced by w out of its plane to p + w z, is as far from the object;
+n is the gradient of its distance d there, x = p + w z - h n the point touched:
 
-    contact    x on the surface,  p + w z = x + h n,  n . (t + w' z) = 0 (middle)
+    contact    d(p + w z) = h,  n . (t + w' z) = 0 (middle)
     finger     its planar equilibrium under the part of f = N n + f1 a + f2 b in the plane, and the couple
                z . ((x - p) x f); a = z x n / |z x n|, b = n x a
     to the side  w and w' by unit loads: bending E I_l and torsion G J under the other part of f, and the other couples
     object     m g - sum f = 0,  moments about the center of mass = 0
 
 In the plane of a round finger, n . t = 0 with a gap of h says that its line touches the section of the grown object.
+The object has no part in the structure: for each contact and place that stays clear, numbers are a cubic that stands
+for the surface d = h near by. The search moves them until they are where contacts and places are; there they are exact.
 """
 
 from __future__ import annotations
@@ -34,6 +36,8 @@ RELAXED = ("tension", "friction", "normal force", "mass")
 NODES = 3
 """Gauss nodes per element of integrals to the side: shifts of shipped hands are 4e-10 of the length off at most, with 2
 nodes 9e-8; the certificate asks for 1e-6."""
+SURFACE = 42
+"""Numbers of a surface near a place."""
 LITTLE = 1e-8
 """Weight of the squared contact forces, so that they are unique where equilibrium does not fix them."""
 
@@ -51,7 +55,6 @@ class SpatialContact:
 class HandSpec:
     """The problem of a hand but for its numbers."""
 
-    shape: str  # of the object
     fingers: tuple[FingerSpec, ...]
     contacts: tuple[SpatialContact, ...]
     pairs: tuple[tuple[int, int], ...] = ()  # indices of fingers that keep clear of each other
@@ -65,34 +68,18 @@ class HandSpec:
             fingers.append(FingerSpec.of(setup, on, any(scene.gravity)))
             places = {setup.middle_names[0]: 0, setup.tip_name: -1}
             contacts += [SpatialContact(name, k, joint) for name, joint in places.items() if name in on]
-        return HandSpec(scene.object.shape, tuple(fingers), tuple(contacts))
+        return HandSpec(tuple(fingers), tuple(contacts))
 
 
-def level(shape: str, point: ca.SX, half: ca.SX, edge: ca.SX) -> ca.SX:
-    """A function that is zero on the surface of a shape and grows outward: the distance but for ellipsoids.
+def grown(point: ca.SX, surface: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """How far a point is beyond a surface near by, to first order, and the gradient of that.
 
-    ``half`` are half extents (3,) along its axes, ``edge`` the radius of its edges.
+    The surface is a place of it (3,), the normal there (3,), and second and third derivatives (9,) and (27,).
     """
-    if shape == "sphere":
-        return ca.sqrt(ca.sumsqr(point)) - half[0]
-    if shape == "ellipsoid":
-        return half[0] * (ca.sqrt(ca.sumsqr(point / half)) - 1.0)
-    if shape == "cylinder":
-        # 1e-24: keeps the root differentiable on the axis
-        across = ca.sqrt(point[0] ** 2 + point[1] ** 2 + 1e-24)
-        beyond = ca.vertcat(across - (half[0] - edge), ca.fabs(point[2]) - (half[2] - edge))
-    else:
-        beyond = ca.fabs(point) - (half - edge)
-    outside = ca.fmax(beyond, 0.0)
-    return ca.sqrt(ca.sumsqr(outside) + 1e-24) + ca.fmin(ca.mmax(beyond), 0.0) - edge
-
-
-@lru_cache(maxsize=8)
-def levels(shape: str) -> ca.Function:
-    """``(point, half, edge)``: the level of a shape at points (3, K) of its frame, and its gradient (3, K)."""
-    point, half, edge = ca.SX.sym("point", 3), ca.SX.sym("half", 3), ca.SX.sym("edge")
-    value = level(shape, point, half, edge)
-    return ca.Function("level", [point, half, edge], [value, ca.gradient(value, point)])
+    near, outward, bending, changing = ca.vertsplit(surface, [0, 3, 6, 15, SURFACE])
+    away, curved = point - near, bending.reshape((3, 3))
+    turning = (changing.reshape((9, 3)) @ away).reshape((3, 3))
+    return ca.dot(outward + (curved / 2.0 + turning / 6.0) @ away, away), outward + (curved + turning / 2.0) @ away
 
 
 @dataclass(frozen=True)
@@ -100,7 +87,8 @@ class SpatialTouch:
     """A contact's unknowns and what follows from them, as the hand sees them."""
 
     spec: SpatialContact
-    point: ca.SX  # (3,) of the object's surface
+    backbone: ca.SX  # (3,) point of the finger's line
+    beyond: ca.SX  # the surface a half thickness from the object, to first order the distance of that point
     normal: ca.SX  # (3,) outward, of the object
     sine: ca.SX  # of the angle between the normal and that of the finger's plane
     force: ca.SX  # (3,) N and friction: along a, in the plane across the normal, and along b = n x a
@@ -120,7 +108,7 @@ class HandProblem:
         self.frames = [self.numbers(f"{finger.name}.axes", 9).reshape((3, 3)) for finger in spec.fingers]
         self.contacts = [self._touch(contact) for contact in spec.contacts]
         tips = {c.spec.finger: c for c in self.contacts if c.spec.joint == -1}
-        self.fingers = list[UnitFinger]()
+        self.fingers, self.points = list[UnitFinger](), dict[str, ca.SX]()
         for k, of in enumerate(spec.fingers):
             # In the plane, friction along a has all of its couple about z but for the lean of the normal.
             tip = ca.vertcat(tips[k].force[0], tips[k].force[1] * tips[k].sine, 0.0) if k in tips else ca.SX(3, 1)
@@ -138,21 +126,16 @@ class HandProblem:
 
     def _touch(self, contact: SpatialContact) -> SpatialTouch:
         name, number, axes = contact.name, self.numbers, self.frames[contact.finger]
-        local = self.x(f"place, {name}", 3)
-        half, edge = number("half extents", 3), number("edge radius")
-        value = level(self.spec.shape, local, half, edge)
-        gradient = ca.gradient(value, local)
-        self.rows.require(f"contact on the surface, {name}", value, "m", "object")
-        turn = number("object axes", 9).reshape((3, 3))
-        normal = turn @ (gradient / ca.sqrt(ca.sumsqr(gradient)))
-        point = number("object position", 3) + turn @ local
+        backbone = self.x(f"place, {name}", 3)
+        beyond, gradient = grown(backbone, number(f"{name}.surface", SURFACE))
+        normal = gradient / ca.sqrt(ca.sumsqr(gradient))
         across = ca.cross(axes[:, 2], normal)
         sine = ca.sqrt(ca.sumsqr(across))
         a = across / sine
         force = self.x(f"force, {name}", 3)
         world = force[0] * normal + force[1] * a + force[2] * ca.cross(normal, a)
         shift = self.x(f"shift, {name}")
-        return SpatialTouch(contact, point, normal, sine, force, world, shift)
+        return SpatialTouch(contact, backbone, beyond, normal, sine, force, world, shift)
 
     def _bound(self, contact: SpatialTouch) -> None:
         name, (n, f, g) = contact.spec.name, ca.vertsplit(contact.force)
@@ -188,8 +171,10 @@ class HandProblem:
         name, end, require = contact.spec.name, self.end_of(contact), self.rows.require
         key = f"contacts.{name}"
         thick = finger.half_at(end) * finger.number("length")
-        gap = self.in_space(finger, axes, finger.ends[:, end]) + axes[:, 2] * contact.shift
-        require(f"contact gap, {name}", gap - contact.point - thick * contact.normal, "m", key)
+        place = self.in_space(finger, axes, finger.ends[:, end]) + axes[:, 2] * contact.shift
+        require(f"contact place, {name}", place - contact.backbone, "m", key)
+        require(f"contact gap, {name}", contact.beyond, "m", key)
+        self.points[name] = contact.backbone - thick * contact.normal
         along = ca.vertcat(-ca.sin(finger.angles[end]), ca.cos(finger.angles[end]))
         tilt = ca.dot(axes[:, :2] @ along + slope * axes[:, 2], contact.normal)
         if contact.spec.joint == 0:
@@ -244,12 +229,12 @@ class HandProblem:
         return slopes
 
     def _keep_clear(self, finger: UnitFinger, axes: ca.SX) -> None:
-        """Guarded places keep clear of planes that the search lays between them and the object, which is convex."""
-        points, _, touches, thick = finger.guarded
-        free = [j for j, touching in enumerate(touches) if not touching]
-        planes = finger.number("planes", 4 * len(free)).reshape((4, len(free)))
-        heights = ca.sum1(planes[:3, :] * self.in_space(finger, axes, points[:, free])).T - planes[3, :].T
-        spare = heights - thick[free] + finger.number("tolerance")
+        """Guarded places keep clear of the object as it is near them."""
+        points, _, touches, _ = finger.guarded
+        free = self.in_space(finger, axes, points[:, [j for j, touching in enumerate(touches) if not touching]])
+        near = finger.number("surfaces", SURFACE * free.shape[1]).reshape((SURFACE, free.shape[1]))
+        beyond = [grown(free[:, j], near[:, j])[0] for j in range(free.shape[1])]
+        spare = ca.vertcat(*beyond) + finger.number("tolerance")
         self.rows.require(f"penetration into the object, {finger.spec.name}", spare, "m", "object", upper=ca.inf)
 
     def _keep_apart(self, finger: UnitFinger, other: UnitFinger, axes: tuple[ca.SX, ca.SX]) -> None:
@@ -274,7 +259,7 @@ class HandProblem:
         force, moment = self.numbers("weight", 3) * (1.0 - self.slack["mass"]), ca.SX(3, 1)
         for contact in self.contacts:
             force -= contact.world
-            moment -= ca.cross(contact.point - center, contact.world)
+            moment -= ca.cross(self.points[contact.spec.name] - center, contact.world)
         self.rows.require("object force balance", force, "N", "object.mass")
         self.rows.require("object moment balance", moment / self.numbers("size"), "moment per size", "object")
 
@@ -302,6 +287,8 @@ class HandEquations:
     free: tuple[list[int], ...]  # of these, per finger, the places that do not touch
     states: ca.Function
     """``(x, p)``: per finger the arguments of its shared functions."""
+    grown: ca.Function
+    """`grown` in numbers."""
 
 
 @lru_cache(maxsize=16)
@@ -314,7 +301,7 @@ def hand_equations(spec: HandSpec) -> HandEquations:
     for contact in problem.contacts:
         finger = problem.fingers[contact.spec.finger]
         along = ca.SX(finger.edges[problem.end_of(contact) + 1])
-        touches += [contact.point, contact.normal, contact.world, along, contact.shift]
+        touches += [problem.points[contact.spec.name], contact.normal, contact.world, along, contact.shift]
     for axes, finger in zip(problem.frames, problem.fingers, strict=True):
         points, _, touching, _ = finger.guarded
         free.append([j for j, touches_there in enumerate(touching) if not touches_there])
@@ -323,4 +310,6 @@ def hand_equations(spec: HandSpec) -> HandEquations:
         states += [finger.q, finger.u, finger.p]
     named = {"touches": touches, "fingers": fingers, "guarded": guarded, "states": states}
     read = {name: ca.Function(name, [x, p], outputs) for name, outputs in named.items()}
+    point, surface = ca.SX.sym("point", 3), ca.SX.sym("surface", SURFACE)
+    read["grown"] = ca.Function("grown", [point, surface], list(grown(point, surface)))
     return HandEquations(problem, NLP("hand", x, problem.objective, problem.rows.g, p), free=tuple(free), **read)

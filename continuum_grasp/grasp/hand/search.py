@@ -12,8 +12,8 @@ from continuum_grasp.base import Numbers as Array
 from continuum_grasp.base import interrupts_held
 from continuum_grasp.grasp.hand.body import BodySurface
 from continuum_grasp.grasp.hand.frames import PlaneFrame
-from continuum_grasp.grasp.hand.numbers import finger_bounds, hand_numbers, hand_units, with_forces
-from continuum_grasp.grasp.hand.problem import RELAXED, HandEquations, HandProblem, HandSpec, hand_equations
+from continuum_grasp.grasp.hand.numbers import finger_bounds, hand_numbers, hand_units, surfaces, with_forces
+from continuum_grasp.grasp.hand.problem import RELAXED, SURFACE, HandEquations, HandProblem, HandSpec, hand_equations
 from continuum_grasp.grasp.hand.starts import FingerPlane, TouchingPosture, postures
 from continuum_grasp.grasp.problem.points import bending_arrays, coordinates
 from continuum_grasp.grasp.problem.solver_run import allowed_depth, settings_of, solve_clear
@@ -38,6 +38,11 @@ PATIENCE = 20
 grasp take 5 to 45 in all."""
 EFFORT = 1e-3
 """Weight of the tensions beside a limit that is relaxed, so that they are unique."""
+SETTLED = 1e-7
+"""By how much cubics may miss the object at contacts, per length or in its normals; the certificate allows ten
+times that."""
+AWAY = 10.0
+"""Height of fingers over a plane that stands for nothing, in lengths."""
 PROBED = np.linspace(0.05, 0.95, 13)
 """Places on each element among which its deepest one is guarded, per length of the element."""
 IDLE = 1e-3
@@ -170,8 +175,9 @@ class HandSearch:
     ) -> tuple[float, Array, Array]:
         """Residual that the best forces leave, unknowns and numbers for a posture of each finger."""
         problem, scene, units = equations.problem, self.scene, self.units
-        numbers = hand_numbers(scene, self.body, self._frames, chosen)
+        numbers = hand_numbers(scene, self._frames, chosen)
         values: Values = {}
+        places = dict[str, Array]()
         for k, (setup, frame) in enumerate(self._fingers):
             spec, length, posture = problem.spec.fingers[k], setup.finger.rod.length, chosen[k]
             knots, curvatures = (np.array([part]) for part in posture.knots)
@@ -187,16 +193,16 @@ class HandSearch:
             values |= {f"{setup.name}.joint_0": posture.joint}
             for name, at in ((setup.middle_names[0], posture.joint), (setup.tip_name, 1.0)):
                 if name in on:
-                    point = length * _place(posture, at)
-                    away, normal = self.body.distance(frame.world(np.append(point, 0.0)))
-                    touched = frame.world(np.append(point, 0.0)) - away * normal
-                    local = scene.object.axes.T @ (touched - np.array(scene.object.position))
-                    values[f"place, {name}"] = local / units.length
-        # Probes sit amid the elements. Planes of the posture would hold contacts in place: the first run has none.
+                    places[name] = frame.world(np.append(length * _place(posture, at), 0.0))
+        values |= {f"place, {name}": place / units.length for name, place in places.items()}
+        numbers |= self._near_contacts(problem, np.array([places[c.spec.name] for c in problem.contacts]))
+        # Probes sit amid the elements. What the posture may not penetrate would hold contacts in place: the first run
+        # has no such surfaces.
         sizes = problem.numbers.sizes
         free = {name: np.full(sizes[name], 0.5) for name in sizes if name.endswith((".probes", ".strain probes"))}
         free |= {name: np.zeros(sizes[name]) for name in sizes if name.startswith(("first of ", "second of "))}
-        free |= {name: np.tile([0.0, 0.0, 0.0, -1.0], sizes[name] // 4) for name in sizes if name.endswith(".planes")}
+        away = np.concatenate([[0.0, 0.0, -AWAY, 0.0, 0.0, 1.0], np.zeros(SURFACE - 6)])
+        free |= {name: np.tile(away, sizes[name] // SURFACE) for name in sizes if name.endswith(".surfaces")}
         p = problem.numbers.pack({name: value for name, value in (numbers | free).items() if name in sizes})
         x = problem.x.pack(values, 0.0)
         self._choose_places(problem, self._guarded(equations, x, p), p)
@@ -204,8 +210,11 @@ class HandSearch:
         return residual, x, p
 
     def _near(self, equations: HandEquations, x: Array, p: Array) -> Array:
-        """Numbers whose planes lie between each guarded place and the object as they are at a point."""
+        """Numbers that have the object as it is near the contacts and guarded places of a point."""
         problem, p = equations.problem, p.copy()
+        places = [x[problem.x.at[f"place, {contact.spec.name}"]] for contact in problem.contacts]
+        for name, value in self._near_contacts(problem, np.array(places) * self.units.length).items():
+            p[problem.numbers.at[name]] = value
         states = equations.states.call([x, p])
         for k, (setup, frame) in enumerate(self._fingers):
             q, u, numbers = states[3 * k : 3 * k + 3]
@@ -219,13 +228,17 @@ class HandSearch:
             p[problem.numbers.at[f"{setup.name}.probes"]] = PROBED[away.argmin(axis=0)]
         guarded = self._guarded(equations, x, p)
         self._choose_places(problem, guarded, p)
-        for all_points, free, setup in zip(guarded, equations.free, self.scene.setups, strict=True):
-            points = all_points[free]
-            away, normal = self.body.distance(points)
-            on_surface = points - away[:, None] * normal
-            height = (normal * on_surface).sum(axis=1) / self.units.length
-            p[problem.numbers.at[f"{setup.name}.planes"]] = np.column_stack([normal, height]).ravel()
+        for points, free, setup in zip(guarded, equations.free, self.scene.setups, strict=True):
+            thick = np.full(len(free), float(setup.finger.profile.half_thickness(0.0)))
+            near = surfaces(self.body, points[free], thick, self.units.length)
+            p[problem.numbers.at[f"{setup.name}.surfaces"]] = near.ravel()
         return p
+
+    def _near_contacts(self, problem: HandProblem, places: Array) -> Values:
+        """Numbers that stand for the object at the places (K, 3) [m] of the contacts."""
+        thick = [self.scene.setups[c.spec.finger].finger.profile.half_thickness(0.0) for c in problem.contacts]
+        near = surfaces(self.body, places, np.array(thick, dtype=float), self.units.length)
+        return {f"{contact.spec.name}.surface": row for contact, row in zip(problem.contacts, near, strict=True)}
 
     def _choose_places(self, problem: HandProblem, guarded: Sequence[Array], p: Array) -> None:
         """Set the numbers that say where fingers are nearest to each other."""
@@ -269,7 +282,7 @@ class HandSearch:
         relaxed: str = "",
     ) -> HandTried:
         """Solve from a start, laying planes anew until no place of a finger is in the object."""
-        depth = allowed_depth(self.scene)
+        problem, depth = equations.problem, allowed_depth(self.scene)
         near_to = {k: [m for j, m in equations.problem.spec.pairs if j == k] for k, _ in equations.problem.spec.pairs}
 
         def look(x: Array, numbers: Array) -> tuple[float, Array]:
@@ -281,9 +294,9 @@ class HandSearch:
                 depths = [halves[k] - self.body.distance(points[free])[0]]
                 depths += [(halves[k] + halves[m] - _apart(points, guarded[m])).ravel() for m in near_to.get(k, ())]
                 gaps.append(float(np.concatenate(depths).max()) / self.scene.setups[k].finger.rod.length)
-            return max(gaps), near
+            # Where contacts have moved, the cubics have to follow.
+            return (max(gaps) if self._misses(equations, x, numbers, near) < SETTLED else np.inf), near
 
-        problem = equations.problem
         lower, upper = problem.rows.bounds()
         bounds = self._bounds(equations, relaxed)
         start = Start(x, *bounds, lower, upper, p, patience=PATIENCE, standstill=PATIENCE // 2)
@@ -306,6 +319,17 @@ class HandSearch:
         x = wider.problem.x.pack({name: attempt.x[at] for name, at in problem.x.at.items()}, 0.0)
         p = wider.problem.numbers.pack({name: numbers[at] for name, at in problem.numbers.at.items()}, 0.0)
         return self._solve(wider, on, chosen, x, self._near(wider, x, p), relaxed)
+
+    def _misses(self, equations: HandEquations, x: Array, before: Array, after: Array) -> float:
+        """By how much the cubics of contacts miss the object: the gap, per length, or the normal."""
+        missed, problem = 0.0, equations.problem
+        for contact in problem.contacts:
+            at = problem.numbers.at[f"{contact.spec.name}.surface"]
+            place, (here, normal) = x[problem.x.at[f"place, {contact.spec.name}"]], after[at][:6].reshape(2, 3)
+            _, gradient = (np.array(part).ravel() for part in equations.grown(place, before[at]))
+            turned = gradient / np.linalg.norm(gradient) - normal
+            missed = max(missed, abs(float(normal @ (place - here))), float(np.abs(turned).max()))
+        return missed
 
     def _crossed(self, equations: HandEquations, x: Array, p: Array) -> list[tuple[int, int]]:
         """Pairs of fingers that overlap, by their guarded places."""
