@@ -52,7 +52,7 @@ def sag(force):
     return force * (LENGTH**3 / 3.0 + HALF * LENGTH**2 / 2.0) / LATERAL
 
 
-def squeezed_box(press=2.0, mass=0.05, body=None, **contacts):
+def squeezed_box(press=2.0, mass=0.05, body=None, density=1e-12, **contacts):
     """Two straight fingers press a box between their ends, and bear its weight by their stiffness to the side."""
     a, force = 0.5 * EXTENTS[0], 0.5 * 9.81 * mass
     w, reach = sag(force), 0.5 * EXTENTS[0] + HALF + LENGTH
@@ -61,7 +61,7 @@ def squeezed_box(press=2.0, mass=0.05, body=None, **contacts):
         "right": ((reach, 0, w), (-1, 0, 0), (0, 1, 0)),
     }
     box = {"shape": "box", "extents": tuple(EXTENTS), "edge_radius": 0.004, "mass": mass, "position": (0.0, 0.0, 0.0)}
-    scene = make_scene(bases, {**box, **(body or {})}, contacts, gravity=(0.0, 0.0, -9.81))
+    scene = make_scene(bases, {**box, **(body or {})}, contacts, gravity=(0.0, 0.0, -9.81), density=density)
     # The plane's normal is along z on the left and against it on the right.
     touches = [
         ("left.tip", (-a, 0, 0), (-1, 0, 0), (-press, 0, -force), LENGTH, -w),

@@ -90,6 +90,9 @@ class Addon:
         Subclasses of ``continuum_grasp.model.TouchLaw`` by the value of ``contact_law.law``, as ``module:name``.
     plants : mapping of str to str
         Subclasses of ``continuum_grasp.closed_loop.PlantModel`` by the key of ``plant``, as ``module:name``.
+    trials : mapping of str to str
+        Functions (`continuum_grasp.grasp.HandResult`, progress) -> plain data with ``holds`` and ``words``, which try a
+        grasp in another program, by the word of ``grasp --try-in``, as ``module:name``.
 
     Examples
     --------
@@ -103,6 +106,7 @@ class Addon:
     exports: Mapping[str, str] = field(default_factory=dict)
     contact_laws: Mapping[str, str] = field(default_factory=dict)
     plants: Mapping[str, str] = field(default_factory=dict)
+    trials: Mapping[str, str] = field(default_factory=dict)
 
 
 @cache

@@ -17,10 +17,13 @@ class ExportTarget(ABC):
         End of the file's name; empty where a folder is written.
     takes_loops : bool
         Whether closed loops and missions can be exported, or simulated scenes alone.
+    takes_hands : bool
+        Whether hands can be, and the folders of their grasps.
     """
 
     suffix: ClassVar[str] = ""
     takes_loops: ClassVar[bool] = True
+    takes_hands: ClassVar[bool] = False
 
     @property
     @abstractmethod

@@ -68,12 +68,12 @@ def export(
     name: str | None = option("fmu: of files and symbols (default: that of CONFIG).", metavar="NAME"),
     preview: bool | None = option("fmu: setpoints of every stage of the controller's horizon.", "--preview"),
     binary: bool | None = option("fmu: with this machine's binary (default) or without.", "--binary/--no-binary"),
-    hinges: int | None = option("mjcf: hinges of the finger (default: 40).", metavar="N"),
+    hinges: int | None = option("mjcf: hinges of the finger (default: 40, of each of a hand 24).", metavar="N"),
 ) -> None:
-    """Write a finger, its loop or its mission for use elsewhere.
+    """Write a finger, its loop, its mission or a hand for use elsewhere.
 
     C99 for microcontrollers and hosts (c), functional mock-up units for Simulink, Dymola and others (fmu), a page in
-    which finger and controller run as WebAssembly (web), a chain of hinges for MuJoCo (mjcf), functions as
+    which finger and controller run as WebAssembly (web), chains of hinges for MuJoCo (mjcf), functions as
     CasADi loads them (casadi). An option says which of these it is for.
     """
     given = {
@@ -94,7 +94,7 @@ def _export(output: Output, to: str, options: dict[str, Any], clock: str | None)
     options = {key: _READ[key](value) if key in _READ else value for key, value in options.items()}
     output = replace(output, out=output.out or Path("runs/export") / to / f"{output.config.stem}{target.suffix}")
     loops = [kind.scene_class for kind in kinds().values() if kind.name == "mpc" or kind.loop]
-    scene = resolved_scene(output, *(loops if target.takes_loops else ()))[0]
+    scene = _exported(output, target, loops)
     if rates and not isinstance(scene, tuple(loops)):
         raise InputError("needs a closed loop or a mission, which has a period", key="--clock")
     options = {**target.defaults(output.config, scene), **options}
@@ -109,6 +109,18 @@ def _export(output: Output, to: str, options: dict[str, Any], clock: str | None)
         more = {"progress": report} if "progress" in inspect.signature(target.write).parameters else {}
         written = target.write(scene, output.out, **options, **more)
     target.report(written, output, *rates)
+
+
+def _exported(output: Output, target: ExportTarget, loops: Sequence[type]) -> Any:
+    """The scene that is exported, or the folder of a hand's grasp."""
+    from continuum_grasp.scene import HandScene
+
+    if target.takes_hands and output.config.is_dir():
+        if output.changes:
+            raise InputError("has no effect on a grasp that is found already", key="--set")
+        return output.config
+    others = (*(loops if target.takes_loops else ()), *([HandScene] if target.takes_hands else ()))
+    return resolved_scene(output, *others)[0]
 
 
 def _ranges(words: Sequence[str]) -> dict[str, tuple[float, float]]:

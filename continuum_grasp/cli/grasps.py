@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from continuum_grasp.base import SolverError
+from continuum_grasp.base import InputError, SolverError, addons, named_value
 from continuum_grasp.cli.options import option, run_verb
 from continuum_grasp.cli.output import Output
+
+
+def _trials() -> dict[str, str]:
+    """Functions of add-ons that try a grasp in another program, by the word of ``--try-in``."""
+    return {word: function for addon in addons().values() for word, function in addon.trials.items()}
 
 
 @run_verb(pictures="Draw a picture and write the HTML report.")
@@ -16,6 +21,10 @@ def grasp(
     fine: bool = option(
         "Solve once more with a fine model and report what that changes.", "--fine/--no-fine", default=True
     ),
+    try_in: str | None = option(
+        "Of a hand: hold, turn and push the object in another program; status 1 where it is not held.",
+        words=tuple(_trials()),
+    ),
 ) -> None:
     """Find how fingers hold an object, or why they cannot."""
     from continuum_grasp.scene import GraspScene, HandScene
@@ -24,6 +33,8 @@ def grasp(
     output = replace(output, changes=[*(output.changes or ()), *seeding])
     scene = output.scene(GraspScene, HandScene)
     output.check_folder()
+    if try_in is not None and not isinstance(scene, HandScene):
+        raise InputError("is for hands; a planar grasp is carried out by a mission", key="--try-in")
 
     from continuum_grasp.grasp import optimize_grasp
 
@@ -33,6 +44,10 @@ def grasp(
         )
     with output.saving():  # the grasp is safe before what can be computed again
         result.save(output.folder, quality=False)
+    if try_in is not None and result.solved:
+        with output.busy(f"trying in {try_in}") as report:
+            tried = named_value(_trials()[try_in])(result, lambda text: report(None, f"trying in {try_in}, {text}"))
+        result = replace(result, trial=tried)
     with output.drawing():
         result.save(output.folder)
         files = output.drawn(result) if output.pictures else []
@@ -42,3 +57,5 @@ def grasp(
     output.conclude(result, files, table=result.table(), reasons=[reason.numbers for reason in result.reasons])
     if not result.solved:
         raise SolverError(result.message, status=result.status.value, result=result)
+    if try_in is not None and not result.trial["holds"]:
+        output.fail()

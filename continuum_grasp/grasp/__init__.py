@@ -10,6 +10,7 @@ __all__ = [
     "GraspResult",
     "GraspStatus",
     "GraspTrials",
+    "HandResult",
     "Quality",
     "Reason",
     "Robustness",

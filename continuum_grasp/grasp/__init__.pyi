@@ -2,6 +2,7 @@ from .bound import least_normal_force_bound as least_normal_force_bound
 from .certificate.certificate import Certificate as Certificate
 from .certificate.certificate import certify as certify
 from .certificate.check import Check as Check
+from .hand.result import HandResult as HandResult
 from .nearby.follower import GraspFollower as GraspFollower
 from .nearby.held import HeldGrasp as HeldGrasp
 from .nearby.held import Stencil as Stencil

@@ -1,3 +1,2 @@
 from .addon import ADDON as ADDON
-from .write import HingeChain as HingeChain
 from .write import export_mjcf as export_mjcf

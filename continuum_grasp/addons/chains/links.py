@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -80,6 +81,10 @@ class Links:
         inertia = turning + second - mass * (center**2 + across**2)
         stop = None if finger.stop_curvature is None else profile.moments(finger.stop_curvature, edges)[0]
         return Links(edges, at, stiffness, damping, rest, bounds[1:], mass, center, across, inertia, stop)
+
+    def span(self, k: int) -> tuple[float, float]:
+        """Ends of a link [m]; of the clamped part, -1, too."""
+        return (float(self.at[k]), float(self.ends[k])) if k >= 0 else (0.0, float(self.at[0]))
 
     def link_of(self, s: float) -> int:
         """Index of the link that carries a position [m]; -1 before the first hinge."""
@@ -169,3 +174,11 @@ def _edges(profile: Profile, count: int, marks: Sequence[float]) -> Array:
     edges = np.interp(np.concatenate([*pieces, marked[-1:]]), along, s)
     edges[np.cumsum([0, *counts])] = bounds  # where marks are, to the last digit
     return np.asarray(edges)
+
+
+def rounded_step(longest: float, whole: float | None) -> float:
+    """A step [s] no longer than allowed: a whole part of another step where one is given, else 1, 2 or 5 times 10^k."""
+    if whole is not None:
+        return whole / math.ceil(whole / longest)
+    power = 10.0 ** math.floor(math.log10(longest))
+    return max(digit * power for digit in (1.0, 2.0, 5.0) if digit * power <= longest)

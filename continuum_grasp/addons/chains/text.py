@@ -19,19 +19,19 @@ from continuum_grasp.scene import Finger, OffsetPolygon, Part, Scene, Wall
 
 # Two bodies touch where the type of one is among those that the other is asked to touch: the finger touches the object,
 # the object the supports, and no link another.
-_FINGER = {"contype": "1", "conaffinity": "0"}
-_OBJECT = {"contype": "2", "conaffinity": "1"}
-_SUPPORT = {"contype": "0", "conaffinity": "2"}
-_NOTHING = {"contype": "0", "conaffinity": "0"}
+FINGER = {"contype": "1", "conaffinity": "0"}
+OBJECT = {"contype": "2", "conaffinity": "1"}
+SUPPORT = {"contype": "0", "conaffinity": "2"}
+_FREE = {"contype": "0", "conaffinity": "0"}
 _CORNERS = 120
 """Corners of the polygon in place of a round outline: off by 3e-4 of its radius."""
 
 
 def _surroundings(scene: Scene) -> dict[str, object]:
     """Words of the object and its supports, which there need not be."""
-    body, finger = scene.object, _FINGER if scene.object is not None else _NOTHING
+    body = scene.object
     if body is None:
-        return {"touching": finger.items(), "body": None, "meshes": (), "supports": ()}
+        return {"body": None, "meshes": (), "supports": ()}
     cos, sin = math.cos(body.angle), math.sin(body.angle)
     x = body.position[0] + cos * body.com[0] - sin * body.com[1]
     y = body.position[1] + sin * body.com[0] + cos * body.com[1]
@@ -49,33 +49,43 @@ def _surroundings(scene: Scene) -> dict[str, object]:
         # 1e-4: radius in place of a point, per length of the finger
         radius = max(peg.radius, 1e-4 * scene.finger.profile.length)
         geom = {"name": f"support_{peg.name}", "type": "sphere", "pos": numbers(*peg.position, 0.0)}
-        supports.append({**geom, "size": numbers(radius), **_SUPPORT, **_friction(scene, peg.friction)})
+        supports.append({**geom, "size": numbers(radius), **SUPPORT, **_friction(scene, peg.friction)})
+    inertial = {"pos": "0 0 0", "mass": numbers(body.mass), "diaginertia": numbers(*[scene.inertia] * 3)}
+    moves = scene.object_moves
     return {
-        "touching": (finger | _friction(scene, None)).items(),
-        "body": body,
-        "place": numbers(x, y, 0.0),
-        "joints": _joints(scene, body.mass) if scene.object_moves else (),
-        "object_inertia": scene.inertia if scene.object_moves else 0.0,
-        "parts": [part.items() for part in parts],
+        "body": {
+            "place": {"name": "object", "pos": numbers(x, y, 0.0)}.items(),
+            "joints": [joint.items() for joint in (_joints(scene, body.mass) if moves else ())],
+            "inertial": inertial.items() if moves else (),
+            "parts": [part.items() for part in parts],
+        },
         "meshes": meshes,
         "supports": [[(name, escape(value)) for name, value in support.items()] for support in supports],
     }
 
 
-def _joints(scene: Scene, mass: float) -> list[tuple[str, str, str, str]]:
-    """Joints of an object that moves: name, kind, axis, and the friction of a table that it stands on."""
+def _joints(scene: Scene, mass: float) -> list[dict[str, str]]:
+    """Joints of an object that moves, with the friction of a table that it stands on."""
     # A table in the plane is a wall.
     table = scene.table if scene.out_of_plane_gravity else None
     limit = 0.0 if table is None else table.friction * mass * scene.out_of_plane_gravity
-    slides = "" if table is None else numbers(limit)
-    turns = "" if table is None or table.friction_radius <= 0.0 else numbers(limit * table.friction_radius)
-    return [("x", "slide", "1 0 0", slides), ("y", "slide", "0 1 0", slides), ("angle", "hinge", "0 0 1", turns)]
+    losses = [limit, limit, 0.0 if table is None else limit * table.friction_radius]
+    joints = [("x", "slide", "1 0 0"), ("y", "slide", "0 1 0"), ("angle", "hinge", "0 0 1")]
+    return [
+        {
+            "name": f"object_{name}",
+            "type": kind,
+            "axis": axis,
+            **({"frictionloss": numbers(loss)} if loss > 0.0 or (table is not None and kind == "slide") else {}),
+        }
+        for (name, kind, axis), loss in zip(joints, losses, strict=True)
+    ]
 
 
 def _geometry(meshes: list[tuple[str, str]], name: str, part: Part, width: float) -> dict[str, str]:
     """A convex part: a sphere, a capsule, or the prism over its outline, which is one of the meshes."""
     # Of two geometries the larger friction counts: the finger's and the supports' are those of the pairs.
-    geom = {"name": name, **_OBJECT, "friction": "0 0 0"}
+    geom = {"name": name, **OBJECT, "friction": "0 0 0"}
     if isinstance(part, OffsetPolygon) and len(part.vertices) == 1:
         return {**geom, "type": "sphere", "pos": numbers(*part.vertices[0], 0.0), "size": numbers(part.radius)}
     if isinstance(part, OffsetPolygon) and len(part.vertices) == 2:
@@ -90,7 +100,7 @@ def _geometry(meshes: list[tuple[str, str]], name: str, part: Part, width: float
 def _wall(wall: Wall, width: float, friction: dict[str, str]) -> dict[str, str]:
     """A half plane, or a box behind an edge of finite length."""
     (x, y), (nx, ny), deep = wall.point, wall.normal, wall.half_length
-    geom = {"name": f"support_{wall.name}", **_SUPPORT, **friction}
+    geom = {"name": f"support_{wall.name}", **SUPPORT, **friction}
     if math.isinf(deep):
         place = {"pos": numbers(x, y, 0.0), "zaxis": numbers(nx, ny, 0.0)}
         return {**geom, "type": "plane", **place, "size": "0 0 1"}
@@ -122,7 +132,7 @@ def written(
     frequency: float,
     differences: Sequence[str],
 ) -> str:
-    """Text of the MJCF file of a chain."""
+    """Text of the MJCF file of a chain in the plane."""
     finger, tip = scene.finger, len(links.at) - 1
     sites: dict[int, dict[str, float]] = {}
     for control in controls:
@@ -132,48 +142,77 @@ def written(
     values = [float(control(np.zeros(1))[0]) for control in controls]
     rest = [0.0] * 3 if scene.object_moves else []
     angles, rates = start
+    base, touching = finger.base, _FREE if scene.object is None else {**FINGER, **_friction(scene, None)}
+    above = {"light": 4.0 * finger.profile.length, "camera": 3.0 * finger.profile.length}
+    state = {"qpos": [*angles, *rest], "qvel": [*rates, *rest], "ctrl": values}
+    state["act"] = [value for control, value in zip(controls, values, strict=True) if control.lag]
+    start_key = {"name": "start", **{key: numbers(*row) for key, row in state.items() if key != "act" or row}}
+    option = {"timestep": numbers(step), "integrator": "implicitfast", "gravity": numbers(*scene.gravity, 0.0)}
     words: dict[str, object] = {
-        "scene": scene,
-        "step": step,
-        "two_steps": 2.0 * step,
-        "length": finger.profile.length,
-        "above": {"light": 4.0 * finger.profile.length, "camera": 3.0 * finger.profile.length},
-        "links": [_link(scene, links, k, sites.get(k, {})) for k in range(-1, tip + 1)],
+        "option": {**option, **({} if scene.object is None else {"cone": "elliptic"})}.items(),
+        "contact": () if scene.object is None else {"solref": f"{numbers(2.0 * step)} 1"}.items(),
+        "center": numbers(*base.position, 0.0),
+        "extent": finger.profile.length,
+        "light": {"pos": numbers(*base.position, above["light"]), "dir": "0 0 -1"}.items(),
+        "cameras": [
+            {"name": "plane", "pos": numbers(*base.position, above["camera"]), "xyaxes": "1 0 0 0 1 0"}.items()
+        ],
+        "fingers": [[_link(scene, links, k, sites.get(k, {}), touching) for k in range(-1, tip + 1)]],
         # What a rod's bend draws in, exactly: a path through sites would be off by a share of the bend at each hinge.
-        "tendons": [(control, _levers(control, links)) for control in controls if control.channel is not None],
+        "tendons": [(control, levers(control, links)) for control in controls if control.channel is not None],
         "stops": _stops(finger, links),
         "controls": controls,
-        "qpos": [*angles, *rest],
-        "qvel": [*rates, *rest],
-        "ctrl": values,
-        "act": [value for control, value in zip(controls, values, strict=True) if control.lag],
+        "holder": False,
+        "sensed": ["tip"],
+        "keyframes": [start_key.items()],
         **_surroundings(scene),
     }
+    return document(words, title, _explanation(scene, links, controls, frequency, differences))
+
+
+def document(words: Mapping[str, object], title: str, explanation: str) -> str:
+    """Text of an MJCF file that begins with an explanation."""
     root = ET.fromstring(fill("mjcf/chain.xml", words))
     root.set("model", title)
-    root.insert(0, ET.Comment(_explanation(scene, links, controls, frequency, differences)))
+    root.insert(0, ET.Comment(f"\n{textwrap.indent(explanation, '    ')}  "))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _link(scene: Scene, links: Links, k: int, sites: Mapping[str, float]) -> dict[str, object]:
+def _link(
+    scene: Scene, links: Links, k: int, sites: Mapping[str, float], touching: Mapping[str, str]
+) -> dict[str, object]:
     """The clamped part, -1, or a link, inside the one before."""
-    profile = scene.finger.profile
-    before = float(links.at[k - 1]) if k > 0 else 0.0
-    begin, end = (float(links.at[k]), float(links.ends[k])) if k >= 0 else (0.0, float(links.at[0]))
+    profile, base = scene.finger.profile, scene.finger.base
+    # 0.005: radius of a finger of no known thickness, for looks, per length
+    begin, end = links.span(k)
+    radius = float(profile.half_thickness(0.5 * (begin + end))) or 0.005 * profile.length
+    capsule = {"type": "capsule", "size": numbers(radius), "fromto": numbers(0.0, 0.0, 0.0, 0.0, end - begin, 0.0)}
     link: dict[str, object] = {
-        "number": k + 1,
-        "place": begin - before,
-        # 0.005: radius of a finger of no known thickness, for looks, per length
-        "radius": float(profile.half_thickness(0.5 * (begin + end))) or 0.005 * profile.length,
-        "length": end - begin,
+        "body": {
+            "name": "base",
+            "pos": numbers(*base.position, 0.0),
+            "euler": numbers(0.0, 0.0, base.angle),
+        }.items(),
+        "joints": (),
+        "inertial": (),
+        "geom": {**capsule, **touching}.items(),
         "sites": [(name, at - begin) for name, at in sites.items()],
     }
     if k >= 0:
+        before = links.span(k - 1)[0]
+        hinge = {"name": f"hinge_{k + 1}", "type": "hinge", "axis": "0 0 1"}
+        hinge |= {key: numbers(getattr(links, key)[k]) for key in ("stiffness", "damping")}
+        center = numbers(links.across[k], links.center[k] - begin, 0.0)
         link |= {
-            name: getattr(links, name)[k] for name in ("stiffness", "damping", "rest", "across", "mass", "inertia")
+            "body": {"name": f"link_{k + 1}", "pos": numbers(0.0, begin - before, 0.0)}.items(),
+            "joints": [{**hinge, "springref": numbers(links.rest[k])}.items()],
+            "inertial": {
+                "pos": center,
+                "mass": numbers(links.mass[k]),
+                "diaginertia": numbers(*[links.inertia[k]] * 3),
+            }.items(),
         }
-        link["center"] = links.center[k] - begin
     return link
 
 
@@ -196,7 +235,7 @@ def _explanation(
         "stops": links.stop is not None,
         "differences": "".join(f"Differs: {text}.\n" for text in differences),
     }
-    return f"\n{textwrap.indent(fill('mjcf/comment.txt', words), '    ')}  "
+    return fill("mjcf/comment.txt", words)
 
 
 def _stops(finger: Finger, links: Links) -> list[tuple[int, float, float, float]]:
@@ -209,6 +248,6 @@ def _stops(finger: Finger, links: Links) -> list[tuple[int, float, float, float]
     return [(k + 1, more * links.stiffness[k], low, high) for k, (low, high) in enumerate(bands)]
 
 
-def _levers(control: Control, links: Links) -> list[tuple[int, float]]:
-    """Hinges that a control bends, from one on, with their levers."""
-    return [(k, lever) for k, lever in enumerate(control.levers(links.at), 1) if lever != 0.0]
+def levers(control: Control, links: Links, name: str = "hinge") -> list[tuple[str, float]]:
+    """Hinges that a control bends, with their levers."""
+    return [(f"{name}_{k}", lever) for k, lever in enumerate(control.levers(links.at), 1) if lever != 0.0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from continuum_grasp.addons.chains.hands import HandChain
 from continuum_grasp.addons.chains.write import HingeChain, export_mjcf
 from continuum_grasp.base import ExportTarget
 
@@ -13,16 +14,17 @@ if TYPE_CHECKING:
 
 
 class ChainTarget(ExportTarget):
-    """A chain of hinges for MuJoCo, in a file."""
+    """Chains of hinges for MuJoCo, in a file."""
 
     suffix = ".xml"
     takes_loops = False
+    takes_hands = True
 
     @property
     def write(self) -> Callable[..., Any]:
         return export_mjcf
 
-    def report(self, written: HingeChain, output: Output) -> None:
+    def report(self, written: HingeChain | HandChain, output: Output) -> None:
         """Print where a chain of hinges is, its controls, and what differs from the scene."""
         output.warn(f"differs: {text}" for text in written.differences)
         output.pairs(

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-import math
 import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.addons.chains.controls import Control, cable_springs, controls_of
-from continuum_grasp.addons.chains.links import Links
+from continuum_grasp.addons.chains.hands import CLOSES, LINKS, HandChain, hand_chain
+from continuum_grasp.addons.chains.links import Links, rounded_step
 from continuum_grasp.addons.chains.text import written
 from continuum_grasp.base import Array, CheckedArgument, InputError, check_arguments
 from continuum_grasp.core import Core
 from continuum_grasp.export import check_file, title_of
+from continuum_grasp.grasp import HandResult, optimize_grasp
 from continuum_grasp.model import FingerModel
 from continuum_grasp.results import write_text
-from continuum_grasp.scene import Consumer, DataTable, Scene, scene_of
+from continuum_grasp.scene import Consumer, DataTable, HandScene, Scene, scene_of
 from continuum_grasp.simulation import Signals, initial_state, resolve_fidelity
 
+_HINGES = 40
+"""Hinges of a finger in the plane where none are given: shapes are then within 1 % of the rod's."""
 _LEAST_INERTIA = 1e-15
 """Least inertia that MuJoCo accepts of a moving body [kg m2] (mjMINVAL of its sources)."""
 _CONTACT = "contacts are MuJoCo's own, as stiff as the step allows"
@@ -115,35 +119,44 @@ class HingeChain:
 
 @check_arguments
 def export_mjcf(
-    scene: Scene | str | os.PathLike[str], file: str | os.PathLike[str] | None = None, *, hinges: int = 40
-) -> HingeChain:
-    """Write the finger of a scene as a chain of hinges for MuJoCo, with its tendons and the scene's loads.
+    scene: Scene | HandScene | HandResult | str | os.PathLike[str],
+    file: str | os.PathLike[str] | None = None,
+    *,
+    hinges: int | None = None,
+) -> Any:
+    """Write the finger of a scene, or a hand with its object, as chains of hinges for MuJoCo.
 
     Each of ``hinges`` elements of the rod becomes one hinge with the element's compliance, where it acts (the midpoint
     rule; see `continuum_grasp.addons.chains.links`), between links with the masses of the rod: shapes and frequencies
-    are of second order in the number of hinges. The chain lies in MuJoCo's x-y plane. Tensions pull where they are
-    positive. An object that moves slides along x and y and turns. Keyframe ``start`` has the scene's state and controls
-    at time zero.
+    are of second order in the number of hinges. Tendons and the scene's loads are actuators. The chain lies in MuJoCo's
+    x-y plane. Tensions pull where they are positive. An object that moves slides along x and y and turns. Keyframe
+    ``start`` has the scene's state and controls at time zero.
+
+    Fingers of a hand have three hinges per element: in the plane, to the side, and of twist. The object is free;
+    keyframe ``grasp`` has the certified posture and its tensions, ``open`` straight fingers, from which the hand closes
+    by ``controls``, or by the table beside the file, while the equality ``holder`` holds the object.
 
     Parameters
     ----------
-    scene : Scene or path-like
-        The scene, or its YAML file. Its ``fidelity`` matters to an initial pose that is not straight, and to damping
-        per arc.
+    scene : Scene, HandScene, HandResult or path-like
+        The scene, or its YAML file; of a hand also its grasp, or the folder of one: without, it is found first. The
+        ``fidelity`` of a scene matters to an initial pose that is not straight, and to damping per arc.
     file : path-like, optional
         Where to. Where controls vary in time, a table of them is written beside it, with suffix ``.csv``.
-    hinges : int
-        From 1 to 1000.
+    hinges : int, optional
+        From 1 to 1000; 40, of each finger of a hand 24, where not given.
 
     Returns
     -------
-    HingeChain
+    HingeChain or HandChain
 
     Raises
     ------
     InputError
         If the scene has what the chain cannot have (tendon friction, a weight out of the plane), or there are too few
         hinges for the places where the bending moment jumps, or so many that their inertia is none to MuJoCo.
+    SolverError
+        If no grasp of a hand is found.
     OSError
         If the file cannot be written.
 
@@ -159,12 +172,36 @@ def export_mjcf(
     """
     if file is not None:
         check_file(Path(file))
-    scene = scene_of(scene)
+    if hinges is not None:
+        # 1000: far beyond what MuJoCo steps in useful time: the cost of a step is linear in them, the stable step falls
+        # with their square
+        CheckedArgument("hinges", hinges).whole(1, 1000)
+    given = scene if isinstance(scene, HandResult) else _stored_or_scene(scene)
+    if isinstance(given, Scene):
+        return _of_finger(given, file, _HINGES if hinges is None else hinges)
+    if isinstance(given, HandScene):
+        given = optimize_grasp(given)
+    chain = hand_chain(given, LINKS if hinges is None else hinges)
+    if file is None:
+        return chain
+    table = Path(file).with_suffix(".csv")
+    check_file(table, _is_table)
+    # 0.01: instants of the table [s], between which tensions are linear
+    t = np.linspace(0.0, CLOSES, round(CLOSES / 0.01) + 1)
+    return replace(chain, files=(write_text(chain.text, Path(file)), _write_table(t, chain, table)))
+
+
+def _stored_or_scene(given: Any) -> Any:
+    """The scene of a file, or the grasp in a folder."""
+    if isinstance(given, str | os.PathLike) and Path(given).is_dir():
+        return HandResult.of_run(given)
+    return scene_of(given, (Scene, HandScene))
+
+
+def _of_finger(scene: Scene, file: str | os.PathLike[str] | None, hinges: int) -> HingeChain:
+    """The chain of a finger in the plane."""
     _CARRIED.check(scene)
     listed = _CHAIN.check(scene)
-    # 1000: far beyond what MuJoCo steps in useful time: the cost of a step is linear in them, the stable step falls
-    # with their square
-    CheckedArgument("hinges", hinges).whole(1, 1000)
     per_arc = FingerModel(resolve_fidelity(scene)[0]).lengths if scene.finger.damping.per_arc else ()
     controls = controls_of(scene)
     if file is not None and scene.time is not None and any(control.varies for control in controls):
@@ -181,7 +218,7 @@ def export_mjcf(
     # 0.5: share of the longest stable step of the straight chain that is written: bends and tensions change its modes
     longest = 0.5 * links.longest_step(ratio, cable_springs(controls, links.at))
     # 1e-3: longest step of a scene without ``time`` [s]
-    step = _rounded_step(longest, scene.time.step) if scene.time else _rounded_step(min(longest, 1e-3), None)
+    step = rounded_step(longest, scene.time.step) if scene.time else rounded_step(min(longest, 1e-3), None)
     frequency = float(pulsations[0]) / (2.0 * np.pi)
     differences = (*listed, *_differences(scene, controls))
     text = written(scene, links, controls, _start(scene, links), title_of(scene), step, frequency, differences)
@@ -235,14 +272,11 @@ def _saved(chain: HingeChain, file: Path, scene: Scene) -> HingeChain:
     files = [write_text(chain.text, file)]
     if chain.varies and scene.time is not None:
         t = np.arange(round(scene.time.duration / scene.time.step) + 1) * scene.time.step
-        rows = [[f"{v:.9g}" for v in row] for row in np.column_stack([t, chain.controls(t)])]
-        files.append(write_text(DataTable.csv_text(["time", *chain.control_names], rows), file.with_suffix(".csv")))
+        files.append(_write_table(t, chain, file.with_suffix(".csv")))
     return replace(chain, files=tuple(files))
 
 
-def _rounded_step(longest: float, whole: float | None) -> float:
-    """A step [s] no longer than allowed: a whole part of another step where one is given, else 1, 2 or 5 times 10^k."""
-    if whole is not None:
-        return whole / math.ceil(whole / longest)
-    power = 10.0 ** math.floor(math.log10(longest))
-    return max(digit * power for digit in (1.0, 2.0, 5.0) if digit * power <= longest)
+def _write_table(t: ArrayLike, chain: HingeChain | HandChain, file: Path) -> Path:
+    """Write the controls of a chain over time."""
+    rows = [[f"{v:.9g}" for v in row] for row in np.column_stack([t, chain.controls(t)])]
+    return write_text(DataTable.csv_text(["time", *chain.control_names], rows), file)

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from os import PathLike
+from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from continuum_grasp.base import Array, Summarized, amount_text, check_arguments
+from continuum_grasp.base import Array, InputError, Summarized, amount_text, check_arguments
 from continuum_grasp.grasp.stored import SHAPE
 from continuum_grasp.grasp.values import GraspStatus, Reason
-from continuum_grasp.results import Dimension, File, Picture, Result, Stored, yaml_text
+from continuum_grasp.results import Dimension, File, Picture, Result, Stored, plain, yaml_text
 from continuum_grasp.scene import HandScene
 
 if TYPE_CHECKING:
@@ -85,6 +85,9 @@ class HandResult(Result):
         What to try.
     statistics : dict
         Starts, iterations, seconds.
+    trial : dict
+        How it fared in another program: whether it ``holds``, in ``words``, and what was measured; empty where it was
+        not tried.
 
     Examples
     --------
@@ -116,6 +119,27 @@ class HandResult(Result):
     reasons: tuple[Reason, ...] = ()
     advice: str = ""
     statistics: Mapping[str, Any] = field(default_factory=dict)
+    trial: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of_run(cls, folder: str | PathLike[str]) -> Self:
+        """The grasp in a run folder, certified anew.
+
+        Raises
+        ------
+        InputError
+            There is no run of a hand in the folder.
+        """
+        from continuum_grasp.grasp.hand.certificate import certify_hand
+
+        run = cls.read(folder)
+        config, meta = run.meta.get("config") or {}, run.meta
+        if "hand" not in config:
+            raise InputError("expected the grasp of a hand, got that of a planar scene", file=fspath(folder))
+        scene = HandScene.model_validate(config)
+        certificate = certify_hand(scene, run.arrays) if run.arrays else None
+        status = GraspStatus(str(meta["status"]))
+        return cls(scene, status, str(meta["message"]), run.arrays, certificate, advice=str(meta.get("advice", "")))
 
     @cached_property
     def body(self) -> BodySurface:
@@ -186,6 +210,8 @@ class HandResult(Result):
         if self.certificate is not None:
             rows["checks passed"] = self.certificate.headline().removesuffix(" checks passed")
             rows["second-order test"] = str(self.certificate.stability)
+        if self.trial:
+            rows["trial"] = str(self.trial["words"])
         return rows
 
     def table(self) -> str:
@@ -199,6 +225,8 @@ class HandResult(Result):
             lines += ["", "Contacts, as the hand sees them", *(f"  {line}" for line in self._contact_rows())]
         if self.certificate is not None:
             lines += ["", f"Certificate: {self.certificate.headline()}; {self.certificate.stability}"]
+        if self.trial:
+            lines += ["", f"Tried: {self.trial['words']}"]
         if self.advice and not self.reasons:
             lines += ["", self.advice]
         return "\n".join(lines)
@@ -248,6 +276,7 @@ class HandResult(Result):
             "certificate": self.certificate.data() if quality and self.certificate is not None else None,
             "reasons": [reason.data() for reason in self.reasons],
             "advice": self.advice,
+            **({"trial": plain(self.trial)} if self.trial else {}),
         }
 
 
@@ -270,6 +299,8 @@ def result_yaml(result: HandResult, *, quality: bool = True) -> str:
             "passed": result.certificate.passed,
             "stability": str(result.certificate.stability),
         }
+    if result.trial:
+        summary["trial"] = plain(result.trial)
     if result.reasons:
         summary["reasons"] = [reason.text for reason in result.reasons]
     return _HEAD + yaml_text(summary)

@@ -1,0 +1,260 @@
+"""A grasp of a hand tried in MuJoCo: closed, held, turned, and pushed by most of what is promised."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from continuum_grasp.addons.chains.hands import CLOSES, hand_chain
+from continuum_grasp.base import Array, InputError
+
+HOLDS = 2.0
+"""Time in which the object must stay [s]."""
+MOVES, TURNS = 1e-3, math.radians(1.0)
+"""Displacement [m] and turn [rad] from which on an object is not held."""
+SHARE = 0.8
+"""Part of the promised force that pushes: nearer to the edge of the cones MuJoCo's friction creeps."""
+YIELDS = 1.5
+"""Motion under a push, per that of the linear response, from which on the object is lost: of five shipped hands it is
+0.6 to 1.4 in 30 pushes."""
+PUSH = (0.15, 0.25, 0.15, 0.15)
+"""Times in which a push grows, lasts, fades, and is waited for [s]; a finger settles in a tenth of a second."""
+TURN = (0.5, 0.5)
+"""Times in which the weight turns to a direction, and stays there [s]."""
+_MEAN = 0.25
+"""Part at the end of the hold, of which normal forces are the mean."""
+_STEPS = 10
+"""Steps after which the object is looked at."""
+AXES = {
+    f"{sign}{name}": factor * axis
+    for sign, factor in (("+", 1.0), ("-", -1.0))
+    for name, axis in zip("xyz", np.eye(3), strict=True)
+}
+"""Directions of pushes and of the weight."""
+
+
+class HandInMujoco:
+    """The exported model of a grasp, in its posture.
+
+    Attributes
+    ----------
+    model, data
+        Of MuJoCo.
+    chain : HandChain
+    """
+
+    def __init__(self, result: Any) -> None:
+        try:
+            import mujoco
+        except ImportError:
+            raise InputError("MuJoCo is not installed: pip install 'continuum-grasp[mujoco]'", key="--try-in") from None
+        self.mujoco, self.result, self.chain = mujoco, result, hand_chain(result)
+        self.model = mujoco.MjModel.from_xml_string(self.chain.text)
+        self.data = mujoco.MjData(self.model)
+        self.weight = self.model.opt.gravity.copy()
+        self.body = self.model.body("object").id
+        names = [setup.name for setup in result.scene.setups]
+        links = range(self.chain.hinges + 1)
+        self.owner = {self.model.geom(f"{name}_{k}").id: (name, k) for name in names for k in links}
+        self.reset()
+
+    def reset(self, key: str = "grasp") -> None:
+        """Go back to a keyframe."""
+        self.mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key(key).id)
+        self.model.opt.gravity = self.weight
+        self.mujoco.mj_forward(self.model, self.data)
+        self.start = self._pose()
+
+    def _pose(self) -> tuple[Array, Array]:
+        body = self.data.body("object")
+        return body.xipos.copy(), body.xmat.reshape(3, 3).copy()
+
+    @property
+    def away(self) -> Array:
+        """Displacement of the object's center of mass [m] and its turn [rad] since the start (2,)."""
+        (place, axes), (first, before) = self._pose(), self.start
+        cosine = 0.5 * (float(np.sum(axes * before)) - 1.0)
+        return np.array([np.linalg.norm(place - first), math.acos(min(max(cosine, -1.0), 1.0))])
+
+    def run(self, seconds: float, before: Callable[[float], None] | None = None) -> Iterator[float]:
+        """Run for a time; ``before`` is called with the share of it that is over, which is yielded too."""
+        count = max(1, round(seconds / self.model.opt.timestep / _STEPS))
+        for k in range(count):
+            if before is not None:
+                before((k + 1) / count)
+            self.mujoco.mj_step(self.model, self.data, nstep=_STEPS)
+            bad = self.data.warning[self.mujoco.mjtWarning.mjWARN_BADQACC].number
+            if bad or not np.isfinite(self.data.qpos).all():
+                raise FloatingPointError("the motion is unstable")
+            yield (k + 1) / count
+
+    def farthest(self, seconds: float, before: Callable[[float], None] | None = None) -> Array:
+        """Greatest displacement [m] and turn [rad] of the object within a time (2,)."""
+        return np.asarray(np.max([self.away for _ in self.run(seconds, before)], axis=0))
+
+    def normal_forces(self) -> Array:
+        """Normal forces (C,) near the stations of the plan [N]."""
+        contacts = self.result.contacts
+        found, force = np.zeros(len(contacts)), np.zeros(6)
+        for k, contact in enumerate(self.data.contact):
+            touching = next((self.owner[geom] for geom in contact.geom if geom in self.owner), None)
+            if touching is None:
+                continue
+            self.mujoco.mj_contactForce(self.model, self.data, k, force)
+            name, link = touching
+            setup = next(s for s in self.result.scene.setups if s.name == name)
+            at = link * setup.finger.rod.length / self.chain.hinges
+            near = [(abs(c.station - at), i) for i, c in enumerate(contacts) if c.name.rpartition(".")[0] == name]
+            if near:
+                found[min(near)[1]] += force[0]
+        return found
+
+    def hold(self, seconds: float = HOLDS) -> tuple[Array, Array]:
+        """Greatest displacement [m] and turn [rad] of the object at constant tensions (2,); mean normal forces (C,)."""
+        self.reset()
+        worst, forces = np.zeros(2), list[Array]()
+        for share in self.run(seconds):
+            worst = np.maximum(worst, self.away)
+            if share > 1.0 - _MEAN:
+                forces.append(self.normal_forces())
+        return worst, np.mean(forces, axis=0)
+
+    def push(self, force: Array) -> tuple[Array, Array]:
+        """Displacement [m] and turn [rad] of the object under a push at its center of mass, and after it."""
+        self.reset()
+        grows, lasts, fades, waits = PUSH
+
+        def press(share: float) -> None:
+            self.data.xfrc_applied[self.body, :3] = share * force
+
+        self.farthest(grows, press)
+        under = self.farthest(lasts)
+        self.farthest(fades, lambda share: press(1.0 - share))
+        self.farthest(waits)
+        return under, self.away
+
+    def turn(self) -> dict[str, Array]:
+        """Greatest displacement [m] and turn [rad] where the weight acts along each axis, one after the other (2,)."""
+        self.reset()
+        last, size, found = self.weight / np.linalg.norm(self.weight), float(np.linalg.norm(self.weight)), {}
+        for name, axis in AXES.items():
+            # Through a third direction where the next one is opposite.
+            between = axis if last @ axis > -0.9 else np.roll(axis, 1)
+
+            def weigh(share: float, ends: tuple[Array, Array, Array] = (last, between, axis)) -> None:
+                first, second, third = ends
+                along = (1.0 - share) ** 2 * first + 2.0 * share * (1.0 - share) * second + share**2 * third
+                self.model.opt.gravity = size * along / np.linalg.norm(along)
+
+            turns, stays = TURN
+            found[name] = np.maximum(self.farthest(turns, weigh), self.farthest(stays))
+            last = axis
+        return found
+
+    def close(self) -> Array:
+        """Displacement [m] and turn [rad] of the object after fingers closed around it from straight (2,)."""
+        self.reset("open")
+        self.data.eq_active[:] = 1
+
+        def pull(share: float) -> None:
+            self.data.ctrl[:] = self.chain.controls(CLOSES * share)[0]
+
+        for _ in self.run(CLOSES, pull):
+            pass
+        for _ in self.run(0.3 * CLOSES):  # until the fingers rest
+            pass
+        self.data.eq_active[:] = 0
+        return self.farthest(0.5 * HOLDS)
+
+
+def promised_force(result: Any, direction: Array) -> float:
+    """Greatest force along a direction at the object's center of mass that leaves every contact in its cone, and within
+    its greatest normal force, by the linear response at constant tensions [N].
+    """
+    hand, most = result.certificate.hand, math.inf
+    responses = iter(result.certificate.response.forces)
+    for contact in hand.contacts:
+        if contact.normal_force <= 1e-6 * hand.force_scale:  # presses nothing, and has no response
+            continue
+        rate = next(responses)[:, :3] @ direction
+        press, more = float(contact.normal @ contact.load), float(contact.normal @ rate)
+        along, aside = contact.load - press * contact.normal, rate - more * contact.normal
+        # |along + F aside| = mu (press + F more) at the edge of the cone.
+        mu = contact.friction
+        edges = np.roots(
+            [
+                float(aside @ aside) - (mu * more) ** 2,
+                2.0 * (float(along @ aside) - mu**2 * press * more),
+                float(along @ along) - (mu * press) ** 2,
+            ]
+        )
+        most = min([most, *(float(edge.real) for edge in edges if edge.imag == 0.0 and edge.real > 0.0)])
+        if more > 0.0:
+            most = min(most, (contact.normal_force_max - press) / more)
+    return most
+
+
+def try_in_mujoco(result: Any, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
+    """Try a hand's grasp in MuJoCo; returns plain data: whether it ``holds``, in words, and what was measured."""
+    hand = HandInMujoco(result)
+    say = progress or (lambda _: None)
+    try:
+        return _tried(hand, say)
+    except FloatingPointError as error:
+        return {"holds": False, "words": f"not held in MuJoCo: {error}"}
+
+
+def _tried(hand: HandInMujoco, say: Callable[[str], None]) -> dict[str, Any]:
+    result, limits = hand.result, np.array([MOVES, TURNS])
+    say("held for 2 s")
+    worst, forces = hand.hold()
+    planned = np.array([contact.normal_force for contact in result.contacts])
+    off = float(np.abs(forces - planned).max() / planned.max())
+    found: dict[str, Any] = {
+        "moved": worst[0],
+        "turned": worst[1],
+        "normal_forces": dict(zip(result.contact_names, forces, strict=True)),
+        "normal_force_error": off,
+    }
+    wrong = [] if (worst < limits).all() else [f"moves by {_words(worst)} within {HOLDS:g} s"]
+    words = [f"moved {_words(worst)} in {HOLDS:g} s", f"normal forces within {off:.1%} of the greatest planned one"]
+    if not wrong and getattr(result.scene, "any_direction", False):
+        say("turned")
+        turned = hand.turn()
+        found["weights"] = {name: {"moved": away[0], "turned": away[1]} for name, away in turned.items()}
+        most = np.max(list(turned.values()), axis=0)
+        words.append(f"{_words(most)} with the weight along six axes")
+        wrong += [
+            f"moves by {_words(away)} with the weight along {n}" for n, away in turned.items() if (away > limits).any()
+        ]
+    pushes = {}
+    for name, axis in AXES.items() if not wrong else ():
+        say(f"pushed along {name}")
+        force = SHARE * promised_force(result, axis) * axis
+        under, after = hand.push(force)
+        response = result.certificate.response.pose[:, :3] @ force
+        linear = np.array([np.linalg.norm(response[:3]), np.linalg.norm(response[3:])])
+        held = bool((under < YIELDS * linear + limits).all() and (after < limits).all())
+        pushes[name] = {"force": float(np.linalg.norm(force)), "held": held}
+        pushes[name] |= {"moved": under[0], "turned": under[1], "moved_after": after[0], "turned_after": after[1]}
+    if pushes:
+        count = sum(push["held"] for push in pushes.values())
+        words.append(f"{count} of {len(pushes)} pushes of {SHARE:.0%} of what is promised held")
+        wrong += [
+            f"a push of {push['force']:.3g} N along {n} is not held" for n, push in pushes.items() if not push["held"]
+        ]
+        found["pushes"] = pushes
+    if not wrong:
+        say("closed from straight fingers")
+        closed = hand.close()
+        found["closed"] = {"moved": closed[0], "turned": closed[1]}
+        words.append(f"after fingers that were straight closed, the object settles within {_words(closed)}")
+    verdict = "not held in MuJoCo: " + "; ".join(wrong) if wrong else "held in MuJoCo: " + "; ".join(words)
+    return {"holds": not wrong, "words": verdict, **found}
+
+
+def _words(away: Array) -> str:
+    return f"{1e3 * away[0]:.2g} mm and {math.degrees(away[1]):.2g} deg"
