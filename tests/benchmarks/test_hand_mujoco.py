@@ -89,7 +89,9 @@ def test_a_bent_finger_yields_to_the_side_as_an_arc_that_twists():
 def test_masses_are_those_of_rod_and_object():
     model = HandInMujoco(made(*cases.squeezed_box(mass=0.07, density=0.02))).model
     # The first half of an element is clamped.
-    assert sum(model.body(f"left_{k}").mass[0] for k in range(1, 25)) == pytest.approx(0.02 * LENGTH * (1.0 - 0.5 / 24), rel=1e-6)
+    assert sum(model.body(f"left_{k}").mass[0] for k in range(1, 25)) == pytest.approx(
+        0.02 * LENGTH * (1.0 - 0.5 / 24), rel=1e-6
+    )
     assert model.body("object").mass[0] == pytest.approx(0.07)
 
 
