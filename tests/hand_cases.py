@@ -29,7 +29,7 @@ def make_scene(bases, body, contacts=None, section=None, gravity=(0.0, 0.0, 0.0)
     plain = {name: dict(zip(names, (tuple(map(float, v)) for v in base), strict=True)) for name, base in bases.items()}
     contacts = {"friction": 0.5, "normal_force_max": 50.0, "middle": "off", "tip": "on", **(contacts or {})}
     more = {"fidelity": {"family": "matched_clothoid", "elements": 2}, **more}
-    hand = {"finger": finger, "bases": plain}
+    hand = {"finger": finger, "bases": plain, "palm": more.pop("palm", None)}
     return HandScene(schema_version=1, hand=hand, object=body, contacts=contacts, gravity=gravity, **more)
 
 
@@ -93,3 +93,14 @@ def three_straight(press, radius=0.03, half=1e-5, section=None, others=None, **m
     switch = {"tip": "auto"}
     scene = make_scene(bases | (others or {}), ball, switch, section, half=half, **more)
     return scene, stored(scene, touches)
+
+
+def resting(body, points, mass=0.1, extra=(), base=((0.1, 0.0, 0.05), (0, 0, 1), (1, 0, 0)), **more):
+    """A body on a table at z = 0 that alone carries its weight, in equal shares at some points; one finger."""
+    solid = {**body, "mass": mass, "against": "table"}
+    more = {"table": {"point": (0.0, 0.0, 0.0)}, "gravity": (0.0, 0.0, -9.81), **more}
+    contacts = {"tip": "auto", **more.pop("contacts", {})}
+    scene = make_scene({"finger": base}, solid, contacts, **more)
+    share = -9.81 * mass / max(len(points), 1)
+    touches = [(f"table_{k + 1}", point, (0, 0, -1), (0, 0, share), 0.0, 0.0) for k, point in enumerate(points)]
+    return scene, stored(scene, [*touches, *extra])

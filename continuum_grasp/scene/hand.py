@@ -15,6 +15,15 @@ from continuum_grasp.scene.finger_scene import Fidelity
 from continuum_grasp.scene.finger_setup import FingerSetup
 from continuum_grasp.scene.grasp import check_finger, check_name
 from continuum_grasp.scene.grasp_options import GraspContacts, GraspFinger, GraspGravity, GraspSolver
+from continuum_grasp.scene.hand_supports import (
+    HandPalm,
+    HandTable,
+    PlaneSupport,
+    SupportContact,
+    check_support,
+    lie_against,
+    support_contacts,
+)
 from continuum_grasp.scene.solids import Solid, SpatialPosition, Vector3
 from continuum_grasp.scene.supports import Switch
 from continuum_grasp.scene.units import Unit
@@ -171,6 +180,8 @@ class Hand(Value):
     """Bases on a circle; the fingers are called ``finger_1`` and so on."""
     bases: Annotated[dict[str, FingerBase], Field(min_length=1, max_length=6)] | None = None
     """Bases by the names of their fingers, in place of ``ring``."""
+    palm: HandPalm | None = None
+    """Palm, which may carry the object and is in the fingers' way; None: there is none."""
 
     @cached_property
     def named_bases(self) -> dict[str, FingerBase]:
@@ -178,6 +189,12 @@ class Hand(Value):
         if self.ring is None:
             return dict(self.bases or {})
         return {f"finger_{k + 1}": base for k, base in enumerate(self.ring.bases)}
+
+    @property
+    def palm_height(self) -> float:
+        """Place of the palm along z, given or that of the bases [m]."""
+        given = self.palm.height if self.palm is not None else None
+        return given if given is not None else max(base.position[2] for base in self.named_bases.values())
 
     def _check(self) -> None:
         self._check_one_given("ring", "bases")
@@ -211,6 +228,8 @@ class HandScene(Configuration):
     """The object to be held: shape, mass and pose, as the hand sees them."""
     contacts: HandContacts
     """Contacts of fingers with the object, and limits of the touching surfaces."""
+    table: HandTable | None = None
+    """Table on which the object may lie, and that is in the fingers' way; None: there is none."""
     gravity: GraspGravity
     """Gravity along x, y and z of the hand [m/s2]."""
     fidelity: Fidelity = Fidelity()
@@ -234,7 +253,25 @@ class HandScene(Configuration):
         """Weight of the object [N]."""
         return self.object.weighed * math.hypot(*self.gravity)
 
+    @cached_property
+    def supports(self) -> tuple[PlaneSupport, ...]:
+        """Palm and table, as far as there are any."""
+        found, palm, table = list[PlaneSupport](), self.hand.palm, self.table
+        if palm is not None:
+            point, normal = (0.0, 0.0, self.hand.palm_height), (0.0, 0.0, -1.0)
+            found.append(palm.plane("palm", "hand.palm", point, normal, self.contacts.friction, palm.radius))
+        if table is not None:
+            found.append(table.plane("table", "table", table.point, table.normal, self.contacts.friction))
+        return tuple(found)
+
+    @cached_property
+    def support_contacts(self) -> tuple[SupportContact, ...]:
+        """Points at which the object lies against palm and table, without those that are off."""
+        on = (support for support in self.supports if support.touch != "off")
+        return tuple(contact for support in on for contact in support_contacts(self.object, support))
+
     def _check(self) -> None:
+        self._check_supports()
         bases = self.hand.named_bases
         for setup, base in zip(self.setups, bases.values(), strict=True):
             check_finger(setup, f"hand.bases.{setup.name}.finger" if base.finger else "hand.finger", self.fidelity)
@@ -245,7 +282,23 @@ class HandScene(Configuration):
             if gap < thick[one] + thick[other]:
                 raise ValueError(f"hand: the bases of {one} and {other} overlap: {gap:.3g} m apart")
 
+    def _check_supports(self) -> None:
+        if (against := self.object.against) is not None:
+            named = {support.name: support for support in self.supports}
+            if against not in named:
+                raise ValueError(f"object.against: there is no {against}: add {'hand.' * (against == 'palm')}{against}")
+            self.__dict__["object"] = lie_against(self.object, named[against])
+        for support in self.supports:
+            check_support(self.object, support)
+
     def _check_finger(self, setup: FingerSetup, base: FingerBase) -> None:
+        half = setup.finger.thickness_radius
+        for support in self.supports:
+            if not support.clear_from(base.position, base.direction, half) < setup.finger.rod.length:
+                raise ValueError(
+                    f"{support.key}: {setup.name} does not leave it: its base is "
+                    f"{1e3 * support.height(base.position):.4g} mm above it, and the finger must point away"
+                )
         if setup.graded:
             raise ValueError("hand.finger: fingers of hands are uniform along their length so far")
         if setup.drive is not None or setup.friction_states:

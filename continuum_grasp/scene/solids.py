@@ -31,6 +31,9 @@ class SolidBody(Value):
     """Position of the center of the shape, as the hand sees it [m]."""
     rotation: Annotated[Vector3, Unit("rad")] = (0.0, 0.0, 0.0)
     """Rotation vector from the hand's axes to the object's: the axis of the turn times its angle [rad]."""
+    against: Literal["palm", "table"] | None = None
+    """Palm or table that the object lies against: it moves from ``position`` along the normal until it touches; None:
+    ``position`` is exact."""
 
     @property
     def volume(self) -> float:

@@ -188,6 +188,46 @@ def bent(part):
     return scene.changed({"fidelity.bending_range": 1.0}), arrays
 
 
+BALL = {"shape": "sphere", "diameter": 0.05, "position": (0.0, 0.0, 0.1)}
+
+
+def on_table(name="forces", amount=(0.0, 0.0, 0.0), sunk=0.0, **more):
+    """A ball on a table; an array of its contact off by a part of an amount, or the table by a height."""
+
+    def build(part):
+        scene, arrays = cases.resting(BALL, [(0.0, 0.0, 0.0)], MASS, **more)
+        arrays[f"contact_{name}"][0] += part * np.array(amount)
+        table = scene.table.replaced(point=(0.0, 0.0, part * sunk))
+        return scene.model_copy(update={"table": table}), arrays  # not checked anew
+
+    return build
+
+
+def beside_pole(part):
+    """The stored place of a ball is beside its pole."""
+    scene, arrays = on_table()(part)
+    turn = math.acos(1.0 - part * 2e-6)
+    arrays["contact_positions"][0] = 0.025 * np.array([math.sin(turn), 0.0, 1.0 - math.cos(turn)])
+    return scene, arrays
+
+
+def over_rim(part):
+    """A cylinder lies against a palm by its upper end; one stored place is beside the disc."""
+    tube = {"shape": "cylinder", "diameter": 0.05, "height": 0.08, "edge_radius": 0.003, "position": (0.0, 0.0, -0.1)}
+    body = {**tube, "mass": 0.0, "against": "palm"}
+    bases = {"finger": ((0.1, 0, 0), (0, 0, -1), (-1, 0, 0))}
+    scene = cases.make_scene(bases, body, {"tip": "auto"}, palm={"radius": 0.01})
+    at = (0.01 + part * 2e-6 * scene.object.size, 0.0, 0.0)
+    return scene, cases.stored(scene, [("palm_1", at, (0, 0, 1), (0, 0, 0), 0.0, 0.0)])
+
+
+def over_table(part):
+    """A straight finger that comes down to the table with its tip."""
+    drop, base = 0.02, np.array([0.1, -0.06, HALF + 0.02 - part * 1e-4 * LENGTH])
+    along = (0, math.sqrt(1.0 - (drop / LENGTH) ** 2), -drop / LENGTH)
+    return cases.resting(BALL, [(0.0, 0.0, 0.0)], MASS, base=(base, along, (1, 0, 0)))
+
+
 WIDER = np.array([2e-6 * LENGTH, 0.0, 0.0])
 """By which both gaps are off as far as they may be [m]."""
 ARM = 1e-6 * SCALE * SIZE / (2 * FORCE)
@@ -220,6 +260,16 @@ LIMITS = [
     ("contact direction, finger.tip", beside(1e-3 + 1e-6, "tip")),
     ("contact tangency, finger.middle", beside(1e-6, "middle")),
     ("contact tangency, finger.middle", beside(-1e-6, "middle")),
+    ("friction cone, table_1", on_table("forces", (0.5 * 9.81 * MASS, 0.0, 0.0))),
+    ("normal force, table_1",
+     on_table(amount=(0.0, 0.0, -9.81 * MASS * 1e-6), contacts={"normal_force_max": 9.81 * MASS})),
+    *(("stored contact, table_1", on_table(key, amount)) for key, amount in
+      (("positions", (0, 0, 0.025e-6)), ("normals", (0, 1e-6, 0)), ("stations", 0.025e-6), ("deflections", 0.025e-6))),
+    ("contact gap, table_1", beside_pole),
+    ("contact gap, table_1", on_table(sunk=-2e-6 * 0.025)),
+    ("penetration into the table", on_table(sunk=2e-6 * 0.025)),
+    ("contact gap, palm_1", over_rim),
+    ("penetration into the table, finger", over_table),
     ("penetration into the object, finger", sunk),
     ("penetration into the object, finger", sagged),
     ("overlap of fingers, a, b", two((0, 0.05, 2 * HALF), (0, 1, 0))),
@@ -232,6 +282,15 @@ LIMITS = [
 def test_a_check_holds_up_to_its_limit_and_no_further(check, case):
     for part, passes in ((0.999, True), (1.001, False)):
         assert certify_hand(*case(part))[check].passed is passes, part
+
+
+@pytest.mark.parametrize(("touch", "names"), [("off", ["table_1"]), ("on", ["table_1", "table_1"])])
+def test_contacts_with_supports_are_those_of_the_scene(touch, names):
+    scene, arrays = cases.resting(
+        BALL, [(0.0, 0.0, 0.0)] * len(names), MASS, table={"point": (0, 0, 0), "touch": touch}
+    )
+    arrays["contact_names"] = np.array(names, dtype=str)
+    assert not certify_hand(scene, arrays)["contacts as the scene has them"].passed
 
 
 def test_a_finger_that_passes_through_itself_is_seen():
@@ -300,3 +359,21 @@ def test_points_off_a_surface_find_the_place_they_left(shape, place, normal):
         assert near.distance == pytest.approx([away], abs=1e-15 + 1e-12 * abs(away))
         np.testing.assert_allclose(near.point[0], position + body.axes @ place, atol=1e-12)
         np.testing.assert_allclose(near.normal[0], body.axes @ normal, atol=1e-9)
+
+
+@pytest.mark.parametrize("normal", [(0, 0, 1), (1, -2, 0.5)])
+@pytest.mark.parametrize("solid", [BALL, BOX, TUBE, EGG])
+def test_the_height_over_a_plane_is_that_of_the_support_function(solid, normal):
+    normal = np.array(normal) / np.linalg.norm(normal)
+    scene = cases.make_scene({"finger": ((0, 0, 0.1), (0, 0, -1), (1, 0, 0))}, {**solid, **TURNED})
+    body, local = scene.object, normal @ scene.object.axes
+    across = math.hypot(local[0], local[1])
+    reach = {
+        "sphere": lambda: 0.025,
+        "box": lambda: np.abs(local) @ (0.5 * np.array(body.extents) - 0.004) + 0.004,
+        "cylinder": lambda: 0.022 * across + 0.037 * abs(local[2]) + 0.003,
+        "ellipsoid": lambda: float(np.linalg.norm(0.5 * np.array(body.extents) * local)),
+    }[body.shape]()
+    point = np.array([0.1, 0.2, -0.1])
+    expected = normal @ (np.array(body.position) - point) - reach
+    assert PlacedSolid(scene).height(point, normal) == pytest.approx(expected, abs=1e-9)

@@ -116,6 +116,69 @@ def test_a_response_balances_the_object():
     np.testing.assert_allclose(response.pose, response.pose.T, atol=1e-9 * np.abs(response.pose).max())
 
 
+# -- palm and table ---------------------------------------------------------------------------------------------------
+
+REACH = 0.25 * LENGTH
+"""Shift of the object that counts as much as a turn by 1 rad."""
+MASS = 0.1
+SIDE, EDGE = 0.04, 0.004
+CORNER = math.sqrt(2.0) * (0.5 * SIDE - EDGE) + EDGE
+"""Height of a cube's center where it stands on an edge."""
+ON_EDGE = {"shape": "box", "extents": (SIDE,) * 3, "edge_radius": EDGE, "rotation": (0.0, 0.25 * math.pi, 0.0)}
+
+
+def toppling(height, radius):
+    """Eigenvalue of a body that rolls over, its center at a height above a surface of a radius [N m]."""
+    return MASS * 9.81 * (radius - height) / (1.0 + (height / REACH) ** 2)
+
+
+def test_a_ball_rolls_on_a_table_and_nothing_resists():
+    ball = {"shape": "sphere", "diameter": 0.05, "position": (0.0, 0.0, 0.1)}
+    certificate = certify_hand(*cases.resting(ball, [(0.0, 0.0, 0.0)], MASS))
+    assert certificate.passed, certificate
+    verdict = certificate.stability
+    assert verdict.stiffness == pytest.approx(0.0, abs=1e-9)
+    assert not verdict.stable
+
+
+@pytest.mark.parametrize("extents", [(0.04, 0.04, 0.1), (0.05, 0.03, 0.06)])
+def test_an_egg_on_its_pole_topples_about_its_longer_side(extents):
+    """Radii of curvature at the pole are a^2 / c and b^2 / c, of which the lesser one holds up less."""
+    a, b, c = (0.5 * extent for extent in extents)
+    egg = {"shape": "ellipsoid", "extents": extents, "position": (0.0, 0.0, 0.1)}
+    verdict = certify_hand(*cases.resting(egg, [(0.0, 0.0, 0.0)], MASS)).stability
+    assert verdict.stiffness == pytest.approx(toppling(c, min(a, b) ** 2 / c), rel=1e-4)
+    if b < a:
+        assert verdict.motion == "tilts about x"
+
+
+def test_a_box_on_an_edge_topples_over_it_and_one_on_its_face_does_not():
+    on_edge = cases.resting({**ON_EDGE, "position": (0.0, 0.0, 0.1)}, [(0, y, 0) for y in (-0.016, 0.016)], MASS)
+    certificate = certify_hand(*on_edge)
+    assert certificate.passed, certificate
+    assert certificate.stability.stiffness == pytest.approx(toppling(CORNER, EDGE), rel=1e-4)
+    assert certificate.stability.motion == "tilts about y"
+    flat = {**ON_EDGE, "rotation": (0.0, 0.0, 0.3), "position": (0.0, 0.0, 0.1)}
+    scene, arrays = cases.resting(flat, np.zeros((4, 3)), MASS)
+    arrays["contact_positions"] = np.array([contact.position for contact in scene.support_contacts])
+    certificate = certify_hand(scene, arrays)
+    assert certificate.passed, certificate
+    assert certificate.stability.stable
+    assert np.abs(hand_response(certificate.hand).pose).max() < 1e-9
+
+
+def test_a_finger_holds_a_box_on_its_edge():
+    """An inverted pendulum on a spring: k (2 c)^2 - m g (c - r), with the end stuck to the opposite edge."""
+    base = ((0.0, 0.0, 2.0 * CORNER + 1e-6 + LENGTH), (0, 0, -1), (1, 0, 0))
+    touch = ("finger.tip", (0, 0, 2.0 * CORNER), (0, 0, 1), (0, 0, 1e-6), LENGTH, 0.0)
+    points = [(0, y, 0) for y in (-0.016, 0.016)]
+    scene, arrays = cases.resting({**ON_EDGE, "position": (0.0, 0.0, 0.1)}, points, MASS, [touch], base, half=1e-6)
+    response = hand_response(hand_of(scene, arrays))
+    spring = 3.0 * STIFFNESS / LENGTH**3 * (2.0 * CORNER) ** 2
+    assert response.pose[4, 4] == pytest.approx(1.0 / (spring - MASS * 9.81 * (CORNER - EDGE)), rel=3e-3)
+    assert response.forces[:, :, 2].sum(axis=0) == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)
+
+
 # -- an independent chain ---------------------------------------------------------------------------------------------
 
 CENTERED = [

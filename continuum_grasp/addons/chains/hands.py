@@ -15,7 +15,7 @@ from continuum_grasp.addons.chains.controls import Control
 from continuum_grasp.addons.chains.links import rounded_step
 from continuum_grasp.addons.chains.posture import HandFingerChain, quaternion
 from continuum_grasp.addons.chains.solid_geometry import solid_inertia, solid_parts
-from continuum_grasp.addons.chains.text import FINGER, OBJECT, document, levers, numbers
+from continuum_grasp.addons.chains.text import FINGER, OBJECT, SUPPORT, document, levers, numbers
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.export import fill, title_of
 
@@ -126,7 +126,7 @@ def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
             "parts": [{**part, **OBJECT, "friction": "0 0 0", "rgba": "0.8 0.6 0.3 1"}.items() for part in parts],
         },
         "meshes": meshes,
-        "supports": (),
+        "supports": [_support(support, length, edge).items() for support in scene.supports],
         "tendons": [
             (control, levers(control, chain.links, f"{chain.name}_bend"))
             for chain in chains
@@ -150,6 +150,18 @@ def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
     explanation = fill("mjcf/hand.txt", {**about, "differences": "".join(f"Differs: {d}.\n" for d in differences)})
     frequency = min(float(chain.links.pulsations()[0][0]) for chain in chains) / (2.0 * np.pi)
     return HandChain(document(words, title_of(scene), explanation), hinges, frequency, step, differences, tensions)
+
+
+def _support(support: Any, length: float, edge: float) -> dict[str, str]:
+    """A plane, or a disc with a depth, that the object touches where it is nearer than the radius of its edges."""
+    geom = {"name": f"support_{support.name}", **SUPPORT, "friction": numbers(support.friction, 0.0, 0.0)}
+    geom |= {"zaxis": numbers(*support.normal), "rgba": "0.6 0.6 0.6 0.5"}
+    geom |= {"margin": numbers(edge)} if edge > 0.0 else {}
+    if not np.isfinite(support.radius):
+        return {**geom, "type": "plane", "pos": numbers(*support.point), "size": f"{numbers(length, length)} 1"}
+    deep = 0.05 * length
+    place = np.array(support.point) - deep * np.array(support.normal)
+    return {**geom, "type": "cylinder", "pos": numbers(*place), "size": numbers(support.radius, deep)}
 
 
 def _inertial(result: Any) -> dict[str, str]:

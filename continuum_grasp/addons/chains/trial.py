@@ -59,6 +59,7 @@ class HandInMujoco:
         names = [setup.name for setup in result.scene.setups]
         links = range(self.chain.hinges + 1)
         self.owner = {self.model.geom(f"{name}_{k}").id: (name, k) for name in names for k in links}
+        self.supports = {self.model.geom(f"support_{each.name}").id: each.name for each in result.scene.supports}
         self.reset()
 
     def reset(self, key: str = "grasp") -> None:
@@ -102,6 +103,11 @@ class HandInMujoco:
         for k, contact in enumerate(self.data.contact):
             touching = next((self.owner[geom] for geom in contact.geom if geom in self.owner), None)
             if touching is None:
+                touched = next((self.supports[geom] for geom in contact.geom if geom in self.supports), "")
+                self.mujoco.mj_contactForce(self.model, self.data, k, force)
+                # Of several points none is determined, but their sum is: they share it as planned.
+                planned = np.array([c.normal_force * c.name.startswith(f"{touched}_") for c in contacts])
+                found += force[0] * planned / max(float(planned.sum()), 1e-300)
                 continue
             self.mujoco.mj_contactForce(self.model, self.data, k, force)
             name, link = touching
@@ -176,9 +182,7 @@ def promised_force(result: Any, direction: Array) -> float:
     """
     hand, most = result.certificate.hand, math.inf
     responses = iter(result.certificate.response.forces)
-    for contact in hand.contacts:
-        if contact.normal_force <= 1e-6 * hand.force_scale:  # presses nothing, and has no response
-            continue
+    for contact in hand.pressing:
         rate = next(responses)[:, :3] @ direction
         press, more = float(contact.normal @ contact.load), float(contact.normal @ rate)
         along, aside = contact.load - press * contact.normal, rate - more * contact.normal

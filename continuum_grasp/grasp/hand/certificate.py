@@ -6,6 +6,7 @@ under the contact forces is a quadrature. Places and normals on the object are f
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
@@ -25,7 +26,15 @@ from continuum_grasp.grasp.certificate.certificate import (
 )
 from continuum_grasp.grasp.certificate.check import CURLED, EXACT, GUARDED, Check, self_overlap, worst
 from continuum_grasp.grasp.certificate.recomputed import OF_FINGER
-from continuum_grasp.grasp.hand.recomputed import OF_CONTACTS, HandTouch, RecomputedHand, SpatialFinger, known_touches
+from continuum_grasp.grasp.hand.recomputed import (
+    OF_CONTACTS,
+    HandTouch,
+    ObjectTouch,
+    RecomputedHand,
+    SpatialFinger,
+    SupportTouch,
+    known_touches,
+)
 from continuum_grasp.grasp.hand.stability import HandResponse, HandStability, hand_response, hand_stability
 from continuum_grasp.scene import FAMILIES, HandScene
 
@@ -33,6 +42,9 @@ ASIDE = 0.05
 """Greatest displacement of a contact out of its finger's plane, per length of the finger [1]: at 0.03 the linear theory
 is within 0.4 % of a geometrically exact rod under loads to the side alone. Moments of forces in the plane about the
 displaced rod are left out: of the shipped egg, the displacement is 11 % off by them (``benchmarks.hand_mujoco``)."""
+RESTS = 2e-6
+"""Limit of the gap between object and palm or table, and of what the object reaches into them, per size of the object
+[1]: scenes take it to lie against them up to 1e-6."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +169,7 @@ def certify_hand(scene: HandScene, arrays: Mapping[str, Any]) -> HandCertificate
         ``F.tip_curvature``, ``F.tensions``, ``F.base``, ``F.backbone``. For the contacts, as the hand sees them:
         ``contact_names``, ``contact_positions`` on the object [m], ``contact_normals`` of the object (outward),
         ``contact_forces`` on the fingers [N], ``contact_stations`` along them [m], and ``contact_deflections`` of their
-        backbones out of their planes [m].
+        backbones out of their planes [m]; of palm and table, such as ``palm_1``, both are zero.
 
     Returns
     -------
@@ -178,12 +190,14 @@ def certify_hand(scene: HandScene, arrays: Mapping[str, Any]) -> HandCertificate
         for finger in hand.fingers:
             checks += [*equilibrium_checks(finger.plane), *storage_checks(finger.plane), *limit_checks(finger.plane)]
             for contact in finger.contacts:
-                checks += _contact(hand, finger, contact)
-        checks += [*_object(hand), *_clearances(hand)]
+                checks += [*_forces(hand, contact), *_contact(hand, finger, contact)]
+        for carried in hand.carried:
+            checks += [*_forces(hand, carried), *_support_contact(hand, carried)]
+        checks += [*_object(hand), *_clearances(hand), *_support_clearances(hand)]
+        aside = {c.name: c.deflection / finger.length for finger in hand.fingers for c in finger.contacts}
         contacts = tuple(
-            HandContact(c.name, c.normal_force, c.friction_force, c.friction_margin, c.deflection / finger.length)
-            for finger in hand.fingers
-            for c in finger.contacts
+            HandContact(c.name, c.normal_force, c.friction_force, c.friction_margin, aside.get(c.name, 0.0))
+            for c in (*(c for finger in hand.fingers for c in finger.contacts), *hand.carried)
         )
         return HandCertificate(tuple(checks), contacts, hand)
 
@@ -220,21 +234,36 @@ def _misfits(scene: HandScene, arrays: Mapping[str, Any]) -> int:
 
 def touches_check(hand: RecomputedHand) -> Check:
     """Number of contacts that are missing, unknown, there twice, or there although they are off."""
-    present = Counter(hand.names)
-    wrong = sum(count - 1 for count in present.values()) + len(set(present) - set(known_touches(hand.scene)))
+    present, carried = Counter(hand.names), {contact.name: contact.support for contact in hand.carried}
+    known = set(known_touches(hand.scene)) | set(carried)
+    wrong = sum(count - 1 for count in present.values()) + len(set(present) - known)
+    wrong += sum(support.touch == "off" for support in carried.values())
     for setup in hand.scene.setups:
         for name, switch in setup.switches.items():
             wrong += switch == ("off" if name in present else "on")
     return Check("contacts as the scene has them", float(wrong), 0.0)
 
 
-def _contact(hand: RecomputedHand, finger: SpatialFinger, c: HandTouch) -> Iterator[Check]:
-    """Forces and geometry of a contact."""
-    scale, length, normal_force = hand.force_scale, finger.length, c.normal_force
+def _forces(hand: RecomputedHand, c: ObjectTouch) -> Iterator[Check]:
+    """Friction cone and normal force of a contact."""
+    scale, normal_force = hand.force_scale, c.normal_force
     yield Check.part(f"friction cone, {c.name}", c.friction_force - c.held_friction * normal_force, scale, "N")
     limit = c.normal_force_max
     over = worst(-normal_force / scale, normal_force / limit - 1)
     yield Check(f"normal force, {c.name}", over, EXACT, amount_text(limit, "N", ".4g"))
+
+
+def _support_contact(hand: RecomputedHand, c: SupportTouch) -> Iterator[Check]:
+    """Place of a contact with palm or table: on the surface of the object, and on the plane within the disc."""
+    off = [*np.abs(c.stored_position - c.point) / hand.size, *np.abs(c.stored_normal - c.normal)]
+    off += [abs(value) / hand.size for value in (c.stored_station, c.stored_deflection)]
+    yield Check(f"stored contact, {c.name}", worst(*off), EXACT, f"{hand.size:.4g} m")
+    yield Check.part(f"contact gap, {c.name}", math.hypot(c.height, c.beyond), hand.size, "m", RESTS)
+
+
+def _contact(hand: RecomputedHand, finger: SpatialFinger, c: HandTouch) -> Iterator[Check]:
+    """Geometry of a contact of a finger."""
+    length = finger.length
     off = [*np.abs(c.stored_position - c.point) / length, *np.abs(c.stored_normal - c.normal)]
     off.append(abs(c.stored_station - c.station) / length)
     yield Check(f"stored contact, {c.name}", worst(*off), EXACT, f"{length:.4g} m")
@@ -252,7 +281,7 @@ def _contact(hand: RecomputedHand, finger: SpatialFinger, c: HandTouch) -> Itera
 def _object(hand: RecomputedHand) -> Iterator[Check]:
     """Balance of the object's forces, and of their moments about its center of mass."""
     force, moment = hand.scene.object.weighed * hand.gravity, np.zeros(3)
-    for contact in hand.contacts:
+    for contact in hand.touches:
         force = force - contact.load
         moment -= np.cross(contact.point - hand.com, contact.load)
     yield Check.part("object force balance", float(np.abs(force).max()), hand.force_scale, "N")
@@ -269,6 +298,26 @@ def _clearances(hand: RecomputedHand) -> Iterator[Check]:
         depth = first.radius + other.radius - backbone_distance(first.points, other.points)
         length = min(first.length, other.length)
         yield Check.part(f"overlap of fingers, {first.name}, {other.name}", depth, length, "m", GUARDED)
+
+
+def _support_clearances(hand: RecomputedHand) -> Iterator[Check]:
+    """The object is not in palm or table, nor is a displaced finger beyond what its base needs."""
+    bases = hand.scene.hand.named_bases
+    for support in hand.scene.supports:
+        point, normal = np.array(support.point), np.array(support.normal)
+        depth = -hand.surface.height(point, normal)
+        yield Check.part(f"penetration into the {support.name}", depth, hand.size, "m", RESTS)
+        for finger in hand.fingers:
+            base = bases[finger.name]
+            free = finger.plane.rod.edges >= support.clear_from(base.position, base.direction, finger.radius)
+            away = finger.points[free] - point
+            heights = away @ normal
+            # What is behind a disc stands on it: a pillar.
+            beside = np.linalg.norm(away - heights[:, None] * normal, axis=1) - support.radius
+            outside = np.hypot(np.maximum(heights, 0.0), np.maximum(beside, 0.0))
+            distance = outside + np.minimum(np.maximum(heights, beside), 0.0)
+            depth = finger.radius - float(distance.min())
+            yield Check.part(f"penetration into the {support.name}, {finger.name}", depth, finger.length, "m", GUARDED)
 
 
 def backbone_distance(a: Array, b: Array) -> float:

@@ -22,7 +22,7 @@ STENCIL = 1e-3
 JUMP = 3.0
 """Change of the curvature per length and curvature squared above which it jumps, as at the rim of a face."""
 PRESSED = 1e-2
-"""Least normal force of a start, per weight."""
+"""Least normal force of a finger's contact, per weight: of starts, and of grasps where palm or table carries too."""
 
 
 def hand_units(scene: HandScene) -> Units:
@@ -68,6 +68,27 @@ def hand_numbers(scene: HandScene, frames: Sequence[PlaneFrame], chosen: Sequenc
         for name in (*setup.middle_names, setup.tip_name):
             numbers[f"{name}.friction"] = setup.friction
             numbers[f"{name}.normal_force_max"] = setup.normal_force_max / units.force
+    return numbers | _support_numbers(scene, units)
+
+
+def _support_numbers(scene: HandScene, units: Units) -> Values:
+    """Numbers of palm and table and of the object's contacts with them."""
+    numbers: Values = {}
+    for support in scene.supports:
+        normal = np.array(support.normal)
+        height = normal @ np.array(support.point) / units.length
+        numbers[f"{support.name}.plane"] = np.append(normal, height)
+    for contact in scene.support_contacts:
+        name, normal = contact.name, -np.array(contact.support.normal)
+        side = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+        side = side / np.linalg.norm(side)
+        numbers |= {
+            f"{name}.point": np.array(contact.position) / units.length,
+            f"{name}.axes": np.concatenate([normal, side, np.cross(normal, side)]),
+            f"{name}.friction": contact.support.friction,
+            f"{name}.as elsewhere": 0.0 if contact.support.has_own_friction else 1.0,
+            f"{name}.normal_force_max": scene.contacts.normal_force_max / units.force,
+        }
     return numbers
 
 
@@ -110,8 +131,9 @@ def with_forces(scene: HandScene, equations: HandEquations, x: Array, p: Array) 
 
     All rows are linear in them where the posture stays: one conic problem.
     """
-    problem, contacts, unit = equations.problem, equations.problem.contacts, hand_units(scene).force
-    names = [*(f"{setup.name}.pulls" for setup in scene.setups), *(f"force, {c.spec.name}" for c in contacts)]
+    problem, unit = equations.problem, hand_units(scene).force
+    contacts = [c.spec.name for c in problem.contacts] + [c.name for c in problem.carried]
+    names = [*(f"{setup.name}.pulls" for setup in scene.setups), *(f"force, {name}" for name in contacts)]
     columns = np.concatenate([np.arange(problem.x.size)[problem.x.at[name]] for name in names])
     blocks = [b for b in problem.rows.blocks if b.name.startswith(("finger equilibrium", "object "))]
     rows = np.concatenate([np.ravel(block.rows) for block in blocks])
@@ -124,11 +146,14 @@ def with_forces(scene: HandScene, equations: HandEquations, x: Array, p: Array) 
     for k, setup in enumerate(scene.setups):
         low[2 * k : 2 * k + 2], high[2 * k : 2 * k + 2] = finger_bounds(setup)
     width, across = np.zeros((len(contacts), size)), np.zeros((len(contacts), 2, size))
-    for c, contact in enumerate(contacts):
-        setup, place = scene.setups[contact.spec.finger], 2 * len(scene.setups) + 3 * c
-        low[place] = PRESSED * max(scene.weight / unit, 0.1)
-        high[place] = setup.normal_force_max / unit
-        width[c, place] = setup.held_friction
+    for c, name in enumerate(contacts):
+        place = 2 * len(scene.setups) + 3 * c
+        # Fingers press; palm and table may carry nothing.
+        low[place] = PRESSED * max(scene.weight / unit, 0.1) if c < len(problem.contacts) else 0.0
+        high[place], friction = (
+            float(p[problem.numbers.at[f"{name}.{key}"]][0]) for key in ("normal_force_max", "friction")
+        )
+        width[c, place] = friction * (1.0 - scene.contacts.reserve)
         across[c, 0, place + 1] = across[c, 1, place + 2] = 1.0
     cones = Cones(across, np.zeros((len(contacts), 2)), width, np.zeros(len(contacts)))
     # 1e-6: weight of forces beside what is left, so that they are unique

@@ -9,7 +9,8 @@ n is the gradient of its distance d there, x = p + w z - h n the point touched:
     finger     its planar equilibrium under the part of f = N n + f1 a + f2 b in the plane, and the couple
                z . ((x - p) x f); a = z x n / |z x n|, b = n x a
     to the side  w and w' by unit loads: bending E I_l and torsion G J under the other part of f, and the other couples
-    object     m g - sum f = 0,  moments about the center of mass = 0
+    object     m g - sum f = 0,  moments about the center of mass = 0, with the forces on palm and table, whose contacts
+               are at given points
 
 In the plane of a round finger, n . t = 0 with a gap of h says that its line touches the section of the grown object.
 The object has no part in the structure: for each contact and place that stays clear, numbers are a cubic that stands
@@ -57,6 +58,8 @@ class HandSpec:
 
     fingers: tuple[FingerSpec, ...]
     contacts: tuple[SpatialContact, ...]
+    carried: tuple[str, ...] = ()  # names of the contacts with palm and table
+    planes: tuple[str, ...] = ()  # names of what fingers keep clear of: palm, table
     pairs: tuple[tuple[int, int], ...] = ()  # indices of fingers that keep clear of each other
     dimensions: int = 3  # of a contact force
 
@@ -68,7 +71,13 @@ class HandSpec:
             fingers.append(FingerSpec.of(setup, on, any(scene.gravity)))
             places = {setup.middle_names[0]: 0, setup.tip_name: -1}
             contacts += [SpatialContact(name, k, joint) for name, joint in places.items() if name in on]
-        return HandSpec(tuple(fingers), tuple(contacts))
+        return HandSpec(tuple(fingers), tuple(contacts), *_supports(scene, on))
+
+
+def _supports(scene: HandScene, on: frozenset[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of the contacts with palm and table that are on, and of those that the scene has."""
+    carried = tuple(contact.name for contact in scene.support_contacts if contact.name in on)
+    return carried, tuple(support.name for support in scene.supports)
 
 
 def grown(point: ca.SX, surface: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -96,6 +105,17 @@ class SpatialTouch:
     shift: ca.SX  # of the backbone out of its plane
 
 
+@dataclass(frozen=True)
+class CarriedPoint:
+    """A contact of the object with palm or table: its unknown force and what follows from it, as the hand sees it."""
+
+    name: str
+    point: ca.SX  # (3,) of the object's surface
+    normal: ca.SX  # (3,) outward, of the object
+    force: ca.SX  # (3,) N and friction
+    world: ca.SX  # (3,) force on the palm or table
+
+
 class HandProblem:
     """Unknowns, constraints and objective of the grasp of a hand."""
 
@@ -107,6 +127,7 @@ class HandProblem:
         }
         self.frames = [self.numbers(f"{finger.name}.axes", 9).reshape((3, 3)) for finger in spec.fingers]
         self.contacts = [self._touch(contact) for contact in spec.contacts]
+        self.carried = [self._carry(name) for name in spec.carried]
         tips = {c.spec.finger: c for c in self.contacts if c.spec.joint == -1}
         self.fingers, self.points = list[UnitFinger](), dict[str, ca.SX]()
         for k, of in enumerate(spec.fingers):
@@ -119,7 +140,11 @@ class HandProblem:
             self._keep_apart(self.fingers[k], self.fingers[m], (self.frames[k], self.frames[m]))
         self._balance_object()
         for contact in self.contacts:
-            self._bound(contact)
+            self._bound(contact.spec.name, contact.force, self.slack["friction"])
+        for carried in self.carried:
+            # Friction of a palm or table of its own is not relaxed.
+            slack = self.numbers(f"{carried.name}.as elsewhere") * self.slack["friction"]
+            self._bound(carried.name, carried.force, slack)
         self.objective = self._objective()
 
     # -- contacts ------------------------------------------------------------------------------------------------
@@ -137,10 +162,13 @@ class HandProblem:
         shift = self.x(f"shift, {name}")
         return SpatialTouch(contact, backbone, beyond, normal, sine, force, world, shift)
 
-    def _bound(self, contact: SpatialTouch) -> None:
-        name, (n, f, g) = contact.spec.name, ca.vertsplit(contact.force)
-        friction = self.numbers(f"{name}.friction") + self.slack["friction"]
-        cone = friction_cone(self, friction, n, f, g)
+    def _carry(self, name: str) -> CarriedPoint:
+        axes, force = self.numbers(f"{name}.axes", 9).reshape((3, 3)), self.x(f"force, {name}", 3)
+        return CarriedPoint(name, self.numbers(f"{name}.point", 3), axes[:, 0], force, axes @ force)
+
+    def _bound(self, name: str, force: ca.SX, slack: ca.SX) -> None:
+        n, f, g = ca.vertsplit(force)
+        cone = friction_cone(self, self.numbers(f"{name}.friction") + slack, n, f, g)
         self.rows.require(f"friction cone, {name}", cone, "N", f"contacts.friction ({name})", upper=ca.inf)
         limit = self.numbers(f"{name}.normal_force_max") + self.slack["normal force"]
         self.rows.require(f"normal force, {name}", limit - n, "N", "contacts.normal_force_max", upper=ca.inf)
@@ -230,12 +258,17 @@ class HandProblem:
 
     def _keep_clear(self, finger: UnitFinger, axes: ca.SX) -> None:
         """Guarded places keep clear of the object as it is near them."""
-        points, _, touches, _ = finger.guarded
+        points, _, touches, thick = finger.guarded
         free = self.in_space(finger, axes, points[:, [j for j, touching in enumerate(touches) if not touching]])
         near = finger.number("surfaces", SURFACE * free.shape[1]).reshape((SURFACE, free.shape[1]))
         beyond = [grown(free[:, j], near[:, j])[0] for j in range(free.shape[1])]
         spare = ca.vertcat(*beyond) + finger.number("tolerance")
         self.rows.require(f"penetration into the object, {finger.spec.name}", spare, "m", "object", upper=ca.inf)
+        for support in self.spec.planes:
+            plane, free_there = self.numbers(f"{support}.plane", 4), finger.number(f"clear of {support}", len(touches))
+            heights = self.in_space(finger, axes, points).T @ plane[:3] - plane[3]
+            spare = free_there * (heights - thick) + finger.number("tolerance")
+            self.rows.require(f"penetration into the {support}, {finger.spec.name}", spare, "m", support, upper=ca.inf)
 
     def _keep_apart(self, finger: UnitFinger, other: UnitFinger, axes: tuple[ca.SX, ca.SX]) -> None:
         """Two fingers keep their gap at the place of each element that is nearest to the other and the one next to it;
@@ -260,13 +293,17 @@ class HandProblem:
         for contact in self.contacts:
             force -= contact.world
             moment -= ca.cross(self.points[contact.spec.name] - center, contact.world)
+        for carried in self.carried:
+            force -= carried.world
+            moment -= ca.cross(carried.point - center, carried.world)
         self.rows.require("object force balance", force, "N", "object.mass")
         self.rows.require("object moment balance", moment / self.numbers("size"), "moment per size", "object")
 
     def _objective(self) -> ca.SX:
         """Sum of the tensions, and by how much limits are relaxed."""
         total = sum((f.number("tension weight") * ca.sum1(f.pulls) for f in self.fingers), ca.SX(0))
-        forces = ca.vertcat(*(contact.force for contact in self.contacts)) / self.numbers("force reference")
+        pressed = [c.force for c in self.contacts] + [c.force for c in self.carried]
+        forces = ca.vertcat(*pressed) / self.numbers("force reference")
         weights = self.numbers("relaxation weights", len(RELAXED))
         relaxed = ca.vertcat(*(self.slack[name] for name in RELAXED))
         return self.numbers("effort weight") * (total + LITTLE * ca.sumsqr(forces)) + ca.dot(weights, relaxed)
@@ -279,7 +316,7 @@ class HandEquations:
     problem: HandProblem
     nlp: NLP
     touches: ca.Function
-    """``(x, p)``: per contact point, normal, force (3,), place along its finger and shift."""
+    """``(x, p)``: per contact point, normal, force (3,), place along its finger and shift; of palm and table zero."""
     fingers: ca.Function
     """``(x, p)``: per finger coordinates, lengths, curvature at the tip, pulls and base, as it stores them."""
     guarded: ca.Function
@@ -302,6 +339,8 @@ def hand_equations(spec: HandSpec) -> HandEquations:
         finger = problem.fingers[contact.spec.finger]
         along = ca.SX(finger.edges[problem.end_of(contact) + 1])
         touches += [problem.points[contact.spec.name], contact.normal, contact.world, along, contact.shift]
+    for carried in problem.carried:
+        touches += [carried.point, carried.normal, carried.world, ca.SX(0.0), ca.SX(0.0)]
     for axes, finger in zip(problem.frames, problem.fingers, strict=True):
         points, _, touching, _ = finger.guarded
         free.append([j for j, touches_there in enumerate(touching) if not touches_there])

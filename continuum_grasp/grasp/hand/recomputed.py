@@ -10,6 +10,7 @@ which two quadratures along the finger give. The couple of a force at the skin i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,42 +18,34 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Array
+from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.recomputed import TRACE, RecomputedFinger
 from continuum_grasp.grasp.hand.frames import PlaneFrame
 from continuum_grasp.grasp.hand.surfaces import PlacedSolid
 from continuum_grasp.scene import HandScene
 
+IDLE = 1e-3
+"""Greatest friction force, per greatest force, up to which palm or table hold nothing [1]: optima leave 3e-4 of the
+weight at contacts that carry nothing."""
 OF_CONTACTS = {"positions": (3,), "normals": (3,), "forces": (3,), "stations": (), "deflections": ()}
 """Shapes per contact of the arrays ``contact_...`` beside the names."""
 
 
 @dataclass
-class HandTouch:
-    """A contact of a finger, its geometry found anew; as the hand sees it but for what is in the plane."""
+class ObjectTouch:
+    """A contact of the object, as the hand sees it."""
 
     name: str
-    kind: str  # middle or tip
-    joint: int  # number of elements between the finger's base and it
-    station: float  # position along the finger [m]
-    radius: float  # half the finger's thickness [m]
     stored_position: Array
     stored_normal: Array
     stored_station: float
     stored_deflection: float
-    load: Array  # force on the finger (3,) [N]
+    load: Array  # force on what the object touches (3,) [N]
     friction: float  # coefficient, that less the reserve [1], and greatest normal force [N] in the scene
     held_friction: float
     normal_force_max: float
-    force: Array = field(init=False)  # in the finger's plane (2,) [N]
-    couple: float = field(init=False)  # about the normal of the plane [N m]
-    side: float = field(init=False)  # force along the normal of the plane [N]
-    twisting: Array = field(init=False)  # couple in the plane (2,) [N m]
-    deflection: float = field(init=False)  # of the backbone along the normal of the plane [m]
-    center: Array = field(init=False)  # of the finger's section (3,) [m]
-    tangent: Array = field(init=False)  # of the backbone (3,), of length one within its plane
     point: Array = field(init=False)  # where the object's surface is touched (3,) [m]
     normal: Array = field(init=False)  # outward normal of the object there (3,)
-    distance: float = field(init=False)  # of the section's center from the surface [m]
 
     @property
     def normal_force(self) -> float:
@@ -70,6 +63,43 @@ class HandTouch:
         if not self.normal_force > 0.0:
             return 0.0
         return 1.0 - self.friction_force / (self.friction * self.normal_force)
+
+
+@dataclass
+class SupportTouch(ObjectTouch):
+    """A contact with palm or table; the point is that of the surface nearest to the stored one."""
+
+    support: Any  # palm or table of the scene
+
+    @property
+    def height(self) -> float:
+        """Distance of the point from the plane [m]."""
+        return float((self.point - np.array(self.support.point)) @ np.array(self.support.normal))
+
+    @property
+    def beyond(self) -> float:
+        """Distance of the point from the disc, along its plane [m]."""
+        away = self.point - np.array(self.support.point)
+        across = math.sqrt(max(float(away @ away) - self.height**2, 0.0))
+        return max(across - float(self.support.radius), 0.0)
+
+
+@dataclass
+class HandTouch(ObjectTouch):
+    """A contact of a finger, its geometry found anew; as the hand sees it but for what is in the plane."""
+
+    kind: str  # middle or tip
+    joint: int  # number of elements between the finger's base and it
+    station: float  # position along the finger [m]
+    radius: float  # half the finger's thickness [m]
+    force: Array = field(init=False)  # in the finger's plane (2,) [N]
+    couple: float = field(init=False)  # about the normal of the plane [N m]
+    side: float = field(init=False)  # force along the normal of the plane [N]
+    twisting: Array = field(init=False)  # couple in the plane (2,) [N m]
+    deflection: float = field(init=False)  # of the backbone along the normal of the plane [m]
+    center: Array = field(init=False)  # of the finger's section (3,) [m]
+    tangent: Array = field(init=False)  # of the backbone (3,), of length one within its plane
+    distance: float = field(init=False)  # of the section's center from the surface [m]
 
 
 class SpatialFinger:
@@ -143,7 +173,8 @@ class RecomputedHand:
         self.frames = PlaneFrame.each(scene)
         self.fingers = tuple(self._finger(k, arrays) for k in range(len(scene.setups)))
         self.names = [str(name) for name in np.asarray(arrays["contact_names"]).ravel()]
-        self.contacts = self._contacts(arrays)
+        self.carried = list[SupportTouch]()  # contacts with palm and table
+        self.contacts = self._contacts(arrays)  # with fingers
         for finger in self.fingers:
             finger.respond()
             for contact in finger.contacts:
@@ -153,10 +184,25 @@ class RecomputedHand:
             for k, contact in enumerate(self.contacts):
                 contact.point, contact.normal = near.point[k], near.normal[k]
                 contact.distance = float(near.distance[k])
-        forces = [float(np.linalg.norm(contact.load)) for contact in self.contacts]
+        if self.carried:
+            near = self.surface.nearest(np.stack([contact.stored_position for contact in self.carried]))
+            for k, carried in enumerate(self.carried):
+                carried.point, carried.normal = near.point[k], -np.array(carried.support.normal)
+        forces = [float(np.linalg.norm(contact.load)) for contact in self.touches]
         # What a residual force is compared with [N]: the forces on the object, and a trace of what bends a finger.
         least = TRACE * min(f.plane.stiffness / f.length**2 for f in self.fingers)
         self.force_scale = float(np.max([*forces, scene.weight, least]))
+
+    @property
+    def touches(self) -> list[ObjectTouch]:
+        """All contacts of the object, in the order in which they are stored."""
+        return sorted([*self.contacts, *self.carried], key=lambda contact: self.names.index(contact.name))
+
+    @property
+    def pressing(self) -> list[ObjectTouch]:
+        """Contacts that hold something: beyond the tolerance of balance, of supports beyond a cone's apex."""
+        least = {c.name: IDLE / max(c.friction, math.sqrt(IDLE)) for c in self.carried}
+        return [c for c in self.touches if c.normal_force > least.get(c.name, EXACT) * self.force_scale]
 
     def _finger(self, k: int, arrays: Mapping[str, Any]) -> SpatialFinger:
         setup, frame = self.scene.setups[k], self.frames[k]
@@ -169,25 +215,36 @@ class RecomputedHand:
     def _contacts(self, arrays: Mapping[str, Any]) -> list[HandTouch]:
         stored = {key: np.asarray(arrays[f"contact_{key}"], dtype=float) for key in OF_CONTACTS}
         known, contacts = known_touches(self.scene), []
+        supports = {support.name: support for support in self.scene.supports}
         for k, name in enumerate(self.names):
+            common: dict[str, Any] = {
+                "name": name,
+                "stored_position": stored["positions"][k],
+                "stored_normal": stored["normals"][k],
+                "stored_station": float(stored["stations"][k]),
+                "stored_deflection": float(stored["deflections"][k]),
+                "load": stored["forces"][k],
+            }
+            support = supports.get(support_of(name))
+            if support is not None:
+                limits = self.scene.contacts
+                held, most = support.friction * (1.0 - limits.reserve), limits.normal_force_max
+                self.carried.append(SupportTouch(**common, friction=support.friction, held_friction=held,
+                                                 normal_force_max=most, support=support))  # fmt: skip
+                continue
             if name not in known:  # which `touches_check` counts
                 continue
             owner, kind, joint = known[name]
             finger, setup = self.fingers[owner], self.scene.setups[owner]
             contact = HandTouch(
-                name=name,
+                **common,
+                friction=setup.friction,
+                held_friction=setup.held_friction,
+                normal_force_max=setup.normal_force_max,
                 kind=kind,
                 joint=joint,
                 station=finger.plane.joint_position(joint),
                 radius=finger.radius,
-                stored_position=stored["positions"][k],
-                stored_normal=stored["normals"][k],
-                stored_station=float(stored["stations"][k]),
-                stored_deflection=float(stored["deflections"][k]),
-                load=stored["forces"][k],
-                friction=setup.friction,
-                held_friction=setup.held_friction,
-                normal_force_max=setup.normal_force_max,
             )
             load, normal = (finger.frame.axes.T @ vector for vector in (contact.load, contact.stored_normal))
             couple = -contact.radius * np.cross(normal, load)
@@ -207,3 +264,9 @@ def known_touches(scene: HandScene) -> dict[str, tuple[int, str, int]]:
         known |= {name: (k, "middle", joint) for name, joint in zip(setup.middle_names, setup.before, strict=True)}
         known[setup.tip_name] = k, "tip", setup.elements
     return known
+
+
+def support_of(name: str) -> str:
+    """Name of the support of a contact such as ``palm_1``; empty of other contacts."""
+    support, _, number = name.rpartition("_")
+    return support if number.isdecimal() else ""

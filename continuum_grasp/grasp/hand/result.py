@@ -27,12 +27,12 @@ _HEAD = """\
 # result.npz holds all numbers, meta.json the configuration and every check.
 """
 STORED = (
-    Stored("contact_names", "(contact,)", "text", "name of each contact"),
+    Stored("contact_names", "(contact,)", "text", "name of each contact; palm_1, table_1 and so on of supports"),
     Stored("contact_positions", "(contact, xyz)", "m", "contacts on the object's surface"),
     Stored("contact_normals", "(contact, xyz)", "1", "outward normals of the object there"),
-    Stored("contact_forces", "(contact, xyz)", "N", "forces on the fingers"),
-    Stored("contact_stations", "(contact,)", "m", "positions along the finger"),
-    Stored("contact_deflections", "(contact,)", "m", "shift of the backbone out of its plane at the contact"),
+    Stored("contact_forces", "(contact, xyz)", "N", "forces on the fingers, on palm and table"),
+    Stored("contact_stations", "(contact,)", "m", "positions along the finger; 0 of palm and table"),
+    Stored("contact_deflections", "(contact,)", "m", "shift of the backbone out of its plane; 0 of palm and table"),
     Stored("{finger}.family", "()", "text", "arc, clothoid or matched_clothoid"),
     *SHAPE,
     Stored("{finger}.base", "(base,)", "", "pose of the base in the plane of the finger: x, y [m] and angle [rad]"),
@@ -43,14 +43,14 @@ STORED = (
 
 @dataclass(frozen=True)
 class FingerTouch:
-    """A contact of a hand, as the hand sees it."""
+    """A contact of the object, as the hand sees it: with a finger, or, such as ``palm_1``, with palm or table."""
 
     name: str
     position: Array  # (3,) on the object's surface [m]
     normal: Array  # (3,) outward, of the object
-    force: Array  # (3,) on the finger [N]
-    station: float  # position along the finger [m]
-    deflection: float  # shift of the backbone out of its plane [m]
+    force: Array  # (3,) on the finger or support [N]
+    station: float  # position along the finger [m], zero of a support
+    deflection: float  # shift of the backbone out of its plane [m], zero of a support
 
     @property
     def normal_force(self) -> float:
@@ -241,8 +241,7 @@ class HandResult(Result):
     def _contact_rows(self) -> list[str]:
         rows = [("Contact", "At [mm]", "Along [mm]", "Normal [N]", "Friction [N]", "Margin", "To the side [mm]")]
         for contact in self.contacts:
-            setup = next(s for s in self.scene.setups if contact.name.startswith(f"{s.name}."))
-            limit = setup.friction * contact.normal_force
+            limit = self._friction(contact.name) * contact.normal_force
             rows.append(
                 (
                     contact.name,
@@ -255,6 +254,12 @@ class HandResult(Result):
                 )
             )
         return Summarized.aligned(rows, {0, 1})
+
+    def _friction(self, contact: str) -> float:
+        """Coefficient of friction of a contact."""
+        of = {f"{setup.name}.": setup.friction for setup in self.scene.setups}
+        of |= {f"{support.name}_": support.friction for support in self.scene.supports}
+        return next(friction for start, friction in of.items() if contact.startswith(start))
 
     @check_arguments
     def save(self, folder: str | PathLike[str], *, quality: bool = True) -> Path:

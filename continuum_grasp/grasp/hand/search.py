@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations, product
 
 import numpy as np
@@ -12,9 +13,9 @@ from continuum_grasp.base import Numbers as Array
 from continuum_grasp.base import interrupts_held
 from continuum_grasp.grasp.hand.body import BodySurface
 from continuum_grasp.grasp.hand.frames import PlaneFrame
-from continuum_grasp.grasp.hand.numbers import finger_bounds, hand_numbers, hand_units, surfaces, with_forces
+from continuum_grasp.grasp.hand.numbers import PRESSED, finger_bounds, hand_numbers, hand_units, surfaces, with_forces
 from continuum_grasp.grasp.hand.problem import RELAXED, SURFACE, HandEquations, HandProblem, HandSpec, hand_equations
-from continuum_grasp.grasp.hand.starts import FingerPlane, TouchingPosture, postures
+from continuum_grasp.grasp.hand.starts import DEPTH, FingerPlane, TouchingPosture, postures
 from continuum_grasp.grasp.problem.points import bending_arrays, coordinates
 from continuum_grasp.grasp.problem.solver_run import allowed_depth, settings_of, solve_clear
 from continuum_grasp.grasp.problem.unknowns import FingerLayout
@@ -81,6 +82,7 @@ class HandSearch:
     def modes(self) -> list[frozenset[str]]:
         """Sets of contacts that the scene leaves to choose: the same kinds for all fingers, where they are free."""
         sets = dict[frozenset[str], None]()
+        carried = {contact.name for contact in self.scene.support_contacts}
         for middle, tip in ((False, True), (True, False), (True, True)):
             on = set[str]()
             for setup in self.scene.setups:
@@ -88,7 +90,7 @@ class HandSearch:
                 on |= {setup.middle_names[0]} if one == "on" or (middle and one == "auto") else set()
                 on |= {setup.tip_name} if setup.tip == "on" or (tip and setup.tip == "auto") else set()
             if on and all({s.middle_names[0], s.tip_name} & on for s in self.scene.setups):
-                sets[frozenset(on)] = None
+                sets[frozenset(on | carried)] = None
         return list(sets)
 
     def run(self) -> Iterator[HandTried]:
@@ -97,9 +99,10 @@ class HandSearch:
         held = False
         for on in self.modes:
             # Fingers that touch with both of their contacts rarely hold with less, and take twice the equations.
-            if held and effort != "thorough" and len(on) > len(self.scene.setups):
+            spec = HandSpec.of(self.scene, on)
+            if held and effort != "thorough" and len(spec.contacts) > len(self.scene.setups):
                 continue
-            equations = hand_equations(HandSpec.of(self.scene, on))
+            equations = hand_equations(spec)
             each = [self._postures(setup, frame, on, POSTURES[effort]) for setup, frame in self._fingers]
             if not all(each):
                 self.untouched[on] = [s.name for s, found in zip(self.scene.setups, each, strict=True) if not found]
@@ -112,8 +115,11 @@ class HandSearch:
                 if left > LEFT and effort != "thorough" and held:
                     break
                 tried = self._solve(equations, on, chosen, x, p)
-                yield tried
-                if tried.attempt.converged and (lighter := self._without_idle(tried)) is not None:
+                lighter = self._without_idle(tried) if tried.attempt.converged else None
+                # Palm or table that carries nothing would count as what holds the object in place.
+                if lighter is None or not lighter.attempt.converged or not spec.carried:
+                    yield tried
+                if lighter is not None:
                     yield lighter
                 held |= tried.attempt.converged
                 if tried.attempt.converged and effort != "thorough":
@@ -125,7 +131,11 @@ class HandSearch:
         forces, normals = tried.arrays["contact_forces"], tried.arrays["contact_normals"]
         pressing = dict(zip(tried.arrays["contact_names"].tolist(), (forces * normals).sum(axis=1), strict=True))
         least = IDLE * max(pressing.values())
-        on = frozenset(name for name in tried.on if name not in auto or pressing[name] > least)
+        idle = {name for name in auto & tried.on if pressing[name] <= least}
+        for contact in self.scene.support_contacts:  # the rounded apex of a cone leaves a force that grows as 1 / mu
+            friction = pressing.get(contact.name, 0.0) * contact.support.friction
+            idle |= {contact.name} if friction <= max(least, IDLE * self.scene.weight) else set()
+        on = tried.on - idle
         if on == tried.on:
             return None
         lighter = hand_equations(replace(HandSpec.of(self.scene, on), pairs=tried.equations.problem.spec.pairs))
@@ -166,7 +176,30 @@ class HandSearch:
     def _postures(self, setup: FingerSetup, frame: PlaneFrame, on: frozenset[str], most: int) -> list[TouchingPosture]:
         half = float(setup.finger.profile.half_thickness(0.0))
         plane = FingerPlane(frame, setup.finger.rod.length, half, self.body.distance)
-        return postures(plane, setup, setup.middle_names[0] in on, setup.tip_name in on, most)
+        return postures(
+            plane, setup, setup.middle_names[0] in on, setup.tip_name in on, most, partial(self._clears, setup, frame)
+        )
+
+    def _clears(self, setup: FingerSetup, frame: PlaneFrame, posture: TouchingPosture) -> bool:
+        """Whether a posture keeps clear of palm and table, but for what the solver moves out."""
+        if not self.scene.supports:
+            return True
+        length = setup.finger.rod.length
+        line = length * np.array([_place(posture, at) for at in np.linspace(0.05, 1.0, 20)])
+        heights = self._over_supports(setup, frame, frame.world(np.column_stack([line, np.zeros(len(line))])))
+        return min(float(height.min()) for height in heights) > -DEPTH * length
+
+    def _over_supports(self, setup: FingerSetup, frame: PlaneFrame, points: Array) -> list[Array]:
+        """Gaps between a finger at points (..., 3) of its line and each support [m]; infinite near the base, where it
+        may come out of it.
+        """
+        half = float(setup.finger.profile.half_thickness(0.0))
+        away, gaps = np.linalg.norm(points - frame.base, axis=-1), []
+        for support in self.scene.supports:
+            needed = support.clear_from(tuple(frame.base), tuple(frame.axes[:, 1]), half)
+            heights = (points - np.array(support.point)) @ np.array(support.normal) - half
+            gaps.append(np.where(away >= needed, heights, np.inf))
+        return gaps
 
     # -- a start -------------------------------------------------------------------------------------------------
 
@@ -201,11 +234,14 @@ class HandSearch:
         sizes = problem.numbers.sizes
         free = {name: np.full(sizes[name], 0.5) for name in sizes if name.endswith((".probes", ".strain probes"))}
         free |= {name: np.zeros(sizes[name]) for name in sizes if name.startswith(("first of ", "second of "))}
+        free |= {name: np.zeros(sizes[name]) for name in sizes if ".clear of " in name}
         away = np.concatenate([[0.0, 0.0, -AWAY, 0.0, 0.0, 1.0], np.zeros(SURFACE - 6)])
         free |= {name: np.tile(away, sizes[name] // SURFACE) for name in sizes if name.endswith(".surfaces")}
         p = problem.numbers.pack({name: value for name, value in (numbers | free).items() if name in sizes})
         x = problem.x.pack(values, 0.0)
-        self._choose_places(problem, self._guarded(equations, x, p), p)
+        guarded = self._guarded(equations, x, p)
+        self._choose_places(problem, guarded, p)
+        self._choose_free(problem, guarded, p)
         residual, x = with_forces(scene, equations, x, p)
         return residual, x, p
 
@@ -222,12 +258,13 @@ class HandSearch:
             fractions = np.repeat(PROBED[:, None], setup.elements, axis=1)
             lines = [problem.fingers[k].shared.probed(q, u, row[None], numbers) for row in fractions]
             points = np.array([np.array(line).T for line in lines]) * setup.finger.rod.length
-            away, _ = self.body.distance(
-                frame.world(np.concatenate([points, np.zeros((*points.shape[:2], 1))], axis=2))
-            )
+            placed = frame.world(np.concatenate([points, np.zeros((*points.shape[:2], 1))], axis=2))
+            away = self.body.distance(placed)[0] - float(setup.finger.profile.half_thickness(0.0))
+            away = np.minimum.reduce([away, *self._over_supports(setup, frame, placed)])
             p[problem.numbers.at[f"{setup.name}.probes"]] = PROBED[away.argmin(axis=0)]
         guarded = self._guarded(equations, x, p)
         self._choose_places(problem, guarded, p)
+        self._choose_free(problem, guarded, p)
         for points, free, setup in zip(guarded, equations.free, self.scene.setups, strict=True):
             thick = np.full(len(free), float(setup.finger.profile.half_thickness(0.0)))
             near = surfaces(self.body, points[free], thick, self.units.length)
@@ -246,6 +283,12 @@ class HandSearch:
             pair = [self.scene.setups[j].name for j in (k, m)]
             for side, chosen in zip(("first", "second"), _nearest(guarded[k], guarded[m], problem, k), strict=True):
                 p[problem.numbers.at[f"{side} of {pair[0]}, {pair[1]}"]] = chosen.ravel()
+
+    def _choose_free(self, problem: HandProblem, guarded: Sequence[Array], p: Array) -> None:
+        """Set the numbers that say which places of fingers keep clear of palm and table."""
+        for (setup, frame), points in zip(self._fingers, guarded, strict=True):
+            for support, gaps in zip(self.scene.supports, self._over_supports(setup, frame, points), strict=True):
+                p[problem.numbers.at[f"{setup.name}.clear of {support.name}"]] = np.isfinite(gaps)
 
     def _guarded(self, equations: HandEquations, x: Array, p: Array) -> list[Array]:
         """Guarded places of each finger (K, 3) [m]."""
@@ -266,10 +309,14 @@ class HandSearch:
             low[f"{setup.name}.pulls"], pulled = finger_bounds(setup)
             # Greatest tensions are constraints, which can be relaxed; a tendon that is not there has a bound.
             high[f"{setup.name}.pulls"] = [np.inf if pull > 0.0 else 0.0 for pull in pulled]
+        # Where palm or table could carry the object alone, fingers would touch it without a force that holds it.
+        least = PRESSED * self.scene.weight / self.units.force if problem.carried else 0.0
         for contact in problem.contacts:
-            low[f"force, {contact.spec.name}"] = [0.0, -np.inf, -np.inf]
+            low[f"force, {contact.spec.name}"] = [least, -np.inf, -np.inf]
             most = ASIDE * self.scene.setups[contact.spec.finger].finger.rod.length / self.units.length
             low[f"shift, {contact.spec.name}"], high[f"shift, {contact.spec.name}"] = -most, most
+        for carried in problem.carried:
+            low[f"force, {carried.name}"] = [0.0, -np.inf, -np.inf]
         return problem.x.pack(low, -np.inf), problem.x.pack(high, np.inf)
 
     def _solve(
@@ -292,6 +339,7 @@ class HandSearch:
             halves = [float(setup.finger.profile.half_thickness(0.0)) for setup in self.scene.setups]
             for k, (points, free) in enumerate(zip(guarded, equations.free, strict=True)):
                 depths = [halves[k] - self.body.distance(points[free])[0]]
+                depths += [-gaps for gaps in self._over_supports(*self._fingers[k], points)]
                 depths += [(halves[k] + halves[m] - _apart(points, guarded[m])).ravel() for m in near_to.get(k, ())]
                 gaps.append(float(np.concatenate(depths).max()) / self.scene.setups[k].finger.rod.length)
             # Where contacts have moved, the cubics have to follow.
@@ -344,12 +392,13 @@ class HandSearch:
     def _arrays(self, equations: HandEquations, x: Array, p: Array) -> dict[str, Array]:
         """Stored arrays of a point (SI)."""
         problem, units = equations.problem, self.units
-        contacts = problem.contacts
+        names = [*(c.spec.name for c in problem.contacts), *(c.name for c in problem.carried)]
         touches = [np.array(value) for value in equations.touches.call([x, p])]
-        per = [touches[5 * c : 5 * c + 5] for c in range(len(contacts))]
-        lengths = [self.scene.setups[c.spec.finger].finger.rod.length for c in contacts]
+        per = [touches[5 * c : 5 * c + 5] for c in range(len(names))]
+        lengths = [self.scene.setups[c.spec.finger].finger.rod.length for c in problem.contacts]
+        lengths += [0.0] * len(problem.carried)
         out: dict[str, Array] = {
-            "contact_names": np.array([c.spec.name for c in contacts]),
+            "contact_names": np.array(names),
             "contact_positions": np.array([part[0].ravel() for part in per]) * units.length,
             "contact_normals": np.array([part[1].ravel() for part in per]),
             "contact_forces": np.array([part[2].ravel() for part in per]) * units.force,

@@ -10,10 +10,15 @@ with K = E I z z^T + E I_l across across^T + G J t t^T, f the force on the finge
 from the center of mass to the point of contact, on the motions that leave the points that touch together:
 
     int psi x t ds - psi x h n = u + phi x a
+
+At palm and table, with reaction N against n and the radii of curvature rho of the surface, the object rolls:
+
+    u + phi x a = 0,  2 E += N (phi x n) . rho (phi x n)
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -21,7 +26,7 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.check import EXACT
-from continuum_grasp.grasp.hand.recomputed import HandTouch, RecomputedHand, SpatialFinger
+from continuum_grasp.grasp.hand.recomputed import HandTouch, ObjectTouch, RecomputedHand, SpatialFinger
 
 LINKS = 24
 """Links per finger: least eigenvalues of six grasps by three tips are then within 0.2 % of those with 96, and the load
@@ -37,9 +42,11 @@ by MuJoCo, for which it is 0.01 N m, those between 0 and it crept by up to 1 mm 
 it moved by 0.14 mm at most, and those below 0 turned away."""
 SWINGS = 0.1
 """Part of the least mode that is the object's, below which a finger moves and the object hardly does."""
+BESIDE = 1e-3
+"""Distance from a contact, per size of the object, at which the surface's normals give its curvature [1]."""
 ASSUMPTIONS = (
-    "constant tensions; contacts that press stick as pins, without rolling, those that do not are left out; bases are "
-    "fixed; tendons do not stiffen the fingers against twist"
+    "constant tensions; contacts that press stick as pins, those of fingers without rolling; others are left out; "
+    "bases are fixed; tendons do not stiffen the fingers against twist"
 )
 
 
@@ -142,12 +149,15 @@ class HandSystem:
             for arm in (arm for channel in finger.plane.finger.channels for arm in channel.arms):
                 tendons.append(np.zeros(size))
                 tendons[-1][span] = arm * chain.turns_in_plane()
-        for contact in hand.contacts:
-            if contact.normal_force <= EXACT * hand.force_scale:  # within the tolerance of balance, it holds nothing
-                continue
-            k = next(k for k, finger in enumerate(hand.fingers) if contact in finger.contacts)
+        for contact in hand.pressing:
             place, row = contact.point - hand.com, np.zeros((3, size))
-            row[:, self.spans[k]] = self.chains[k].motion(contact)
+            if isinstance(contact, HandTouch):
+                k = next(k for k, finger in enumerate(hand.fingers) if contact in finger.contacts)
+                row[:, self.spans[k]] = self.chains[k].motion(contact)
+            else:
+                across = skew(contact.normal)
+                radii = curvature_radii(hand, contact)
+                self.hessian[-3:, -3:] += contact.normal_force * across.T @ radii @ across
             row[:, -6:-3], row[:, -3:] = -np.eye(3), skew(place)
             rows.append(row)
             self.hessian[-3:, -3:] += twice_turned(contact.load, place)
@@ -169,6 +179,30 @@ class HandSystem:
         if float(turn @ turn) < float(shift @ shift):
             return f"shifts along {'xyz'[int(np.argmax(np.abs(shift)))]}"
         return "turns about the hand's axis" if axis == 2 else f"tilts about {'xy'[axis]}"
+
+
+def curvature_radii(hand: RecomputedHand, contact: ObjectTouch) -> Array:
+    """Radii of curvature (3, 3) of the object's surface at a contact [m], as a tensor of the tangent plane.
+
+    At the border of a flat part, that of the side which curves: the object then rolls over the border.
+    """
+    normal = contact.normal
+    first = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    axes = np.stack([first / np.linalg.norm(first), np.cross(normal, first) / np.linalg.norm(first)])
+    step = BESIDE * hand.size
+    # Beside the surface normals change with the place by 1 / (radius + distance), and differences are exact.
+    at = contact.point + step * normal
+    # The turns of the normal on both sides of an axis, in the tangent plane.
+    away = np.concatenate([axes, -axes])
+    turns = hand.surface.nearest(at + step * away).normal @ axes.T
+    ahead, behind = turns[:2], -turns[2:]
+    _, directions = np.linalg.eigh(0.5 * (ahead + behind) + 0.5 * (ahead + behind).T)
+    axes = directions.T @ axes
+    turns = (hand.surface.nearest(at + step * np.concatenate([axes, -axes])).normal) @ axes.T
+    slopes = np.maximum(np.diag(turns[:2]), -np.diag(turns[2:]))
+    # tan of the turn is step / (radius + step).
+    radii = [max(step * math.sqrt(max(1.0 - s * s, 0.0)) / s - step, 0.0) if s > 0.0 else np.inf for s in slopes]
+    return np.asarray(axes.T @ np.diag(np.minimum(radii, hand.size)) @ axes)
 
 
 class FingerChain:

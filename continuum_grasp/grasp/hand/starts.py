@@ -71,8 +71,15 @@ class TouchingPosture:
         return abs(self.joint - other.joint) < APART and curved < 0.5
 
 
-def postures(plane: FingerPlane, setup: FingerSetup, middle: bool, tip: bool, most: int) -> list[TouchingPosture]:
-    """The likeliest postures of a finger that touch with middle contact or tip, or both, and differ."""
+def postures(
+    plane: FingerPlane,
+    setup: FingerSetup,
+    middle: bool,
+    tip: bool,
+    most: int,
+    clears: Callable[[TouchingPosture], bool] = lambda posture: True,
+) -> list[TouchingPosture]:
+    """The likeliest postures of a finger that touch with middle contact or tip, or both, clear the rest, and differ."""
     low, high = (s / plane.length for s in setup.middle_bounds)
     sign = {"both": (-1.0, 1.0), "left": (0.0, 1.0), "right": (-1.0, 0.0)}[setup.finger.tendons_used]
     first = np.linspace(BENDS * sign[0], BENDS * sign[1], FIRST)
@@ -87,7 +94,7 @@ def postures(plane: FingerPlane, setup: FingerSetup, middle: bool, tip: bool, mo
     found.sort(key=lambda posture: posture.score)
     different = list[TouchingPosture]()
     for posture in found:
-        if not any(posture.is_near(other) for other in different):
+        if not any(posture.is_near(other) for other in different) and clears(posture):
             different.append(posture)
         if len(different) == most:
             break

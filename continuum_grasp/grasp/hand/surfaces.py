@@ -11,6 +11,9 @@ from continuum_grasp.scene import HandScene
 
 _STEPS = 100
 """Newton steps toward the nearest point of an ellipsoid at most; twenty bring a point near it to rounding."""
+_FAR, _TURNS = 10.0, 14
+"""Distance of a plane from the object, per its size, and projections: the place moves by a tenth of the time before at
+each, and its height by a hundredth."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,23 @@ class PlacedSolid:
         distance, normal = self._local((points - self._position) @ self._axes)
         normal = normal @ self._axes.T
         return NearestPlaces(distance, points - distance[:, None] * normal, normal)
+
+    def height(self, point: Array, normal: Array) -> float:
+        """Least distance of the surface from a plane through a point [m], negative behind it.
+
+        By turns, the place of the surface nearest to a point of a plane far off, and the point of that plane nearest to
+        the place, from several points.
+        """
+        far = _FAR * self._body.size
+        side = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+        spread = np.stack(np.meshgrid(*[[-1.0, -0.5, 0.0, 0.5, 1.0]] * 2), axis=-1).reshape(-1, 2) * self._body.size
+        center = self._position - (normal @ (self._position - point) + far) * normal
+        points = center + spread @ np.stack([side, np.cross(normal, side)]) / np.linalg.norm(side)
+        for _ in range(_TURNS):
+            places = self.nearest(points).point
+            heights = (places - point) @ normal
+            points = places - (heights + far)[:, None] * normal
+        return float(heights.min())
 
     def _local(self, points: Array) -> tuple[Array, Array]:
         """Distances (n,) and normals (n, 3) in the frame of the shape."""

@@ -10,7 +10,7 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.plotting.drawing.bodies import draw_body, finger_outline
 from continuum_grasp.plotting.drawing.forces import draw_arrow
-from continuum_grasp.plotting.drawing.style import Color, Z, plain
+from continuum_grasp.plotting.drawing.style import MATERIAL, Color, Z, plain
 from continuum_grasp.plotting.drawing.styled_axes import new_figure, wrapped
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _SPACE, _PLANE = 4.6, 2.7
 """Side of the view in space, and of each plane [inch]."""
+_SUPPORT = MATERIAL["edgecolor"]
 _ARROW = 0.35
 """Length of the greatest force, per length of the longest finger [1]."""
 
@@ -25,9 +26,9 @@ _ARROW = 0.35
 def plot_hand(result: Any) -> list[Axes]:
     """Draw the grasp of a hand: in space, and in the plane of each finger.
 
-    Arrows are the forces that the object bears at its contacts, in a plane the part of them that lies in it. The closed
-    line in a plane is the section of the object; a finger beside its center touches it at a slant, and its contact then
-    lies off the section.
+    Arrows are the forces that the object bears at its contacts, in a plane the part of them that lies in it. Palm and
+    table are gray. The closed line in a plane is the section of the object; a finger beside its center touches it at a
+    slant, and its contact then lies off the section.
     """
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
@@ -67,6 +68,10 @@ def _draw_space(ax: Any, result: Any, lines: dict[str, Array], scale: float) -> 
     surface = 1e3 * result.body.mesh()
     ax.plot_surface(*np.moveaxis(surface, -1, 0), color=Color.OBJECT, edgecolor=Color.EDGE, linewidth=0.15, alpha=0.55)
     boxes = [surface.reshape(-1, 3)]
+    for support in scene.supports:
+        patch = 1e3 * _patch(scene, support)
+        ax.plot_surface(*np.moveaxis(patch, -1, 0), color=_SUPPORT, linewidth=0.0, alpha=0.35)
+        boxes.append(patch.reshape(-1, 3))
     for setup, frame in zip(scene.setups, result.frames, strict=True):
         length, half = setup.finger.rod.length, float(setup.finger.profile.half_thickness(0.0))
         line = lines.get(setup.name, np.array([[0.0] * 4, [length, 0.0, length, 0.0]]))
@@ -87,6 +92,22 @@ def _draw_space(ax: Any, result: Any, lines: dict[str, Array], scale: float) -> 
     ax.tick_params(labelsize=7)
 
 
+def _patch(scene: Any, support: Any) -> Array:
+    """Points (2, 49, 3) of the disc of a support, or of one below the object and the hand [m]."""
+    normal, center, radius = np.array(support.normal), np.array(support.point), support.radius
+    if math.isinf(radius):
+        bases = [base.position for base in scene.hand.named_bases.values()]
+        around = np.array([scene.object.position, *bases])
+        around = around - ((around - center) @ normal)[:, None] * normal
+        center = 0.5 * (around.min(axis=0) + around.max(axis=0))
+        radius = float(np.linalg.norm(around - center, axis=1).max()) + scene.object.size
+    first = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    first = first / np.linalg.norm(first)
+    turn = np.linspace(0.0, 2.0 * np.pi, 49)
+    rim = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * np.cross(normal, first)
+    return np.asarray(center + np.array([0.0, radius])[:, None, None] * rim)
+
+
 def _tube(frame: Any, line: Array, half: float) -> Array:
     """Points (K, 13, 3) of the skin of a round finger whose shape in its plane is (K, 4) [m]."""
     turn = np.linspace(0.0, 2.0 * np.pi, 13)
@@ -98,12 +119,34 @@ def _tube(frame: Any, line: Array, half: float) -> Array:
     return np.asarray(frame.world(center[:, None] + half * ring))
 
 
+def _draw_trace(ax: Axes, frame: Any, support: Any, shape: Array) -> None:
+    """Draw the line in which a support meets the plane of a finger, along what is drawn there (K, 2) [m]."""
+    normal, center = np.array(support.normal), np.array(support.point)
+    inside = frame.axes[:, :2].T @ normal
+    size = float(np.linalg.norm(inside))
+    if size < 0.1:  # nearly parallel: they meet far off
+        return
+    foot = float((center - frame.base) @ normal) / size**2 * inside
+    along = np.array([-inside[1], inside[0]]) / size
+    middle = float((frame.axes[:, :2].T @ (center - frame.base) - foot) @ along)
+    nearest = frame.base + frame.axes[:, :2] @ (foot + middle * along)
+    low, high = ((shape - foot) @ along).min(), ((shape - foot) @ along).max()
+    if math.isfinite(support.radius):
+        reach = math.sqrt(max(support.radius**2 - float((nearest - center) @ (nearest - center)), 0.0))
+        low, high = middle - reach, middle + reach
+    ax.plot(*(1e3 * (foot[:, None] + np.array([low, high]) * along[:, None])), color=_SUPPORT, zorder=Z.OBJECT)
+
+
 def _draw_plane(ax: Axes, result: Any, setup: Any, frame: Any, line: Array | None, scale: float) -> None:
     from matplotlib.patches import Polygon
 
     section = 1e3 * result.body.section(frame)
     if len(section):
         ax.add_patch(Polygon(section, facecolor=Color.OBJECT, edgecolor=Color.EDGE, zorder=Z.OBJECT))
+    if len(section) and line is not None:
+        shape = np.concatenate([1e-3 * section, line[:, 1:3]])
+        for support in result.scene.supports:
+            _draw_trace(ax, frame, support, shape)
     if line is not None:
         shown = line * [1e3, 1e3, 1e3, 1.0]
         draw_body(ax, 1e3 * finger_outline(line, setup.finger), facecolor=_colors(result)[setup.name])
