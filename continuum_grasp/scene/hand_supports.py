@@ -67,7 +67,7 @@ class PlaneSupport:
 
     name: str
     key: str
-    """Its place in the scene."""
+    """Place in the scene."""
     point: tuple[float, float, float]
     """A point of it, of a disc the center [m]."""
     normal: tuple[float, float, float]

@@ -151,14 +151,20 @@ def test_a_table_carries_a_box_that_the_fingers_hardly_touch():
     assert grasp.certificate.stability.stable
 
 
-def test_a_palm_below_carries_the_ball_and_one_above_does_not():
+def test_a_palm_below_carries_the_ball():
     below = optimize_grasp(hand("ball", {**BIG, "gravity": [0, 0, 9.81]}))
     assert carried(below, "palm")[2] == pytest.approx(-WEIGHT, rel=3 * 0.01)
+    assert below.certificate.passed
+    assert below.certificate.stability.stable
+
+
+@pytest.mark.deep
+def test_a_palm_above_carries_nothing():
     above = optimize_grasp(hand("ball", BIG))
     assert not [name for name in above.contact_names if name.startswith("palm")]
     without = optimize_grasp(hand("ball", {**BIG, "hand.palm.touch": "off"}))
     assert above.tension == pytest.approx(without.tension, rel=5e-3)  # two local optima are 0.2 % apart
-    for grasp in (below, above, without):
+    for grasp in (above, without):
         assert grasp.certificate.passed
         assert grasp.certificate.stability.stable
 

@@ -81,7 +81,7 @@ def _supports(scene: HandScene, on: frozenset[str]) -> tuple[tuple[str, ...], tu
 
 
 def grown(point: ca.SX, surface: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """How far a point is beyond a surface near by, to first order, and the gradient of that.
+    """Distance of a point beyond a surface near by, to first order, and the gradient of that.
 
     The surface is a place of it (3,), the normal there (3,), and second and third derivatives (9,) and (27,).
     """
