@@ -30,6 +30,7 @@ PAGES = {
     ),
     "follow_a_target": ("mpc/steady_tip", {"name": "Follow a target"}),
     "grasp_a_mug": ("simulate/close_on_mug", {"name": "Grasp a mug"}),
+    "hold_an_egg": ("hand/egg", {}),
     "release": ("simulate/nitinol_release_020g", {"name": "Release of a rod with a mass", "parameters": ["tip_mass"]}),
 }
 """Configuration and changes by the name of the page."""

@@ -43,5 +43,5 @@ class ExportTarget(ABC):
         return None
 
     def page_maker(self, kind: str) -> Callable[[Any], Any] | None:
-        """Function result -> page of a result that shows a ``motion`` or a ``loop``; None where there is none."""
+        """Function result -> page of one that shows a ``motion``, ``loop`` or ``hand``; None where there is none."""
         return None

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.base import InputError, addons, named_value
+from continuum_grasp.base import InputError
 from continuum_grasp.results.result import Result
 
 
@@ -24,13 +23,10 @@ class MotionResult(Result):
         it yields frames.
     fps : float
         Frames per second where none are asked for.
-    page : str
-        Kind of page that `show` gives, ``motion`` or ``loop``; empty where there is none.
     """
 
     frames: ClassVar[str]
     fps: ClassVar[float] = 30.0
-    page: ClassVar[str] = ""
 
     t: Any
     x: Any
@@ -95,15 +91,6 @@ class MotionResult(Result):
         if not self.page:
             raise InputError(f"there is no page of a {type(self).__name__}: take animate")
         return self._page_maker()(self)
-
-    def _page_maker(self) -> Any:
-        """The function of an add-on that makes the page of such a run."""
-        for addon in addons().values():
-            for target in addon.exports.values():
-                with suppress(ImportError):  # of one whose libraries are not installed
-                    if maker := named_value(target)().page_maker(self.page):
-                        return maker
-        raise InputError(f"no add-on that is installed makes a page of a {self.page}")
 
     def animate(
         self, path: str | os.PathLike[str], fps: float | None = None, *, speed: float = 1.0, width: int = 640

@@ -5,11 +5,12 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from continuum_grasp.base import InputError, Summarized, check_arguments, clipped, named_value, quoted
+from continuum_grasp.base import InputError, Summarized, addons, check_arguments, clipped, named_value, quoted
 from continuum_grasp.results.atomic import write_text
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.run_folder import Run, read_run, write_run
@@ -45,6 +46,8 @@ class Result(Summarized):
     pages : tuple of File
         Texts with pictures in them, written by `save_pictures`; their makers are given what was drawn, by picture, as
         ``pictures``.
+    page : str
+        Kind of page that ``show`` gives: ``motion``, ``loop`` or ``hand``; empty where there is none.
 
     Examples
     --------
@@ -72,6 +75,7 @@ class Result(Summarized):
     pictures: ClassVar[tuple[Picture, ...]] = ()
     on_request: ClassVar[tuple[Picture, ...]] = ()
     pages: ClassVar[tuple[File, ...]] = ()
+    page: ClassVar[str] = ""
 
     scene: Any
     status: Any
@@ -274,6 +278,15 @@ class Result(Summarized):
             else:
                 written.append(write_text(named_value(file.maker)(self, **options), folder / file.name))
         return written
+
+    def _page_maker(self) -> Any:
+        """The function of an add-on that makes the page of such a run."""
+        for addon in addons().values():
+            for target in addon.exports.values():
+                with suppress(ImportError):  # of one whose libraries are not installed
+                    if maker := named_value(target)().page_maker(self.page):
+                        return maker
+        raise InputError(f"no add-on that is installed makes a page of a {self.page}")
 
     def _shown_pairs(self) -> Mapping[str, str]:
         count = len(self.warnings)

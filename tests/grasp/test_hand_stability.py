@@ -105,6 +105,23 @@ def test_what_presses_harder_than_its_springs_turns_about_the_axis():
     assert abs(verdict.mode[5]) > 0.9
 
 
+def test_tensions_press_ends_that_are_held_as_a_moment_does_a_propped_beam():
+    """All fingers alike: a moment M along a beam that is clamped and propped at its end presses there with 3 M / (2 L),
+    and bends its middle outward by M L^2 / (32 EI) (superposition of a cantilever under a moment and under a force).
+    """
+    half = 1e-5
+    scene, arrays = cases.three_straight(1e-6, half=half)
+    response, fingers = hand_response(hand_of(scene, arrays), links=96), 3
+    moments = np.tile([half, 0.0], fingers)  # of the tendons on the side to which fingers bend, per tension
+    forces = response.forces_by_tension @ (moments > 0.0)
+    outs = np.array([[math.cos(math.tau * k / 3), math.sin(math.tau * k / 3), 0.0] for k in range(fingers)])
+    assert (forces * outs).sum(axis=1) == pytest.approx([1.5 * half / LENGTH] * fingers, rel=1e-3)
+    for out, places, changes in zip(outs, response.places, response.places_by_tension, strict=True):
+        middle = int(np.argmin(np.abs(places[:, 2] + 0.5 * LENGTH)))
+        bulge = out @ (changes[middle] @ (moments > 0.0))
+        assert bulge == pytest.approx(half * LENGTH**2 / (32.0 * STIFFNESS), rel=2e-3)
+
+
 def test_a_response_balances_the_object():
     scene, arrays = independent(16, 1.0)
     response = hand_response(hand_of(scene, arrays))

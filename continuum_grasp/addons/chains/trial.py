@@ -180,10 +180,9 @@ def promised_force(result: Any, direction: Array) -> float:
     """Greatest force along a direction at the object's center of mass that leaves every contact in its cone, and within
     its greatest normal force, by the linear response at constant tensions [N].
     """
-    hand, most = result.certificate.hand, math.inf
-    responses = iter(result.certificate.response.forces)
-    for contact in hand.pressing:
-        rate = next(responses)[:, :3] @ direction
+    most = math.inf
+    for contact, response in zip(result.certificate.hand.pressing, result.certificate.response.forces, strict=True):
+        rate = response[:, :3] @ direction
         press, more = float(contact.normal @ contact.load), float(contact.normal @ rate)
         along, aside = contact.load - press * contact.normal, rate - more * contact.normal
         # |along + F aside| = mu (press + F more) at the edge of the cone.

@@ -10,7 +10,6 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +17,17 @@ import numpy as np
 
 from continuum_grasp import __version__
 from continuum_grasp.addons.mission import AssignedMission, MissionRun, MissionScene
+from continuum_grasp.addons.web.hand import hand_page
+from continuum_grasp.addons.web.html_page import Page
 from continuum_grasp.addons.web.plant import FRICTION, PUSHED, WebPlant, plant_of_loop, plant_of_scene
 from continuum_grasp.addons.web.record import RecordedStates, loop_record, rounded, trajectory_record
 from continuum_grasp.base import Array, InputError, check_arguments, interruptible, split_unit
 from continuum_grasp.closed_loop import ControlRun, PlantModel, Sensors
 from continuum_grasp.control import Stages
 from continuum_grasp.export import ModelFields, WasmController, WebAssembly, check_file, fill
+from continuum_grasp.grasp import HandResult, optimize_grasp
 from continuum_grasp.model import System
-from continuum_grasp.results import write_text
-from continuum_grasp.scene import ControlScene, Finger, Scene, Tendon, scene_of
+from continuum_grasp.scene import ControlScene, Finger, HandScene, Scene, Tendon, scene_of
 from continuum_grasp.simulation import Trajectory
 
 _NEEDED = "a page needs {} to make WebAssembly, which no other C compiler replaces"
@@ -38,47 +39,18 @@ _MISSIONS = (MissionScene, AssignedMission, MissionRun)
 """Classes that have a mission; `AssignedMission.of` refuses those whose grasp is not found yet."""
 
 
-@dataclass(frozen=True)
-class Page:
-    """A page, which a notebook shows.
-
-    Attributes
-    ----------
-    text : str
-        HTML.
-    modules : dict of str to int
-        Size of each WebAssembly module, as it is before it is compressed [bytes].
-    file : pathlib.Path or None
-        Where it was written; None where a run shows it.
-    """
-
-    text: str = field(repr=False)
-    modules: dict[str, int]
-    file: Path | None = None
-
-    @property
-    def size(self) -> int:
-        """Size of the text [bytes]."""
-        return len(self.text.encode())
-
-    def save(self, file: str | os.PathLike[str]) -> Page:
-        """Write it to a file, whose folder is made where missing; an earlier page is replaced."""
-        target = Path(file)
-        check_file(target)
-        write_text(self.text, target)
-        return replace(self, file=target)
-
-    def _repr_html_(self) -> str:
-        """The page in a notebook."""
-        text = html.escape(self.text)
-        title = self.text.partition("<title>")[2].partition("</title>")[0]
-        return f'<iframe srcdoc="{text}" title="{title}" style="width:100%;height:860px;border:0"></iframe>'
-
-
 @interruptible()
 @check_arguments
 def export_web(
-    given: Scene | ControlScene | MissionScene | AssignedMission | MissionRun | str | os.PathLike[str],
+    given: Scene
+    | ControlScene
+    | MissionScene
+    | AssignedMission
+    | MissionRun
+    | HandScene
+    | HandResult
+    | str
+    | os.PathLike[str],
     file: str | os.PathLike[str],
 ) -> Page:
     """Write a scene as a page, one file that needs no network, in which its own C runs as WebAssembly.
@@ -86,11 +58,13 @@ def export_web(
     A scene of ``simulate`` becomes a finger whose inputs and run-time parameters have sliders; until one is moved,
     inputs follow the scene. A closed loop has its plant, its estimator and its controller, whose target is dragged. A
     mission, as `assign_mission` gives it, has its phases too, and may be ended before its time.
-    Fingers and objects are pushed with the mouse or a finger.
+    Fingers and objects are pushed with the mouse or a finger. The grasp of a hand is seen in space, and follows its
+    linear response to tensions, without WebAssembly.
 
     Parameters
     ----------
-    given : Scene, ControlScene, AssignedMission, MissionRun or path of a configuration
+    given : Scene, ControlScene, AssignedMission, MissionRun, HandScene, HandResult or path
+        The path is that of a configuration, or the folder of the grasp of a hand.
     file : path-like
         Page to write; an earlier one is replaced, a file that no export wrote is not.
 
@@ -115,7 +89,13 @@ def export_web(
     ...     assert list(page.modules) == ["plant"]
     """
     check_file(Path(file))
-    scene = scene_of(given, (Scene, ControlScene, *_MISSIONS))
+    if isinstance(given, str | os.PathLike) and Path(given).is_dir():
+        given = HandResult.of_run(given)
+    if isinstance(given, HandResult):
+        return hand_page(given).save(file)
+    scene = scene_of(given, (Scene, ControlScene, HandScene, *_MISSIONS))
+    if isinstance(scene, HandScene):
+        return hand_page(optimize_grasp(scene)).save(file)
     return (page_of_mission(scene) if isinstance(scene, _MISSIONS) else page_of(scene)).save(file)
 
 

@@ -111,6 +111,9 @@ class HandResult(Result):
         Picture("hand", "continuum_grasp.plotting.grasp.hand:plot_hand", panels=True),
     )
 
+    pages: ClassVar[tuple[File, ...]] = (File("report.html", "continuum_grasp.grasp.hand.result:report_page"),)
+    page: ClassVar[str] = "hand"
+
     scene: HandScene
     status: GraspStatus
     message: str
@@ -159,6 +162,16 @@ class HandResult(Result):
     def solved(self) -> bool:
         """Whether there is a verified grasp that holds the object."""
         return self.status in (GraspStatus.OPTIMAL, GraspStatus.FEASIBLE)
+
+    def show(self) -> Any:
+        """Show the grasp as a page in space: turn it, and see what tensions change to first order.
+
+        Returns
+        -------
+        continuum_grasp.addons.web.Page
+            A notebook shows it; ``save`` writes it to a file.
+        """
+        return self._page_maker()(self)
 
     @property
     def contact_names(self) -> list[str]:
@@ -241,7 +254,7 @@ class HandResult(Result):
     def _contact_rows(self) -> list[str]:
         rows = [("Contact", "At [mm]", "Along [mm]", "Normal [N]", "Friction [N]", "Margin", "To the side [mm]")]
         for contact in self.contacts:
-            limit = self._friction(contact.name) * contact.normal_force
+            limit = self.friction_of(contact.name) * contact.normal_force
             rows.append(
                 (
                     contact.name,
@@ -255,7 +268,7 @@ class HandResult(Result):
             )
         return Summarized.aligned(rows, {0, 1})
 
-    def _friction(self, contact: str) -> float:
+    def friction_of(self, contact: str) -> float:
         """Coefficient of friction of a contact."""
         of = {f"{setup.name}.": setup.friction for setup in self.scene.setups}
         of |= {f"{support.name}_": support.friction for support in self.scene.supports}
@@ -283,6 +296,11 @@ class HandResult(Result):
             "advice": self.advice,
             **({"trial": plain(self.trial)} if self.trial else {}),
         }
+
+
+def report_page(result: HandResult, **_: Any) -> str:
+    """Text of the page of a grasp."""
+    return str(result.show().text)
 
 
 def result_yaml(result: HandResult, *, quality: bool = True) -> str:

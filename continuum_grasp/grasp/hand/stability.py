@@ -88,6 +88,8 @@ class HandResponse:
     forces: Array  # (C, 3, 6) change of the contact forces on the fingers per wrench
     pose_by_tension: Array  # (6, T) shift and turn of the object per tension, of all tendons by finger
     forces_by_tension: Array  # (C, 3, T) change of the contact forces per tension
+    places: tuple[Array, ...]  # of each finger: nodes of its displaced backbone (N + 1, 3) [m]
+    places_by_tension: tuple[Array, ...]  # (N + 1, 3, T) their displacement per tension
 
 
 def hand_stability(hand: RecomputedHand, links: int = LINKS) -> HandStability:
@@ -119,8 +121,11 @@ def hand_response(hand: RecomputedHand, links: int = LINKS) -> HandResponse:
     moved = free @ np.linalg.solve(free.T @ hessian @ free, free.T @ loads)
     # What the constraints take of the loads: forces on the fingers, least squares where the contacts are indeterminate.
     forces = left[:, :rank] @ ((right[:rank] @ (hessian @ moved - loads)) / singular[:rank, None])
-    pose, forces = (scale[:, None] * moved)[-6:], forces.reshape(len(rows) // 3, 3, -1)
-    return HandResponse(pose[:, :6], forces[..., :6], pose[:, 6:], forces[..., 6:])
+    moved, forces = scale[:, None] * moved, forces.reshape(len(rows) // 3, 3, -1)
+    pose = moved[-6:]
+    shapes = [chain.displaced(moved[span, 6:]) for chain, span in zip(system.chains, system.spans, strict=True)]
+    points = tuple(chain.points for chain in system.chains)
+    return HandResponse(pose[:, :6], forces[..., :6], pose[:, 6:], forces[..., 6:], points, tuple(shapes))
 
 
 def held_directions(rows: Array) -> Array:
@@ -300,6 +305,15 @@ class FingerChain:
         arm = contact.center - contact.radius * contact.normal - 0.5 * (self.points[1:] + self.points[:-1])
         arm[self.node(contact) :] = 0.0
         return np.concatenate([-skew(away) for away in arm], axis=1)
+
+    def displaced(self, turns: Array) -> Array:
+        """Displacements (N + 1, 3, T) of the nodes by turns from node to node (3 N, T)."""
+        nodal = np.concatenate(
+            [np.zeros((1, 3, turns.shape[1])), np.cumsum(turns.reshape(-1, 3, turns.shape[1]), axis=0)]
+        )
+        middles = 0.5 * (nodal[1:] + nodal[:-1])
+        steps = np.cross(middles, (self.chords * self.ds[:, None])[:, :, None], axis=1)
+        return np.concatenate([nodal[:1], np.cumsum(steps, axis=0)])
 
     def turns_in_plane(self) -> Array:
         """Turn of the tip within the plane of bending (3 N,), by which a tendon of constant offset shortens."""
