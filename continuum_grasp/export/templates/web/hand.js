@@ -240,7 +240,7 @@ function tell() {
   const rows = document.querySelectorAll("#contacts tbody tr");
   shown.forEach((contact, k) => {
     const cells = rows[k].children, finger = known.fingers.findIndex((f) => contact.name.startsWith(`${f.name}.`));
-    cells[0].style.setProperty("--own", `rgb(${COLORS[Math.max(finger, 0) % COLORS.length].map((v) => Math.round(255 * v))})`);
+    cells[0].style.setProperty("--own", `rgb(${(finger < 0 ? BASE : COLORS[finger % COLORS.length]).map((v) => Math.round(255 * v))})`);
     cells[1].textContent = contact.press.toFixed(3);
     cells[2].textContent = contact.aside.toFixed(3);
     cells[3].textContent = Number.isFinite(contact.cone) ? `${(100 * contact.cone).toFixed(0)} %` : "off";
