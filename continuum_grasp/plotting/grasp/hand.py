@@ -19,6 +19,12 @@ if TYPE_CHECKING:
 _SPACE, _PLANE = 4.6, 2.7
 """Side of the view in space, and of each plane [inch]."""
 _SUPPORT = MATERIAL["edgecolor"]
+_VIEW = 18.0, -50.0
+"""Elevation and azimuth from which the hand is seen [deg]."""
+_LIGHT = 160.0, 45.0
+"""Azimuth and altitude of the light, as matplotlib counts them [deg]."""
+_LAYERS = 1.0, 2.0, 3.0, 4.0
+"""Orders of drawing in space: behind the object, the object, before it, forces."""
 _ARROW = 0.35
 """Length of the greatest force, per length of the longest finger [1]."""
 
@@ -33,7 +39,7 @@ def plot_hand(result: Any) -> list[Axes]:
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
     scene = result.scene
-    columns = min(len(scene.setups), 3)
+    columns = 2 if len(scene.setups) in (2, 4) else min(len(scene.setups), 3)
     rows = math.ceil(len(scene.setups) / columns)
     figure = new_figure(_SPACE + columns * _PLANE, max(_SPACE, rows * _PLANE) + 0.5)
     grid = figure.add_gridspec(rows, columns + 1, width_ratios=[1.15 * _SPACE / _PLANE, *[1.0] * columns])
@@ -47,8 +53,20 @@ def plot_hand(result: Any) -> list[Axes]:
     for k, (setup, frame) in enumerate(zip(scene.setups, result.frames, strict=True)):
         ax = figure.add_subplot(grid[k // columns, 1 + k % columns])
         _draw_plane(ax, result, setup, frame, lines.get(setup.name), scale)
+        if k % columns == 0:
+            ax.set_ylabel("along [mm]", fontsize=8)
         planes.append(ax)
+    _align(planes)
     return [space, *planes]
+
+
+def _align(planes: list[Axes]) -> None:
+    """Give planes one scale: the same spans around what each shows. Bases are above, as in the hand."""
+    spans = np.array([[ax.dataLim.width, ax.dataLim.height] for ax in planes]).max(axis=0)
+    for ax in planes:
+        middle, half = 0.5 * (ax.dataLim.min + ax.dataLim.max), 0.53 * spans
+        ax.set_xlim(middle[0] + half[0], middle[0] - half[0])
+        ax.set_ylim(middle[1] + half[1], middle[1] - half[1])
 
 
 def _arrow_scale(result: Any) -> float:
@@ -64,32 +82,49 @@ def _colors(result: Any) -> dict[str, str]:
 
 
 def _draw_space(ax: Any, result: Any, lines: dict[str, Array], scale: float) -> None:
+    from matplotlib.colors import LightSource
+
     scene, colors = result.scene, _colors(result)
-    surface = 1e3 * result.body.mesh()
-    ax.plot_surface(*np.moveaxis(surface, -1, 0), color=Color.OBJECT, edgecolor=Color.EDGE, linewidth=0.15, alpha=0.55)
+    surface = 1e3 * result.body.mesh()[::-1]  # the light is counted from the side of normals of rows times columns
+    ax.computed_zorder = False  # by the depth of whole surfaces, which passes fingers through an object that they touch
+    ax.view_init(elev=_VIEW[0], azim=_VIEW[1])
+    look = {"linewidth": 0.0, "lightsource": LightSource(azdeg=_LIGHT[0], altdeg=_LIGHT[1])}
+    ax.plot_surface(*np.moveaxis(surface, -1, 0), color=Color.OBJECT, alpha=0.75, zorder=_LAYERS[1], **look)
     boxes = [surface.reshape(-1, 3)]
     for support in scene.supports:
         patch = 1e3 * _patch(scene, support)
-        ax.plot_surface(*np.moveaxis(patch, -1, 0), color=_SUPPORT, linewidth=0.0, alpha=0.35)
+        ax.plot_surface(
+            *np.moveaxis(patch, -1, 0), color=_SUPPORT, linewidth=0.0, alpha=0.35, zorder=_layer(patch, surface)
+        )
         boxes.append(patch.reshape(-1, 3))
     for setup, frame in zip(scene.setups, result.frames, strict=True):
         length, half = setup.finger.rod.length, float(setup.finger.profile.half_thickness(0.0))
         line = lines.get(setup.name, np.array([[0.0] * 4, [length, 0.0, length, 0.0]]))
-        points = 1e3 * _tube(frame, line, half)
-        ax.plot_surface(*np.moveaxis(points, -1, 0), color=colors[setup.name], linewidth=0.0, alpha=0.85)
+        points = 1e3 * _tube(frame, line, half)[::-1]
+        layer = _layer(points, surface)
+        ax.plot_surface(*np.moveaxis(points, -1, 0), color=colors[setup.name], alpha=0.9, zorder=layer, **look)
         boxes.append(points.reshape(-1, 3))
     for contact in result.contacts:
         start, push = 1e3 * contact.position, -1e3 * scale * contact.force
-        ax.quiver(*(start - push), *push, color=Color.INK, linewidth=1.4, arrow_length_ratio=0.25)
+        ax.quiver(*(start - push), *push, color=Color.INK, linewidth=1.4, arrow_length_ratio=0.25, zorder=_LAYERS[3])
     low, high = (getattr(np.concatenate(boxes), side)(axis=0) for side in ("min", "max"))
     center, reach = 0.5 * (low + high), 0.5 * float((high - low).max())
     ax.set(**{f"{name}lim": (c - reach, c + reach) for name, c in zip("xyz", center, strict=True)})
+    high_end = center + reach * np.array([1.0, 1.0, 1.08])
     ax.set_box_aspect((1.0, 1.0, 1.0))
-    ax.view_init(elev=18.0, azim=-50.0)
     ax.set_xlabel("x [mm]", fontsize=8)
     ax.set_ylabel("y [mm]", fontsize=8)
-    ax.set_zlabel("z [mm]", fontsize=8, labelpad=-5.0)
+    # At the top of its axis: beside it, it would lie on the next panel.
+    ax.text(high_end[0], high_end[1], high_end[2], "z [mm]", fontsize=8, va="bottom")
     ax.tick_params(labelsize=7)
+
+
+def _layer(points: Array, surface: Array) -> float:
+    """Order of drawing of something that is behind the object, or before it."""
+    up, around = np.radians(_VIEW)
+    toward = np.array([math.cos(up) * math.cos(around), math.cos(up) * math.sin(around), math.sin(up)])
+    nearer = points.reshape(-1, 3).mean(axis=0) - surface.reshape(-1, 3).mean(axis=0)
+    return _LAYERS[2] if float(nearer @ toward) > 0.0 else _LAYERS[0]
 
 
 def _patch(scene: Any, support: Any) -> Array:
@@ -160,12 +195,10 @@ def _draw_plane(ax: Axes, result: Any, setup: Any, frame: Any, line: Array | Non
     words = ""
     if line is not None:
         left, right = result.tensions[setup.name]
-        words = f"\n{left:.2f} and {right:.2f} N"
+        # 0.005: tension below which it would read 0.00 N
+        pulls = [f"{name} {tension:.2f} N" for name, tension in (("bends", left), ("back", right)) if tension >= 0.005]
+        words = f"\n{', '.join(pulls)}"
     ax.set_title(f"{setup.name}{words}", fontsize=8, color=Color.INK, loc="left")
     ax.set_aspect("equal")
-    ax.autoscale_view()
-    # The base is above, as in the hand.
-    ax.invert_xaxis()
-    ax.invert_yaxis()
     ax.tick_params(labelsize=7)
-    ax.set_xlabel("across, along [mm]", fontsize=8)
+    ax.set_xlabel("across [mm]", fontsize=8)
