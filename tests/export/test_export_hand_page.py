@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 import shutil
@@ -52,7 +53,8 @@ def test_the_report_of_a_grasp_is_its_page_and_that_of_its_folder(ball, folder, 
     assert [finger["name"] for finger in data["fingers"]] == ["finger_1", "finger_2", "finger_3"]
     forces = np.array([contact["force"] for contact in data["contacts"]])
     assert forces.sum(axis=0) == pytest.approx([0.0, 0.0, -0.08 * 9.81], abs=1e-4)
-    surface = np.array(data["object"]).reshape(-1, 3) - [2.0, 3.0, -90.0]
+    corners = np.frombuffer(base64.b64decode(data["object"]["corners"]), "<f4").reshape(-1, 3)
+    surface = corners - np.array([2.0, 3.0, -90.0])
     assert np.linalg.norm(surface, axis=1) == pytest.approx(30.0, abs=0.02)
 
 

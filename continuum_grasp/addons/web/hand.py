@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import html
 import json
 from typing import Any
@@ -15,7 +16,7 @@ from continuum_grasp.export import fill
 
 _NODES = 49
 """Points along a finger that has no response."""
-_GRID = 49
+_GRID = 41
 """Rows of the grid of the object's surface."""
 _LENGTH = 0.3
 """Length of the greatest arrow, per length of the longest finger [1]."""
@@ -56,7 +57,7 @@ def _known(result: Any) -> dict[str, Any]:
     lengths = [setup.finger.rod.length for setup in scene.setups]
     greatest = max((float(np.linalg.norm(contact.force)) for contact in result.contacts), default=1.0)
     known: dict[str, Any] = {
-        "object": _millimeters(result.body.mesh(_GRID)),
+        "object": _surface(result.body),
         "center": _millimeters(scene.object.com),
         "arrow": 1e3 * _LENGTH * max(lengths) / greatest,
         "span": _SPAN,
@@ -72,6 +73,28 @@ def _known(result: Any) -> dict[str, Any]:
         known["pose"] = _digits(pose)
         known["tensions"] = [_digits(pair) for pair in result.tensions.values()]
     return known
+
+
+def _surface(body: Any) -> dict[str, Any]:
+    """Corners [mm] and triangles of the object, packed: meshes have many."""
+    if hasattr(body, "triangles"):
+        corners, triangles = body.triangles()
+    else:
+        grid = body.mesh(_GRID)
+        corners, index = grid.reshape(-1, 3), np.arange(grid.shape[0] * grid.shape[1]).reshape(grid.shape[:2])
+        a, b, c, d = (part.ravel() for part in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+        triangles = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    wide = len(corners) > np.iinfo(np.uint16).max
+    return {
+        "corners": _packed(1e3 * corners, "<f4"),
+        "triangles": _packed(triangles, "<u4" if wide else "<u2"),
+        "wide": wide,
+    }
+
+
+def _packed(values: ArrayLike, kind: str) -> str:
+    """Numbers as text."""
+    return base64.b64encode(np.asarray(values).astype(kind).tobytes()).decode()
 
 
 def _finger(result: Any, k: int, response: Any) -> dict[str, Any]:

@@ -6,6 +6,10 @@ const COLORS = [[0.25, 0.5, 0.8], [0.16, 0.6, 0.42], [0.8, 0.42, 0.2], [0.55, 0.
 const OBJECT = [0.85, 0.68, 0.42], SLIPS = [0.82, 0.2, 0.13], BASE = [0.5, 0.54, 0.58];
 const AROUND = 20; // points around a tube
 
+const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer;
+const flat = new Float32Array(bytes(known.object.corners)), corners = Array.from({ length: flat.length / 3 }, (_, k) => [...flat.slice(3 * k, 3 * k + 3)]);
+const triangles = known.object.wide ? new Uint32Array(bytes(known.object.triangles)) : new Uint16Array(bytes(known.object.triangles));
+
 const add = (a, b, s = 1) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -29,6 +33,11 @@ function carried(point, by) { // a point of the object, by its shift and its tur
   const arm = add(point, known.center, -1), axis = unit([a, b, c]);
   const turned = add(add(scaled(arm, Math.cos(angle)), cross(axis, arm), Math.sin(angle)), axis, (1 - Math.cos(angle)) * dot(axis, arm));
   return add(add(known.center, turned), [x, y, z]);
+}
+
+function carriedBody(by) {
+  const places = corners.map((p) => carried(p, by));
+  return { positions: places.flat(), normals: corners.flatMap((p, k) => add(carried(add(p, still[k]), by), places[k], -1)), indices: triangles };
 }
 
 function contacts(by) {
@@ -55,6 +64,16 @@ function grid(rows, closed = false) { // of rows of points, with normals of the 
     }
   return { positions: rows.flat(2), normals: normals.flat().flatMap(unit), indices };
 }
+
+function smooth(corners, indices) { // normals: corners that lie at one place share theirs
+  const sums = new Map(), key = (p) => p.map((v) => v.toFixed(2)).join();
+  for (let k = 0; k < indices.length; k += 3) {
+    const [a, b, c] = [0, 1, 2].map((j) => corners[indices[k + j]]), normal = cross(add(b, a, -1), add(c, a, -1));
+    for (const p of [a, b, c]) sums.set(key(p), add(sums.get(key(p)) || [0, 0, 0], normal));
+  }
+  return corners.map((p) => unit(sums.get(key(p)) || [0, 0, 1]));
+}
+const still = smooth(corners, triangles); // normals of the object in the grasp
 
 function tube(points, radii, tangents) { // around a line, along which the frame is carried without twist
   let across = unit(cross(tangents[0], Math.abs(tangents[0][2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]));
@@ -133,11 +152,12 @@ function prepare() {
   gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
 }
 
+const wide = gl && gl.getExtension("OES_element_index_uint"); // meshes of more than 65,536 corners
 function buffered(mesh, color, alpha = 1) {
   const buffer = (target, data) => { const made = gl.createBuffer(); gl.bindBuffer(target, made); gl.bufferData(target, data, gl.STATIC_DRAW); return made; };
   return { color, alpha, count: mesh.indices.length,
     position: buffer(gl.ARRAY_BUFFER, new Float32Array(mesh.positions)), normal: buffer(gl.ARRAY_BUFFER, new Float32Array(mesh.normals)),
-    indices: buffer(gl.ELEMENT_ARRAY_BUFFER, new Uint16Array(mesh.indices)) };
+    indices: buffer(gl.ELEMENT_ARRAY_BUFFER, new (wide ? Uint32Array : Uint16Array)(mesh.indices)) };
 }
 
 let bodies = [], shown = [], through = true, labeled = true;
@@ -151,7 +171,7 @@ function build() {
     finger(f.points.map((point, i) => moved(point, f.changes === null ? null : f.changes[i], by)), f.radius), COLORS[k % COLORS.length]));
   const base = plate(known.fingers.map((f) => f.points[0]), radius);
   if (base && !known.supports.length) bodies.push(buffered(base, BASE));
-  bodies.push(buffered(grid(known.object.map((row) => row.map((point) => carried(point, by)))), OBJECT, through ? 0.55 : 1));
+  bodies.push(buffered(carriedBody(by), OBJECT, through ? 0.55 : 1));
   for (const support of known.supports) bodies.push(buffered(disc(support.center, support.normal, support.radius, 0.5 * radius), BASE, 0.4));
   for (const c of labeled ? shown : []) bodies.push({ ...buffered(arrow(c.at, scaled(c.force, -1), 0.16 * radius), c.slips ? SLIPS : ink), above: true });
   tell();
@@ -160,8 +180,8 @@ function build() {
 
 // -- the camera: around a place, by two angles and a distance
 
-const points = [...known.fingers.flatMap((f) => f.points), ...known.object.flat(), ...known.supports.map((s) => s.center)];
-const low = [0, 1, 2].map((j) => Math.min(...points.map((p) => p[j]))), high = [0, 1, 2].map((j) => Math.max(...points.map((p) => p[j])));
+const points = [...known.fingers.flatMap((f) => f.points), ...corners, ...known.supports.map((s) => s.center)];
+const bound = (of) => points.reduce((sum, p) => p.map((v, j) => of(v, sum[j]))), low = bound(Math.min), high = bound(Math.max);
 const START = { around: -0.9, up: 0.3, size: 0.52 * Math.hypot(...add(high, low, -1)), at: scaled(add(low, high), 0.5) };
 let camera = { ...START };
 
@@ -203,7 +223,7 @@ function draw() {
       gl.depthFunc(gl.GREATER);
       gl.depthMask(false);
       gl.uniform1f(places.alpha, 0.4);
-      gl.drawElements(gl.TRIANGLES, body.count, gl.UNSIGNED_SHORT, 0);
+      gl.drawElements(gl.TRIANGLES, body.count, wide ? gl.UNSIGNED_INT : gl.UNSIGNED_SHORT, 0);
       gl.disable(gl.BLEND);
       gl.depthFunc(gl.LESS);
       gl.depthMask(true);
@@ -211,9 +231,9 @@ function draw() {
     }
     if (body.alpha < 1) { // what is behind first
       gl.enable(gl.CULL_FACE);
-      for (const side of [gl.FRONT, gl.BACK]) { gl.cullFace(side); gl.drawElements(gl.TRIANGLES, body.count, gl.UNSIGNED_SHORT, 0); }
+      for (const side of [gl.FRONT, gl.BACK]) { gl.cullFace(side); gl.drawElements(gl.TRIANGLES, body.count, wide ? gl.UNSIGNED_INT : gl.UNSIGNED_SHORT, 0); }
       gl.disable(gl.CULL_FACE);
-    } else gl.drawElements(gl.TRIANGLES, body.count, gl.UNSIGNED_SHORT, 0);
+    } else gl.drawElements(gl.TRIANGLES, body.count, wide ? gl.UNSIGNED_INT : gl.UNSIGNED_SHORT, 0);
   }
   gl.depthMask(true);
   const texts = labeled ? shown : [];
@@ -315,8 +335,8 @@ if (gl === null) {
   tell();
 } else {
   prepare();
-  const still = sliders();
-  document.getElementById("reset").addEventListener("click", () => { camera = { ...START }; if (still) still(); else requestAnimationFrame(draw); });
+  const restore = sliders();
+  document.getElementById("reset").addEventListener("click", () => { camera = { ...START }; if (restore) restore(); else requestAnimationFrame(draw); });
   const toggle = (id, set) => document.getElementById(id).addEventListener("click", (event) => {
     const on = event.target.getAttribute("aria-pressed") !== "true";
     event.target.setAttribute("aria-pressed", String(on));
@@ -330,4 +350,4 @@ if (gl === null) {
   build();
 }
 // For tests, and for who looks from the console.
-window.page = { known, camera: () => camera, shown: () => shown, changes, carried, finger: (k) => known.fingers[k].points.map((p, i) => moved(p, known.fingers[k].changes && known.fingers[k].changes[i], changes())) };
+window.page = { known, corners, camera: () => camera, shown: () => shown, changes, carried, finger: (k) => known.fingers[k].points.map((p, i) => moved(p, known.fingers[k].changes && known.fingers[k].changes[i], changes())) };
