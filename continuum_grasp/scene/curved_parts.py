@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 
-from continuum_grasp.scene.parts import OffsetPolygon, faces_between
+from continuum_grasp.scene.parts import ALIKE, Face, OffsetPolygon, faces_between, joined
 from continuum_grasp.scene.polygons import PlanePoint, edge_normal
 
 _BLUNT, _SPAN = 0.1, 0.3
@@ -51,6 +51,36 @@ def curved(part: OffsetPolygon) -> OffsetPolygon:
             return _fitted(part, bends, smooth)
         smooth = [on and k not in refused for k, on in enumerate(smooth)]
     return part
+
+
+def hollowed(part: OffsetPolygon) -> tuple[Face, ...]:
+    """Lines and arcs of the core of a part, with arcs in place of edges between reflex corners that are points of a
+    curve, too: `curved` with inside and outside exchanged. Such arcs turn by a negative angle about a center outside.
+    """
+    core, count = part.vertices, len(part.vertices)
+    if count < 3:
+        return part.faces
+    bends = part.bends or ((0.0, 0.0),) * count
+    turns = [-turn for _, turn in part.turns]
+    sizes = [math.dist(a, b) for a, b in pairwise((*core, core[0]))]
+    most = SHARE * max(max(z) - min(z) for z in zip(*core, strict=True))
+    smooth = [0.0 < t < _BLUNT and bends[k] == bends[k - 1] == (0.0, 0.0) for k, t in enumerate(turns)]
+    hollow = [(0.0, 0.0)] * count
+    while any(smooth := _in_runs(smooth, turns)):
+        hollow = _bends(core, turns, sizes, smooth)
+        refused = {
+            j
+            for k, (size, (low, high)) in enumerate(zip(sizes, hollow, strict=True))
+            for j in (k, (k + 1) % count)
+            if smooth[j] and ((low > 0.0) != (high > 0.0) or size * (low + high) > 8.0 * most)
+        }
+        if not refused:
+            break
+        hollow, smooth = [(0.0, 0.0)] * count, [on and k not in refused for k, on in enumerate(smooth)]
+    faces = list[Face]()
+    for (a, b), (low, high), bend in zip(pairwise((*core, core[0])), hollow, bends, strict=True):
+        faces += faces_between(a, b, -low, -high) if low and high else faces_between(a, b, *bend)
+    return joined(faces, ALIKE * part.extent)
 
 
 def _fitted(part: OffsetPolygon, bends: list[tuple[float, float]], smooth: list[bool]) -> OffsetPolygon:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from functools import cached_property
 from itertools import combinations
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.document import Document, KeyPath, child
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.finger_scene import Fidelity
 from continuum_grasp.scene.finger_setup import FingerSetup
@@ -24,7 +26,7 @@ from continuum_grasp.scene.hand_supports import (
     lie_against,
     support_contacts,
 )
-from continuum_grasp.scene.solids import Solid, SpatialPosition, Vector3
+from continuum_grasp.scene.solids import Solid, SpatialPosition, Vector3, put_in_files
 from continuum_grasp.scene.supports import Switch
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Angle, Configuration, Extent, Value
@@ -239,6 +241,12 @@ class HandScene(Configuration):
     ignore: an equilibrium is enough."""
     solver: GraspSolver = GraspSolver()
     """Options of the search."""
+
+    @classmethod
+    def read_files(cls, document: Document, at: KeyPath, main: Path) -> None:
+        """Put in place what the object names in files."""
+        if child(document.get(at), "object") is not None:
+            put_in_files(document, (*at, "object"), main)
 
     @cached_property
     def setups(self) -> tuple[FingerSetup, ...]:

@@ -131,7 +131,7 @@ def outermost_points(body: Any, direction: Array) -> Array:
         top = np.full((4, 1), 0.5 * body.height - body.edge_radius)
         points = np.concatenate([np.hstack([rim, top]), np.hstack([rim, -top])]) + body.edge_radius * local
     else:
-        raise ValueError(f"object.shape: a {body.shape} lies on no palm or table so far: leave them out")
+        points = body.outermost(local)
     return np.asarray(np.array(body.position) + points @ body.axes.T)
 
 

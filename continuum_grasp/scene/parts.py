@@ -20,7 +20,7 @@ from continuum_grasp.scene.polygons import (
     turns_of,
 )
 
-_ALIKE = 1e-9
+ALIKE = 1e-9
 """Distance between the centers of arcs that are one, per extent of the part [1]: rounding of numbers."""
 _DIRECTIONS = 256
 """Directions among which the nearest supporting line of a superellipse is sought: those of an exponent of 12 turn by
@@ -111,7 +111,7 @@ class OffsetPolygon(Part):
         ring = [*self.vertices, self.vertices[0]]
         edges = zip(pairwise(ring), self.bends or [(0.0, 0.0)] * len(self.vertices), strict=True)
         faces = [face for (a, b), bend in edges for face in faces_between(a, b, *bend)]
-        return _joined(faces, _ALIKE * self.extent) if self.bends else tuple(faces)
+        return joined(faces, ALIKE * self.extent) if self.bends else tuple(faces)
 
     @property
     def circle(self) -> tuple[PlanePoint, float] | None:
@@ -308,7 +308,7 @@ def faces_between(a: PlanePoint, b: PlanePoint, low: float, high: float) -> list
     ]
 
 
-def _joined(faces: list[Face], near: float) -> tuple[Face, ...]:
+def joined(faces: list[Face], near: float) -> tuple[Face, ...]:
     """Faces with those joined that are arcs of one circle, whose centers are as ``near`` [m]."""
     joined: list[Face] = []
     for face in faces:

@@ -58,6 +58,10 @@ _LIMITS = {
 }
 
 
+class KeyedError(ValueError):
+    """What is wrong with a file, in words that begin with the key."""
+
+
 @dataclass(frozen=True)
 class Fault:
     """A fault: its place in the data, and its text; ``at_key`` points at the key rather than at its value."""

@@ -295,6 +295,9 @@ Friction = Annotated[NonNegative, Unit("1"), Field(examples=[0.5])]
 Vector2 = Annotated[tuple[Real, Real], Field(strict=False)]
 Position = Annotated[Vector2, Unit("m")]
 """Position in the plane [m]."""
+Vector3 = Annotated[tuple[Real, Real, Real], Field(strict=False)]
+SpatialPosition = Annotated[Vector3, Unit("m")]
+"""Position in space [m]."""
 Acceleration = Annotated[Vector2, Unit("m/s2")]
 """Acceleration in the plane [m/s2]."""
 

@@ -29,7 +29,7 @@ from tests.features import FEATURES, VERBS, declared, scene_of
 from tests.scene_keys import NOT_ALONE, Place, bases, is_part, keys, keys_below, others, places
 from tests.scene_products import WALKS, Walk, parts
 
-FROM_OUTSIDE = {"Freedom", "OutlineCurve", "OutlineFile"}
+FROM_OUTSIDE = {"Freedom", "OutlineCurve", "OutlineFile", "PlaneCut"}
 """Classes of values that scenes of simulation refuse, that belong to one model, or of outlines, for which a polygon
 stands from the load on."""
 

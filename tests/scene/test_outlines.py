@@ -230,7 +230,12 @@ BAD = {
     "not two columns": ("csv", "0,0\n40,0,1\n", {}, "object.file: cannot be read: .*bad.csv:2: expected 2 cells"),
     "unit": ("csv", SQUARE, {"scale": 1.0}, r"object.scale: the outline would be 40 m long; in which unit"),
     "tolerance": ("csv", SQUARE, {"tolerance": 0.05}, "object.tolerance: 0.05 m leaves nothing"),
-    "unknown form": ("stl", SQUARE, {}, "object.file: expected .svg, .dxf, .csv, .png, got bad.stl"),
+    "unknown form": (
+        "gif",
+        SQUARE,
+        {},
+        "object.file: expected .svg, .dxf, .csv, .png, .stl, .obj, .ply, .3mf, got bad.gif",
+    ),
     "unknown key": ("csv", SQUARE, {"scal": 1e-3}, "object.scal: unknown key; did you mean 'scale'"),
     "no such path": ("csv", SQUARE, {"path": "rim"}, "object.path: no curve 'rim' in bad.csv"),
     "not a picture": ("png", "none", {}, "object.file: cannot be read"),

@@ -169,7 +169,7 @@ def _inertial(result: Any) -> dict[str, str]:
     solid, inertia = result.scene.object, solid_inertia(result)
     order = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)
     return {
-        "pos": numbers(*solid.center_of_mass),
+        "pos": numbers(*solid.local_com),
         "mass": numbers(solid.weighed),
         "fullinertia": numbers(*(inertia[pair] for pair in order)),
     }

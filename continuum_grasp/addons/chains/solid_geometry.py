@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,8 +13,6 @@ _ROUND = ("sphere", "ellipsoid")
 _PRIMITIVES = (*_ROUND, "box", "cylinder")
 _FINE = 65
 """Rows of the grid by which inertia is integrated: of a sphere it is then within 0.1 %."""
-_COARSE = 25
-"""Rows of the grid in place of a surface that is none of MuJoCo's: a chord of 60 mm is 0.26 mm off."""
 
 
 def solid_parts(result: Any) -> tuple[list[dict[str, str]], list[tuple[str, str]], float]:
@@ -31,22 +28,9 @@ def solid_parts(result: Any) -> tuple[list[dict[str, str]], list[tuple[str, str]
         size = {"sphere": half[:1], "ellipsoid": half, "box": half - edge, "cylinder": half[[0, 2]] - edge}[solid.shape]
         # 1e-6: least half extent [m], of a box that is all edge
         return [{"name": "object", "type": solid.shape, "size": numbers(*np.maximum(size, 1e-6))}], [], edge
-    grid = (body.mesh(_COARSE) - np.array(solid.position)) @ solid.axes
-    bands = [grid] if _convex(grid) else [np.stack(pair) for pair in pairwise(grid)]
-    meshes = [(f"part_{k + 1}", numbers(*np.ravel(band))) for k, band in enumerate(bands)]
+    meshes = [(f"part_{k + 1}", numbers(*np.ravel(part))) for k, part in enumerate(body.convex_parts())]
     # Places of meshes are those of their centers of mass, from which MuJoCo counts back.
     return [{"name": name, "type": "mesh", "mesh": name} for name, _ in meshes], meshes, 0.0
-
-
-def _convex(grid: Array) -> bool:
-    """Whether all points of a surface are on its convex hull, to what a coarse grid shows."""
-    from scipy.spatial import ConvexHull
-
-    points = grid.reshape(-1, 3)
-    hull = ConvexHull(points)
-    depth = (points @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
-    # 2e-3: dent per size that no contact shows
-    return bool(depth.min() > -2e-3 * np.ptp(points))
 
 
 def solid_inertia(result: Any) -> Array:
@@ -55,9 +39,8 @@ def solid_inertia(result: Any) -> Array:
     Integrals over the tetrahedra between the center and the triangles of the surface.
     """
     solid = result.scene.object
-    grid = (result.body.mesh(_FINE) - np.array(solid.position)) @ solid.axes
-    a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
-    corners = np.concatenate([np.stack(triangle, axis=-2).reshape(-1, 3, 3) for triangle in ((a, b, c), (a, c, d))])
+    points, triangles = result.body.triangles(_FINE)
+    corners = ((points - np.array(solid.position)) @ solid.axes)[triangles]
     volume = np.linalg.det(corners) / 6.0
     total = corners.sum(axis=1)
     second = np.einsum("k,kia,kib->ab", volume, corners, corners) + np.einsum("k,ka,kb->ab", volume, total, total)

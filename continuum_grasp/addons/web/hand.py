@@ -77,13 +77,7 @@ def _known(result: Any) -> dict[str, Any]:
 
 def _surface(body: Any) -> dict[str, Any]:
     """Corners [mm] and triangles of the object, packed: meshes have many."""
-    if hasattr(body, "triangles"):
-        corners, triangles = body.triangles()
-    else:
-        grid = body.mesh(_GRID)
-        corners, index = grid.reshape(-1, 3), np.arange(grid.shape[0] * grid.shape[1]).reshape(grid.shape[:2])
-        a, b, c, d = (part.ravel() for part in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
-        triangles = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    corners, triangles = body.triangles(_GRID)
     wide = len(corners) > np.iinfo(np.uint16).max
     return {
         "corners": _packed(1e3 * corners, "<f4"),

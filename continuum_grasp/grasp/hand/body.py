@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -11,10 +12,17 @@ import numpy as np
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.hand.frames import PlaneFrame
+from continuum_grasp.grasp.hand.mesh_surface import MeshSurface
+from continuum_grasp.grasp.hand.superquadric_surface import SuperquadricSurface
+from continuum_grasp.grasp.hand.swept_surface import ExtrudedSurface, TurnedSurface, of_grid
 from continuum_grasp.scene import HandScene
 
 _HALVINGS = 50
 """Bisections along a ray: to rounding."""
+_COARSE = 25
+"""Rows of points of convex parts: a chord of 60 mm is 0.26 mm off."""
+_DENT = 2e-3
+"""Dent per size up to which a body counts as convex, which no contact shows [1]."""
 _NEWTON = 30
 """Steps toward the nearest point of a surface at most; of ellipsoids 5 are enough."""
 _CLOSE = 1e-14
@@ -54,8 +62,9 @@ class Nearby:
     """The object around points: its distance there to second order."""
 
     distance: Array  # (K,) [m], negative inside
-    normal: Array  # (K, 3) gradient of the distance: outward
+    normal: Array  # (K, 3) outward
     bending: Array  # (K, 3, 3) second derivative of the distance [1/m]
+    slope: Array | None = None  # (K, 3) gradient of the distance, where normals are others: of triangles
 
 
 class BodySurface:
@@ -64,6 +73,9 @@ class BodySurface:
     def __init__(self, scene: HandScene) -> None:
         self.solid: Any = scene.object
         self.center, self.axes = np.array(self.solid.position), self.solid.axes
+        shape = _SHAPES.get(self.solid.shape)
+        # None where the shape has a level in closed form.
+        self._local: Any = None if shape is None else _local(shape, self.solid)
 
     @property
     def half(self) -> Array:
@@ -81,6 +93,9 @@ class BodySurface:
     def distance(self, points: Array) -> tuple[Array, Array]:
         """Distance (...,) of points (..., 3) [m], of ellipsoids to first order, and the outward normal (..., 3)."""
         local = (points - self.center).reshape(-1, 3) @ self.axes
+        if self._local is not None:
+            away, normal = self._local.distance(local)
+            return away.reshape(points.shape[:-1]), (normal @ self.axes.T).reshape(points.shape)
         value, gradient, _ = self._level(local)
         slope = np.maximum(np.linalg.norm(gradient, axis=1), 1e-12)
         normal = (gradient / slope[:, None]) @ self.axes.T
@@ -89,6 +104,10 @@ class BodySurface:
     def near(self, points: Array) -> Nearby:
         """Distance of points (K, 3) with its first and second derivative, by the nearest place of the surface."""
         local = (points - self.center) @ self.axes
+        if self._local is not None:
+            away, normal, bending, *slope = self._local.near(local)
+            slopes = slope[0] @ self.axes.T if slope else None
+            return Nearby(away, normal @ self.axes.T, self.axes @ bending @ self.axes.T, slopes)
         away, count = np.zeros(len(local)), len(local)
         value, gradient, bending = self._level(local)
         place = local - (value / (gradient**2).sum(axis=1))[:, None] * gradient
@@ -117,28 +136,67 @@ class BodySurface:
         value, gradient, bending = (np.array(part) for part in levels(self.solid.shape)(local.T, self.half, self.edge))
         return value.ravel(), gradient.T, bending.T.reshape(-1, 3, 3)
 
-    def along(self, start: Array, directions: Array) -> Array:
-        """Points (K, 3) where rays from a point inside leave it in directions (K, 3)."""
+    def sections(self, frame: PlaneFrame, count: int = 161) -> list[Array]:
+        """Closed lines (N, 2) in which a plane cuts it, in the plane's x and y [m]; none where the plane misses it."""
+        from contourpy import contour_generator
+
+        middle = (self.center - frame.base) @ frame.axes[:, :2]
+        # 1.05: the grid reaches beyond the object
+        side = 1.05 * self.solid.size * np.linspace(-1.0, 1.0, count)
+        x, y = np.meshgrid(middle[0] + side, middle[1] + side)
+        away, _ = self.distance(frame.world(np.stack([x, y, np.zeros_like(x)], axis=-1)))
+        return [np.asarray(line) for line in contour_generator(x, y, away).lines(0.0)]
+
+    def triangles(self, count: int = 33) -> tuple[Array, Array]:
+        """Corners (V, 3) [m] and triangles (T, 3) of its surface as the hand sees it, for pictures."""
+        if self._local is not None:
+            corners, triangles = self._local.triangles()
+            return np.asarray(self.center + corners @ self.axes.T), triangles
+        up, around = np.linspace(0.0, np.pi, count)[::-1, None], np.linspace(0.0, 2.0 * np.pi, 2 * count)
+        local = [np.sin(up) * np.cos(around), np.sin(up) * np.sin(around), np.cos(up) * np.ones_like(around)]
+        directions = np.stack(local, axis=-1).reshape(-1, 3) @ self.axes.T
+        return of_grid(self._along(directions).reshape(count, 2 * count, 3))
+
+    def convex_parts(self) -> list[Array]:
+        """Corners (N, 3) of convex bodies that make it up, in its own frame [m]; of a mesh that of its hull alone."""
+        from scipy.spatial import ConvexHull
+
+        corners, _ = self.triangles(_COARSE)
+        corners = (corners - self.center) @ self.axes
+        hull = ConvexHull(corners)
+        depth = (corners @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
+        if depth.min() < -_DENT * np.ptp(corners) and hasattr(self._local, "convex_parts"):
+            return list(self._local.convex_parts())
+        return [np.asarray(corners[hull.vertices])]
+
+    def _along(self, directions: Array) -> Array:
+        """Points (K, 3) where rays from the center leave it in directions (K, 3), of shapes in closed form."""
         near, far = np.zeros(len(directions)), np.full(len(directions), 2.0 * self.solid.size)
         for _ in range(_HALVINGS):
             middle = 0.5 * (near + far)
-            inside = self.distance(start + middle[:, None] * directions)[0] < 0.0
+            inside = self.distance(self.center + middle[:, None] * directions)[0] < 0.0
             near, far = np.where(inside, middle, near), np.where(inside, far, middle)
-        return np.asarray(start + near[:, None] * directions)
+        return np.asarray(self.center + near[:, None] * directions)
 
-    def section(self, frame: PlaneFrame, count: int = 181) -> Array:
-        """Section of it with a plane, in the plane's x and y (count, 2) [m]; empty where the plane misses it."""
-        normal = frame.axes[:, 2]
-        inside = self.center - normal * float(normal @ (self.center - frame.base))
-        if self.distance(inside[None])[0][0] >= 0.0:
-            return np.zeros((0, 2))
-        turn = np.linspace(0.0, 2.0 * np.pi, count)
-        directions = np.cos(turn)[:, None] * frame.axes[:, 0] + np.sin(turn)[:, None] * frame.axes[:, 1]
-        return np.asarray((self.along(inside, directions) - frame.base) @ frame.axes[:, :2])
 
-    def mesh(self, count: int = 33) -> Array:
-        """Points of its surface on a grid (count, 2 count, 3) [m], for pictures."""
-        up, around = np.linspace(0.0, np.pi, count)[:, None], np.linspace(0.0, 2.0 * np.pi, 2 * count)
-        local = [np.sin(up) * np.cos(around), np.sin(up) * np.sin(around), np.cos(up) * np.ones_like(around)]
-        directions = np.stack(local, axis=-1).reshape(-1, 3) @ self.axes.T
-        return self.along(self.center, directions).reshape(count, 2 * count, 3)
+_SHAPES = {
+    "cone": TurnedSurface,
+    "revolve": TurnedSurface,
+    "extrude": ExtrudedSurface,
+    "superquadric": SuperquadricSurface,
+    "mesh": MeshSurface,
+}
+"""Surfaces of shapes that have no level in closed form."""
+
+
+def _local(shape: Callable[[Any], Any], solid: Any) -> Any:
+    """The surface of a solid in its frame; that of the shape that was asked for last is there already."""
+    key = solid.replaced(
+        mass=1.0, density=None, center_of_mass=None, position=(0.0, 0.0, 0.0), rotation=(0.0, 0.0, 0.0)
+    )
+    return _surface(shape, key)
+
+
+@lru_cache(maxsize=4)
+def _surface(shape: Callable[[Any], Any], solid: Any) -> Any:
+    return shape(solid)

@@ -291,8 +291,10 @@ def _object(hand: RecomputedHand) -> Iterator[Check]:
 def _clearances(hand: RecomputedHand) -> Iterator[Check]:
     """Displaced fingers against the object and each other, and each against itself within its plane."""
     for finger in hand.fingers:
-        depth = finger.radius - float(hand.surface.nearest(finger.points).distance.min())
-        yield Check.part(f"penetration into the object, {finger.name}", depth, finger.length, "m", GUARDED)
+        depth = finger.radius - float(hand.surface.distance(finger.points).min())
+        # A mesh is not where its object is by more than its deviation.
+        limit = GUARDED + hand.scene.object.deviation / finger.length
+        yield Check.part(f"penetration into the object, {finger.name}", depth, finger.length, "m", limit)
         yield Check.part(f"{CURLED}, {finger.name}", self_overlap(finger.plane), finger.length, "m", GUARDED)
     for first, other in combinations(hand.fingers, 2):
         depth = first.radius + other.radius - backbone_distance(first.points, other.points)

@@ -101,6 +101,9 @@ def surfaces(body: BodySurface, places: Array, thick: Array, length: float) -> A
     """
     near = body.near(places)
     foot, normal = places + (thick - near.distance)[:, None] * near.normal, near.normal
+    if near.slope is not None:  # triangles, on which normals are linear and the distance, too
+        rest = np.zeros((len(places), 27))
+        return np.hstack([foot / length, normal, near.slope, near.bending.reshape(-1, 9) * length, rest])
     step = STENCIL * thick
     shifts = np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])[:, None, :] * step[:, None]
     around = body.near((foot + shifts).reshape(-1, 3)).bending.reshape(7, -1, 3, 3)
@@ -113,7 +116,7 @@ def surfaces(body: BodySurface, places: Array, thick: Array, length: float) -> A
     once = np.einsum("k,ki,kjl->kijl", mean, normal, bending)
     changing = changing + once + np.moveaxis(once, 1, 2) + np.moveaxis(once, 1, 3)
     bending = bending + mean[:, None, None] * normal[:, :, None] * normal[:, None, :]
-    columns = [foot / length, normal, bending.reshape(-1, 9) * length, changing.reshape(-1, 27) * length**2]
+    columns = [foot / length, normal, normal, bending.reshape(-1, 9) * length, changing.reshape(-1, 27) * length**2]
     return np.hstack(columns)
 
 

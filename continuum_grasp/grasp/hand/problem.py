@@ -37,7 +37,7 @@ RELAXED = ("tension", "friction", "normal force", "mass")
 NODES = 3
 """Gauss nodes per element of integrals to the side: shifts of shipped hands are 4e-10 of the length off at most, with 2
 nodes 9e-8; the certificate asks for 1e-6."""
-SURFACE = 42
+SURFACE = 45
 """Numbers of a surface near a place."""
 LITTLE = 1e-8
 """Weight of the squared contact forces, so that they are unique where equilibrium does not fix them."""
@@ -83,12 +83,13 @@ def _supports(scene: HandScene, on: frozenset[str]) -> tuple[tuple[str, ...], tu
 def grown(point: ca.SX, surface: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Distance of a point beyond a surface near by, to first order, and the gradient of that.
 
-    The surface is a place of it (3,), the normal there (3,), and second and third derivatives (9,) and (27,).
+    The surface is a place of it (3,), the normal there (3,) and the slope of the distance (3,), which is another one on
+    triangles that stand for a curved surface, and second and third derivatives (9,) and (27,).
     """
-    near, outward, bending, changing = ca.vertsplit(surface, [0, 3, 6, 15, SURFACE])
+    near, outward, slope, bending, changing = ca.vertsplit(surface, [0, 3, 6, 9, 18, SURFACE])
     away, curved = point - near, bending.reshape((3, 3))
     turning = (changing.reshape((9, 3)) @ away).reshape((3, 3))
-    return ca.dot(outward + (curved / 2.0 + turning / 6.0) @ away, away), outward + (curved + turning / 2.0) @ away
+    return ca.dot(slope + (curved / 2.0 + turning / 6.0) @ away, away), outward + (curved + turning / 2.0) @ away
 
 
 @dataclass(frozen=True)

@@ -235,7 +235,7 @@ class HandSearch:
         free = {name: np.full(sizes[name], 0.5) for name in sizes if name.endswith((".probes", ".strain probes"))}
         free |= {name: np.zeros(sizes[name]) for name in sizes if name.startswith(("first of ", "second of "))}
         free |= {name: np.zeros(sizes[name]) for name in sizes if ".clear of " in name}
-        away = np.concatenate([[0.0, 0.0, -AWAY, 0.0, 0.0, 1.0], np.zeros(SURFACE - 6)])
+        away = np.concatenate([[0.0, 0.0, -AWAY, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0], np.zeros(SURFACE - 9)])
         free |= {name: np.tile(away, sizes[name] // SURFACE) for name in sizes if name.endswith(".surfaces")}
         p = problem.numbers.pack({name: value for name, value in (numbers | free).items() if name in sizes})
         x = problem.x.pack(values, 0.0)
@@ -266,7 +266,8 @@ class HandSearch:
         self._choose_places(problem, guarded, p)
         self._choose_free(problem, guarded, p)
         for points, free, setup in zip(guarded, equations.free, self.scene.setups, strict=True):
-            thick = np.full(len(free), float(setup.finger.profile.half_thickness(0.0)))
+            # Edges of triangles stand out where normals go smoothly over them.
+            thick = np.full(len(free), float(setup.finger.profile.half_thickness(0.0)) - self.scene.object.deviation)
             near = surfaces(self.body, points[free], thick, self.units.length)
             p[problem.numbers.at[f"{setup.name}.surfaces"]] = near.ravel()
         return p
@@ -338,7 +339,7 @@ class HandSearch:
             guarded = self._guarded(equations, x, numbers)
             halves = [float(setup.finger.profile.half_thickness(0.0)) for setup in self.scene.setups]
             for k, (points, free) in enumerate(zip(guarded, equations.free, strict=True)):
-                depths = [halves[k] - self.body.distance(points[free])[0]]
+                depths = [halves[k] - self.body.distance(points[free])[0] - self.scene.object.deviation]
                 depths += [-gaps for gaps in self._over_supports(*self._fingers[k], points)]
                 depths += [(halves[k] + halves[m] - _apart(points, guarded[m])).ravel() for m in near_to.get(k, ())]
                 gaps.append(float(np.concatenate(depths).max()) / self.scene.setups[k].finger.rod.length)

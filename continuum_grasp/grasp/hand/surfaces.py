@@ -1,12 +1,15 @@
-"""Distance and outward normal from the surface of a solid, by numpy alone."""
+"""Distance and outward normal from the surface of a solid, by numpy, and of meshes by trimesh, alone."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from continuum_grasp.base import Array
+from continuum_grasp.grasp.hand.surface_distances import TriangleDistance, loop_distance, superquadric_distance
 from continuum_grasp.scene import HandScene
 
 _STEPS = 100
@@ -29,7 +32,7 @@ class PlacedSolid:
     """The surface of a scene's object, as the hand sees it."""
 
     def __init__(self, scene: HandScene) -> None:
-        self._body = scene.object
+        self._body: Any = scene.object
         self._position, self._axes = np.array(self._body.position, dtype=float), self._body.axes
 
     def nearest(self, points: Array) -> NearestPlaces:
@@ -45,6 +48,9 @@ class PlacedSolid:
         By turns, the place of the surface nearest to a point of a plane far off, and the point of that plane nearest to
         the place, from several points.
         """
+        if self._body.shape == "mesh":
+            corners = self._position + self._body.surface.corners @ self._axes.T
+            return float(((corners - point) @ normal).min())
         far = _FAR * self._body.size
         side = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
         spread = np.stack(np.meshgrid(*[[-1.0, -0.5, 0.0, 0.5, 1.0]] * 2), axis=-1).reshape(-1, 2) * self._body.size
@@ -56,21 +62,60 @@ class PlacedSolid:
             points = places - (heights + far)[:, None] * normal
         return float(heights.min())
 
+    def distance(self, points: Array) -> Array:
+        """Distances (n,) of points (n, 3) from the surface [m]."""
+        if self._body.shape != "mesh":
+            return self.nearest(points).distance
+        return self._triangles.distance((np.asarray(points, dtype=float).reshape(-1, 3) - self._position) @ self._axes)
+
     def _local(self, points: Array) -> tuple[Array, Array]:
         """Distances (n,) and normals (n, 3) in the frame of the shape."""
         body = self._body
-        if body.shape == "sphere":
-            return _grown_box(points, np.zeros(3), 0.5 * body.diameter)
-        if body.shape == "ellipsoid":
-            return _ellipsoid(points, 0.5 * np.array(body.extents))
-        if body.shape == "box":
-            return _grown_box(points, 0.5 * np.array(body.extents) - body.edge_radius, body.edge_radius)
-        # A cylinder is a rounded box in the half plane of its axis.
-        radial = np.hypot(points[:, 0], points[:, 1])
+        match body.shape:
+            case "sphere":
+                return _grown_box(points, np.zeros(3), 0.5 * body.diameter)
+            case "ellipsoid":
+                return _ellipsoid(points, 0.5 * np.array(body.extents))
+            case "superquadric":
+                return superquadric_distance(points, 0.5 * np.array(body.extents), body.exponents)
+            case "box":
+                return _grown_box(points, 0.5 * np.array(body.extents) - body.edge_radius, body.edge_radius)
+            case "mesh":
+                return self._triangles.nearest(points)
+            case "extrude":
+                return _extruded(points, body)
+            case _:
+                return _turned(points, body)
+
+    @cached_property
+    def _triangles(self) -> TriangleDistance:
+        return TriangleDistance(self._body.surface)
+
+
+def _turned(points: Array, body: Any) -> tuple[Array, Array]:
+    """Distances and normals from a solid of revolution: those of its section in the half plane of its axis."""
+    radial = np.hypot(points[:, 0], points[:, 1])
+    flat = np.column_stack([radial, points[:, 2]])
+    if body.shape == "cylinder":  # a rounded box there
         half = np.array([0.5 * body.diameter, 0.5 * body.height]) - body.edge_radius
-        distance, normal = _grown_box(np.column_stack([radial, points[:, 2]]), half, body.edge_radius)
-        out = np.where(radial[:, None] > 0.0, points[:, :2] / np.maximum(radial, 1e-300)[:, None], [1.0, 0.0])
-        return distance, np.column_stack([normal[:, :1] * out, normal[:, 1]])
+        distance, normal = _grown_box(flat, half, body.edge_radius)
+    else:
+        distance, normal = loop_distance(flat, body.section)
+    out = np.where(radial[:, None] > 0.0, points[:, :2] / np.maximum(radial, 1e-300)[:, None], [1.0, 0.0])
+    return distance, np.column_stack([normal[:, :1] * out, normal[:, 1]])
+
+
+def _extruded(points: Array, body: Any) -> tuple[Array, Array]:
+    """Distances and normals from an extruded outline: in the plane of its core's normal and its axis, the core is a
+    quadrant.
+    """
+    across, flat = loop_distance(points[:, :2], body.core)
+    quadrant = np.column_stack([across, np.abs(points[:, 2]) - 0.5 * body.height + body.edge_radius])
+    # Both coordinates are at least -large: everything within a box whose other sides are far away.
+    far = 2.0 * body.size
+    distance, normal = _grown_box(np.maximum(quadrant, -far) + far, np.full(2, far), body.edge_radius)
+    up = np.copysign(normal[:, 1], points[:, 2])
+    return distance, np.column_stack([normal[:, :1] * flat, up])
 
 
 def _grown_box(points: Array, half: Array, radius: float) -> tuple[Array, Array]:

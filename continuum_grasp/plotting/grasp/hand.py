@@ -33,7 +33,7 @@ def plot_hand(result: Any) -> list[Axes]:
     """Draw the grasp of a hand: in space, and in the plane of each finger.
 
     Arrows are the forces that the object bears at its contacts, in a plane the part of them that lies in it. Palm and
-    table are gray. The closed line in a plane is the section of the object; a finger beside its center touches it at a
+    table are gray. Closed lines in a plane are the sections of the object; a finger beside its center touches it at a
     slant, and its contact then lies off the section.
     """
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
@@ -64,7 +64,7 @@ def _align(planes: list[Axes]) -> None:
     """Give planes one scale: the same spans around what each shows. Bases are above, as in the hand."""
     spans = np.array([[ax.dataLim.width, ax.dataLim.height] for ax in planes]).max(axis=0)
     for ax in planes:
-        middle, half = 0.5 * (ax.dataLim.min + ax.dataLim.max), 0.53 * spans
+        middle, half = 0.5 * (np.asarray(ax.dataLim.min) + np.asarray(ax.dataLim.max)), 0.53 * spans
         ax.set_xlim(middle[0] + half[0], middle[0] - half[0])
         ax.set_ylim(middle[1] + half[1], middle[1] - half[1])
 
@@ -85,12 +85,13 @@ def _draw_space(ax: Any, result: Any, lines: dict[str, Array], scale: float) -> 
     from matplotlib.colors import LightSource
 
     scene, colors = result.scene, _colors(result)
-    surface = 1e3 * result.body.mesh()[::-1]  # the light is counted from the side of normals of rows times columns
+    corners, triangles = result.body.triangles()
+    surface = 1e3 * corners
     ax.computed_zorder = False  # by the depth of whole surfaces, which passes fingers through an object that they touch
     ax.view_init(elev=_VIEW[0], azim=_VIEW[1])
     look = {"linewidth": 0.0, "lightsource": LightSource(azdeg=_LIGHT[0], altdeg=_LIGHT[1])}
-    ax.plot_surface(*np.moveaxis(surface, -1, 0), color=Color.OBJECT, alpha=0.75, zorder=_LAYERS[1], **look)
-    boxes = [surface.reshape(-1, 3)]
+    ax.plot_trisurf(*surface.T, triangles=triangles, color=Color.OBJECT, alpha=0.75, zorder=_LAYERS[1], **look)
+    boxes = [surface]
     for support in scene.supports:
         patch = 1e3 * _patch(scene, support)
         ax.plot_surface(
@@ -175,11 +176,11 @@ def _draw_trace(ax: Axes, frame: Any, support: Any, shape: Array) -> None:
 def _draw_plane(ax: Axes, result: Any, setup: Any, frame: Any, line: Array | None, scale: float) -> None:
     from matplotlib.patches import Polygon
 
-    section = 1e3 * result.body.section(frame)
-    if len(section):
+    sections = [1e3 * section for section in result.body.sections(frame)]
+    for section in sections:
         ax.add_patch(Polygon(section, facecolor=Color.OBJECT, edgecolor=Color.EDGE, zorder=Z.OBJECT))
-    if len(section) and line is not None:
-        shape = np.concatenate([1e-3 * section, line[:, 1:3]])
+    if sections and line is not None:
+        shape = np.concatenate([*(1e-3 * section for section in sections), line[:, 1:3]])
         for support in result.scene.supports:
             _draw_trace(ax, frame, support, shape)
     if line is not None:

@@ -17,9 +17,9 @@ from continuum_grasp.scene.objects.shapes import MaybeDrawn, ObjectBody, Outline
 from continuum_grasp.scene.objects.simplify import FINER, MOST, deviation, simplified
 from continuum_grasp.scene.parts import OffsetPolygon, Part
 from continuum_grasp.scene.polygons import PlanePoint, check_simple
-from continuum_grasp.scene.problems import validated
+from continuum_grasp.scene.problems import KeyedError, validated
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import SAME, Extent
+from continuum_grasp.scene.value import SAME, Extent, SpatialPosition, Value, Vector3
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnOutline
@@ -27,15 +27,31 @@ if TYPE_CHECKING:
 _SMALLEST, _GREATEST = 1e-4, 10.0
 """Sizes of an outline [m] beyond which its unit is likely another one."""
 _DRAWINGS = "continuum_grasp.scene.objects.drawings"
+MESHES = (".stl", ".obj", ".ply", ".3mf")
 _READERS = {
     ".svg": f"{_DRAWINGS}.svg:read_svg",
     ".dxf": f"{_DRAWINGS}.dxf:read_dxf",
     ".csv": f"{_DRAWINGS}.points:read_csv",
     ".png": f"{_DRAWINGS}.picture:read_png",
+    **dict.fromkeys(MESHES, f"{_DRAWINGS}.mesh_cut:read_cut"),
 }
 """From an `OutlineFile` to the `Drawing` in it, by the ending of its name; loaded, with the library that it takes, with
 the first such file. A new form is a line here.
 """
+
+
+class PlaneCut(Value):
+    """Plane that cuts a mesh, in the axes of its file."""
+
+    point: SpatialPosition = (0.0, 0.0, 0.0)
+    """A point of the plane, from the origin of the file [m]."""
+    normal: Annotated[Vector3, Unit("1")] = (0.0, 0.0, 1.0)
+    """Normal of the plane, of any length, from which the section is seen: x of the outline is the part in the plane of
+    the file's x axis, of its y axis where x is the normal [1]."""
+
+    def _check(self) -> None:
+        if not math.hypot(*self.normal) > 0.0:
+            raise ValueError("normal must not be zero")
 
 
 class OutlineFile(MaybeDrawn):
@@ -45,19 +61,22 @@ class OutlineFile(MaybeDrawn):
     """The outer closed curve in a file; it becomes a polygon whose frame has its origin at the centroid, y up."""
     file: Annotated[str, Field(examples=["bottle.png"])]
     """SVG (shapes that are visible), DXF (entities of the model space; those that meet are joined), CSV (columns x and
-    y, with units in their headings or without headings) or PNG (a dark silhouette on a light ground, or an opaque one
-    on a transparent ground)."""
+    y, with units in their headings or without headings), PNG (a dark silhouette on a light ground, or an opaque one
+    on a transparent ground), or the closed surface of an STL, OBJ, PLY or 3MF, of which ``cut`` makes a section."""
     path: str | None = None
     """Curve to take of several: ``id`` of an SVG element or of a group around it; layer, block or handle of DXF;
     ``silhouette 2`` of PNG, the second largest. An error that lists several curves has a name of each."""
     scale: Annotated[Extent, Field(examples=["1 mm"])] | None = None
-    """Length of a unit of the file, or of a pixel [m]; None: 1/96 inch of SVG, what a DXF or the headings of a CSV
-    state, 1 m of a CSV without units."""
+    """Length of a unit of the file, or of a pixel [m]; None: 1/96 inch of SVG, what a DXF, a 3MF or the headings of a
+    CSV state, 1 m of a CSV without units."""
     tolerance: Annotated[Extent, Field(examples=["0.2 mm"])] | None = None
     """Greatest distance of the polygon from the curve [m]; a greater one takes fewer corners. None: a thousandth of the
     longer side of what the curve fills."""
     threshold: Annotated[float, Field(gt=0.0, lt=1.0), Unit("1")] = 0.5
     """Darkness of a pixel of a PNG from which on it belongs to the object [1]: 0 white or transparent, 1 black."""
+    cut: PlaneCut | None = None
+    """Plane whose section of a mesh is the outline; ``path`` chooses one of several: ``section 2``, the second
+    largest."""
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
@@ -69,8 +88,13 @@ class OutlineFile(MaybeDrawn):
         name, form = Path(self.file).name, Path(self.file).suffix.lower()
         if form not in _READERS:
             raise ValueError(f"file: expected {', '.join(_READERS)}, got {name}")
+        if (self.cut is None) is (form in MESHES):
+            needs = "missing; a mesh needs the plane of the section: cut: {point: [0, 0, 0], normal: [0, 0, 1]}"
+            raise ValueError(f"cut: {needs if self.cut is None else f'{name} is no mesh: leave it out'}")
         try:
             drawing: Drawing = named_value(_READERS[form])(self)
+        except KeyedError:
+            raise
         except (OSError, ValueError, SyntaxError) as error:
             raise ValueError(f"file: cannot be read: {name}: {error}") from None
         scale = drawing.unit if self.scale is None else self.scale
@@ -141,9 +165,11 @@ class OutlineFile(MaybeDrawn):
         finer = (self.corners(retained, share) for share in (FINER, 2.0 * FINER))
         return OutlineCurve(deviation=off, vertices=next((f for f in finer if len(f) <= MOST), corners))
 
-    def polygon(self, retained: Collection[int] = ()) -> dict[str, Any]:
-        """Keys of the polygon that stands for the curve, with points of it that are ``retained``."""
-        corners = self.corners(retained)
+    def polygon(self, retained: Collection[int] = (), share: float = 1.0) -> dict[str, Any]:
+        """Keys of the polygon that stands for the curve, with points of it that are ``retained``, within a share of the
+        tolerance where that is not given.
+        """
+        corners = self.corners(retained, share if self.tolerance is None else 1.0)
         drawing = self.drawing(corners, retained)
         drawn = {} if drawing is None else {"drawn": drawing.model_dump(mode="json")}
         return {"shape": "polygon", "vertices": [list(corner) for corner in corners], **drawn}
@@ -156,8 +182,13 @@ class Outline(OutlineFile, ObjectBody):
     """Any closed curve that a file has: a drawing, or a silhouette."""
 
 
-def put_in_outlines(document: Document, body: KeyPath, main: Path, touching: Callable[..., set[int]]) -> None:
-    """Put a polygon in place of an outline in a file, unless keys vary: of an object, or of members of a union."""
+def put_in_outlines(
+    document: Document, body: KeyPath, main: Path, touching: Callable[..., set[int]], share: float = 1.0
+) -> None:
+    """Put a polygon in place of an outline in a file, unless keys vary: of an object, or of members of a union.
+
+    Without ``tolerance`` the polygon is within a share of the default one of the curve.
+    """
     part = document.part(body)
     if not isinstance(part.value, dict):
         return
@@ -181,7 +212,7 @@ def put_in_outlines(document: Document, body: KeyPath, main: Path, touching: Cal
     document.notes.append(f"{dotted(body)}: {outline.note}")
     at = body.index("object")
     frames = [document.get(body[: at + 1]), *([rest] if body[at + 1 :] else [])]
-    polygon = outline.polygon(touching(outline.curve, document.get(body[:at]).get("supports"), frames))
+    polygon = outline.polygon(touching(outline.curve, document.get(body[:at]).get("supports"), frames), share)
     # That of the curve, not of the polygon.
     mass = {} if body[at + 1 :] else {"center_of_mass": [0.0, 0.0]}
     document.put(body, Document(polygon | mass | rest, part.places))

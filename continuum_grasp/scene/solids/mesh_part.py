@@ -1,0 +1,53 @@
+"""Solid objects from files of triangles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import Field
+
+from continuum_grasp.base import Array
+from continuum_grasp.scene.solids.boundary import few
+from continuum_grasp.scene.solids.solid_body import SolidBody
+from continuum_grasp.scene.value import Extent
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.solids.triangles import TriangleMesh
+
+
+class MeshPart(SolidBody):
+    """A closed surface of triangles; the frame has the axes of the file, and its origin at the centroid of the volume.
+
+    Distances are those from the triangles; normals go smoothly over edges that are blunter than 30 degrees, as pictures
+    of meshes have them.
+    """
+
+    shape: Literal["mesh"]
+    """A closed surface of triangles; the frame has the axes of the file and its origin at the centroid."""
+    file: Annotated[str, Field(examples=["part.stl"])]
+    """STL, OBJ, PLY or 3MF; one closed body."""
+    scale: Annotated[Extent, Field(examples=["1 mm"])] | None = None
+    """Length of a unit of the file [m]; None: what a 3MF states."""
+
+    @property
+    def surface(self) -> TriangleMesh:
+        """The triangles [m]; read once while the file stays as it is."""
+        from continuum_grasp.scene.solids.triangles import read_triangles
+
+        return read_triangles(Path(self.file), self.scale)
+
+    def outermost(self, direction: Array) -> Array:
+        return few(self.surface.corners, direction, self.size)
+
+    @property
+    def deviation(self) -> float:
+        return self.surface.deviation
+
+    @property
+    def volume(self) -> float:
+        return self.surface.volume
+
+    @property
+    def size(self) -> float:
+        return self.surface.size
