@@ -186,3 +186,23 @@ def test_a_can_between_round_fingers_turns_away():
     assert not tried["holds"]
     assert tried["turned"] > math.radians(5.0)
     assert "not held in MuJoCo: moves by" in tried["words"]
+
+
+@pytest.mark.parametrize("height", [0.0, 0.01])
+def test_a_table_bears_the_weight_of_what_rests_on_it(height):
+    """A box with rounded edges, whose core is a margin above the plane."""
+    box = {"shape": "box", "extents": (0.04, 0.05, 0.06), "edge_radius": 0.004, "position": (0.0, 0.0, 0.1)}
+    scene, arrays = cases.resting(box, np.zeros((4, 3)), table={"point": (0.0, 0.0, height)})
+    arrays["contact_positions"] = np.array([contact.position for contact in scene.support_contacts])
+    away, forces = HandInMujoco(made(scene, arrays)).hold(0.2)
+    assert away[0] < 1e-5
+    assert forces == pytest.approx([0.25 * 9.81 * 0.1] * 4, rel=1e-3)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("name", ["palm", "table"])
+def test_objects_on_palm_and_table_are_held_and_pushed(name):
+    tried = try_in_mujoco(optimize_grasp(CONFIGS / f"{name}.yaml"))
+    assert tried["holds"], tried["words"]
+    assert tried["moved"] < 5e-5
+    assert tried["normal_force_error"] < 0.05
