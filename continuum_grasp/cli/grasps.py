@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib.util import find_spec
 
 from continuum_grasp.base import InputError, SolverError, addons, named_value
 from continuum_grasp.cli.options import option, run_verb
@@ -35,6 +36,8 @@ def grasp(
     output.check_folder()
     if try_in is not None and not isinstance(scene, HandScene):
         raise InputError("is for hands; a planar grasp is carried out by a mission", key="--try-in")
+    if try_in is not None and find_spec(try_in) is None:
+        raise InputError(f"{try_in} is not installed: pip install 'continuum-grasp[{try_in}]'", key="--try-in")
 
     from continuum_grasp.grasp import optimize_grasp
 

@@ -11,9 +11,11 @@ import continuum_grasp as cg
 from benchmarks.hand_mujoco import CONFIGS, shift_error
 from continuum_grasp.addons.chains.solid_geometry import solid_inertia
 from continuum_grasp.addons.chains.trial import HandInMujoco, promised_force, try_in_mujoco
+from continuum_grasp.cli import grasps
 from continuum_grasp.grasp import GraspStatus, HandResult, optimize_grasp
 from continuum_grasp.scene import load
 from tests import hand_cases as cases
+from tests.commands import run
 from tests.hand_cases import HALF, LATERAL, LENGTH, STIFFNESS
 
 mujoco = pytest.importorskip("mujoco")
@@ -177,6 +179,25 @@ def test_a_ball_stays_held_by_the_planned_forces_and_pushes(ball):
     assert tried["moved"] < 1e-4
     assert list(tried["normal_forces"].values()) == pytest.approx([c.normal_force for c in ball.contacts], rel=0.05)
     assert all(push["held"] for push in tried["pushes"].values())
+
+
+@pytest.mark.deep
+def test_a_ball_that_is_held_upright_drops_when_the_hand_turns(ball):
+    tried = try_in_mujoco(ball, turned=True)
+    assert not tried["holds"]
+    assert "with the weight along +x" in tried["words"]
+
+
+@pytest.mark.parametrize(
+    ("scene", "words"),
+    [("hand/ball", "mujoco is not installed: pip install 'continuum-grasp"), ("grasp/mug", "is for hands")],
+)
+def test_a_trial_needs_its_program_and_a_hand(scene, words, monkeypatch, tmp_path):
+    monkeypatch.setattr(grasps, "find_spec", lambda _: None)
+    monkeypatch.chdir(tmp_path)
+    found = run("grasp", CONFIGS.parent / f"{scene}.yaml", "--try-in", "mujoco")
+    assert found.exit_code == 2
+    assert words in found.output
 
 
 @pytest.mark.deep

@@ -200,17 +200,22 @@ def promised_force(result: Any, direction: Array) -> float:
     return most
 
 
-def try_in_mujoco(result: Any, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
-    """Try a hand's grasp in MuJoCo; returns plain data: whether it ``holds``, in words, and what was measured."""
+def try_in_mujoco(
+    result: Any, progress: Callable[[str], None] | None = None, *, turned: bool = False
+) -> dict[str, Any]:
+    """Try a hand's grasp in MuJoCo; returns plain data: whether it ``holds``, in words, and what was measured.
+
+    ``turned``: the weight acts along six directions too, one after the other.
+    """
     hand = HandInMujoco(result)
     say = progress or (lambda _: None)
     try:
-        return _tried(hand, say)
+        return _tried(hand, say, turned)
     except FloatingPointError as error:
         return {"holds": False, "words": f"not held in MuJoCo: {error}"}
 
 
-def _tried(hand: HandInMujoco, say: Callable[[str], None]) -> dict[str, Any]:
+def _tried(hand: HandInMujoco, say: Callable[[str], None], turned: bool) -> dict[str, Any]:
     result, limits = hand.result, np.array([MOVES, TURNS])
     say("held for 2 s")
     worst, forces = hand.hold()
@@ -224,19 +229,20 @@ def _tried(hand: HandInMujoco, say: Callable[[str], None]) -> dict[str, Any]:
     }
     wrong = [] if (worst < limits).all() else [f"moves by {_words(worst)} within {HOLDS:g} s"]
     words = [f"moved {_words(worst)} in {HOLDS:g} s", f"normal forces within {off:.1%} of the greatest planned one"]
-    if not wrong and getattr(result.scene, "any_direction", False):
+    if not wrong and turned and hand.weight.any():
         say("turned")
-        turned = hand.turn()
-        found["weights"] = {name: {"moved": away[0], "turned": away[1]} for name, away in turned.items()}
-        most = np.max(list(turned.values()), axis=0)
+        by_axis = hand.turn()
+        found["weights"] = {name: {"moved": away[0], "turned": away[1]} for name, away in by_axis.items()}
+        most = np.max(list(by_axis.values()), axis=0)
         words.append(f"{_words(most)} with the weight along six axes")
         wrong += [
-            f"moves by {_words(away)} with the weight along {n}" for n, away in turned.items() if (away > limits).any()
+            f"moves by {_words(away)} with the weight along {n}" for n, away in by_axis.items() if (away > limits).any()
         ]
     pushes = {}
     for name, axis in AXES.items() if not wrong else ():
         say(f"pushed along {name}")
-        force = SHARE * promised_force(result, axis) * axis
+        # No more than any contact may bear, where none of them limits the push.
+        force = SHARE * min(promised_force(result, axis), result.scene.contacts.normal_force_max) * axis
         under, after = hand.push(force)
         response = result.certificate.response.pose[:, :3] @ force
         linear = np.array([np.linalg.norm(response[:3]), np.linalg.norm(response[3:])])
