@@ -11,6 +11,8 @@ from continuum_grasp.base import Array
 
 _ROUND = ("sphere", "ellipsoid")
 _PRIMITIVES = (*_ROUND, "box", "cylinder")
+_FLAT = 1e-6
+"""Thickness per extent of a part, below which it is flat [1]."""
 _FINE = 65
 """Rows of the grid by which inertia is integrated: of a sphere it is then within 0.1 %."""
 
@@ -28,9 +30,15 @@ def solid_parts(result: Any) -> tuple[list[dict[str, str]], list[tuple[str, str]
         size = {"sphere": half[:1], "ellipsoid": half, "box": half - edge, "cylinder": half[[0, 2]] - edge}[solid.shape]
         # 1e-6: least half extent [m], of a box that is all edge
         return [{"name": "object", "type": solid.shape, "size": numbers(*np.maximum(size, 1e-6))}], [], edge
-    meshes = [(f"part_{k + 1}", numbers(*np.ravel(part))) for k, part in enumerate(body.convex_parts())]
+    meshes = [(f"part_{k + 1}", numbers(*np.ravel(part))) for k, part in enumerate(filter(_thick, body.convex_parts()))]
     # Places of meshes are those of their centers of mass, from which MuJoCo counts back.
     return [{"name": name, "type": "mesh", "mesh": name} for name, _ in meshes], meshes, 0.0
+
+
+def _thick(part: Array) -> bool:
+    """Whether a part has a volume, without which MuJoCo finds no hull."""
+    spread = np.linalg.svd(part - part.mean(axis=0), compute_uv=False)
+    return bool(spread[-1] > _FLAT * spread[0])
 
 
 def solid_inertia(result: Any) -> Array:

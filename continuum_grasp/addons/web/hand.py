@@ -12,12 +12,17 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp import __version__
 from continuum_grasp.addons.web.html_page import Page
+from continuum_grasp.base import Array
 from continuum_grasp.export import fill
 
 _NODES = 49
 """Points along a finger that has no response."""
 _GRID = 41
 """Rows of the grid of the object's surface."""
+_MOST = 12_000
+"""Triangles of the object at most: a page of 0.3 MB, which turns smoothly."""
+_CELLS = 120
+"""Cells along the object of the finest grid by which surfaces are thinned."""
 _LENGTH = 0.3
 """Length of the greatest arrow, per length of the longest finger [1]."""
 _SPAN = 0.3
@@ -77,13 +82,25 @@ def _known(result: Any) -> dict[str, Any]:
 
 def _surface(body: Any) -> dict[str, Any]:
     """Corners [mm] and triangles of the object, packed: meshes have many."""
-    corners, triangles = body.triangles(_GRID)
+    corners, triangles = _thinned(*body.triangles(_GRID))
     wide = len(corners) > np.iinfo(np.uint16).max
     return {
         "corners": _packed(1e3 * corners, "<f4"),
         "triangles": _packed(triangles, "<u4" if wide else "<u2"),
         "wide": wide,
     }
+
+
+def _thinned(corners: Array, triangles: Array) -> tuple[Array, Array]:
+    """A surface of fewer triangles: corners in one cell of a grid become their mean, of as fine a grid as will do."""
+    cell = float(np.ptp(corners, axis=0).max()) / _CELLS
+    while len(triangles) > _MOST:
+        _, owner, count = np.unique(np.round(corners / cell), axis=0, return_inverse=True, return_counts=True)
+        means = np.stack([np.bincount(owner.ravel(), column) for column in corners.T], axis=1) / count[:, None]
+        triangles = owner.ravel()[triangles]
+        a, b, c = triangles.T
+        corners, triangles, cell = means, triangles[(a != b) & (b != c) & (c != a)], 1.3 * cell
+    return corners, triangles
 
 
 def _packed(values: ArrayLike, kind: str) -> str:
