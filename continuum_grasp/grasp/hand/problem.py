@@ -62,6 +62,7 @@ class HandSpec:
     planes: tuple[str, ...] = ()  # names of what fingers keep clear of: palm, table
     pairs: tuple[tuple[int, int], ...] = ()  # indices of fingers that keep clear of each other
     dimensions: int = 3  # of a contact force
+    steadied: bool = False  # whether there is a bound on what the least eigenvalue is to first order
 
     @staticmethod
     def of(scene: HandScene, on: frozenset[str]) -> HandSpec:
@@ -131,6 +132,8 @@ class HandProblem:
         self.carried = [self._carry(name) for name in spec.carried]
         tips = {c.spec.finger: c for c in self.contacts if c.spec.joint == -1}
         self.fingers, self.points = list[UnitFinger](), dict[str, ca.SX]()
+        # Of each finger its shifts out of the plane at the ends of its elements, and slopes there.
+        self.aside = list[tuple[list[ca.SX], list[ca.SX]]]()
         for k, of in enumerate(spec.fingers):
             # In the plane, friction along a has all of its couple about z but for the lean of the normal.
             tip = ca.vertcat(tips[k].force[0], tips[k].force[1] * tips[k].sine, 0.0) if k in tips else ca.SX(3, 1)
@@ -138,7 +141,7 @@ class HandProblem:
         for k, finger in enumerate(self.fingers):
             self._add_finger(k, finger)
         for k, m in spec.pairs:
-            self._keep_apart(self.fingers[k], self.fingers[m], (self.frames[k], self.frames[m]))
+            self._keep_apart(k, m)
         self._balance_object()
         for contact in self.contacts:
             self._bound(contact.spec.name, contact.force, self.slack["friction"])
@@ -146,6 +149,8 @@ class HandProblem:
             # Friction of a palm or table of its own is not relaxed.
             slack = self.numbers(f"{carried.name}.as elsewhere") * self.slack["friction"]
             self._bound(carried.name, carried.force, slack)
+        if spec.steadied:
+            self._steady()
         self.objective = self._objective()
 
     # -- contacts ------------------------------------------------------------------------------------------------
@@ -181,23 +186,23 @@ class HandProblem:
         touching = [c for c in self.contacts if c.spec.finger == k]
         share, axes = finger.number("force share"), self.frames[k]
         forces = {c.spec.joint: (axes.T @ c.world)[:2] / share for c in touching}
-        couples = {c.spec.joint: -finger.half_at(self.end_of(c)) * c.force[1] * c.sine / share for c in touching}
+        couples = {c.spec.joint: -finger.half_at(self.end_of(c.spec)) * c.force[1] * c.sine / share for c in touching}
         missing = finger.missing_force(finger.q, finger.u, finger.loads(forces, couples))
         require(f"finger equilibrium, {name}", share * finger.number("length") * missing, "N m", name)
-        slopes = self._lean(finger, axes, touching)
+        self.aside.append(self._lean(finger, axes, touching))
         for contact in touching:
-            self._close(contact, finger, axes, slopes[contact.spec.name])
-        self._keep_clear(finger, axes)
+            self._close(contact, finger, axes)
+        self._keep_clear(k)
         keep_limits(self, finger)
 
-    def end_of(self, contact: SpatialTouch) -> int:
+    def end_of(self, contact: SpatialContact) -> int:
         """Index of the element at whose end a contact sits."""
-        spec = self.spec.fingers[contact.spec.finger]
-        return spec.elements - 1 if contact.spec.joint < 0 else spec.before[0] - 1
+        spec = self.spec.fingers[contact.finger]
+        return spec.elements - 1 if contact.joint < 0 else spec.before[0] - 1
 
-    def _close(self, contact: SpatialTouch, finger: UnitFinger, axes: ca.SX, slope: ca.SX) -> None:
+    def _close(self, contact: SpatialTouch, finger: UnitFinger, axes: ca.SX) -> None:
         """The finger touches: no gap, and along the finger it is tangent."""
-        name, end, require = contact.spec.name, self.end_of(contact), self.rows.require
+        name, end, require = contact.spec.name, self.end_of(contact.spec), self.rows.require
         key = f"contacts.{name}"
         thick = finger.half_at(end) * finger.number("length")
         place = self.in_space(finger, axes, finger.ends[:, end]) + axes[:, 2] * contact.shift
@@ -205,6 +210,7 @@ class HandProblem:
         require(f"contact gap, {name}", contact.beyond, "m", key)
         self.points[name] = contact.backbone - thick * contact.normal
         along = ca.vertcat(-ca.sin(finger.angles[end]), ca.cos(finger.angles[end]))
+        slope = self.aside[contact.spec.finger][1][end]
         tilt = ca.dot(axes[:, :2] @ along + slope * axes[:, 2], contact.normal)
         if contact.spec.joint == 0:
             require(f"contact tangency, {name}", tilt, "rad", key)
@@ -216,17 +222,18 @@ class HandProblem:
         base = self.numbers(f"{finger.spec.name}.position", 3)
         return ca.repmat(base, 1, points.shape[1]) + axes[:, :2] @ points
 
-    def _lean(self, finger: UnitFinger, axes: ca.SX, touching: list[SpatialTouch]) -> dict[str, ca.SX]:
-        """Require the shifts out of the plane to be those under the loads to the side; their slopes at the contacts.
+    def _lean(self, finger: UnitFinger, axes: ca.SX, touching: list[SpatialTouch]) -> tuple[list[ca.SX], list[ca.SX]]:
+        """Shifts out of the plane at the ends of the elements under the loads to the side, and slopes there; those of
+        contacts are unknowns that are required to be these.
 
-        By unit loads: a unit load at a contact does work on what the loads bend and twist between base and contact.
+        By unit loads: one at the end of an element does work on what the loads bend and twist between base and end.
         """
         number, share = finger.number, finger.number("force share")
         at, tangents, lengths, beyond, integral = finger.shared.backbone.nodes(NODES)(finger.q, finger.u, finger.p)
         elements, count = finger.spec.elements, at.shape[1] // finger.spec.elements
         loads = []
         for contact in touching:
-            end = self.end_of(contact)
+            end = self.end_of(contact.spec)
             local, normal = axes.T @ contact.world / share, axes.T @ contact.normal
             couple = -finger.half_at(end) * ca.cross(normal, local)
             place = finger.shared.backbone.joints(finger.q, finger.u, finger.p)[0][:, end]
@@ -243,41 +250,58 @@ class HandProblem:
             twist += ca.horzcat(side * ca.sum1(away * n) + couple[:2].T @ t, rest)
             bend += ca.horzcat(couple[:2].T @ n - side * ca.sum1(away * t), rest)
         turned, leaned = twist / number("torsion"), bend / number("lateral")
-        slopes = {}
-        for contact, upto, place, _, _ in loads:
-            away = ca.repmat(place, 1, upto) - at[:, :upto]
+        ends = finger.shared.backbone.joints(finger.q, finger.u, finger.p)[0]
+        shifts, slopes = list[ca.SX](), list[ca.SX]()
+        for end in range(elements):
+            upto = (end + 1) * count
+            away = ca.repmat(ends[:, end], 1, upto) - at[:, :upto]
             t, n = tangents[:, :upto], across[:, :upto]
             work = turned[:upto] * ca.sum1(away * n) - leaned[:upto] * ca.sum1(away * t)
-            shift = number("length") * (work @ lengths[:upto])
-            name, end = contact.spec.name, self.end_of(contact)
-            self.rows.require(f"shift to the side, {name}", contact.shift - shift, "m", f"contacts.{name}")
-            angle = finger.angles[end]
-            here = ca.vertcat(-ca.cos(angle), -ca.sin(angle))
+            shifts.append(number("length") * (work @ lengths[:upto]))
             turn = (ca.repmat(turned[:upto], 2, 1) * t + ca.repmat(leaned[:upto], 2, 1) * n) @ lengths[:upto]
-            slopes[name] = -ca.dot(turn, here)
-        return slopes
+            angle = finger.angles[end]
+            slopes.append(-ca.dot(turn, ca.vertcat(-ca.cos(angle), -ca.sin(angle))))
+        for contact in touching:
+            name, end = contact.spec.name, self.end_of(contact.spec)
+            self.rows.require(f"shift to the side, {name}", contact.shift - shifts[end], "m", f"contacts.{name}")
+            shifts[end] = contact.shift
+        return shifts, slopes
 
-    def _keep_clear(self, finger: UnitFinger, axes: ca.SX) -> None:
+    def guarded(self, k: int) -> ca.SX:
+        """Places (3, K) of finger k that must stay clear, displaced by cubics between the ends of its elements."""
+        finger, axes = self.fingers[k], self.frames[k]
+        points, owners, _, _ = finger.guarded
+        shifts, slopes = ([ca.SX(0), *part] for part in self.aside[k])
+        aside = []
+        for element, share in zip(owners, finger.guarded_shares, strict=True):
+            length = finger.lengths[element] * finger.number("length")
+            behind, ahead = share**2 * (3.0 - 2.0 * share), share * (1.0 - share)
+            bent = slopes[element] * (1.0 - share) - slopes[element + 1] * share
+            aside.append(shifts[element] + (shifts[element + 1] - shifts[element]) * behind + length * ahead * bent)
+        return self.in_space(finger, axes, points) + axes[:, 2] @ ca.horzcat(*aside)
+
+    def _keep_clear(self, k: int) -> None:
         """Guarded places keep clear of the object as it is near them."""
-        points, _, touches, thick = finger.guarded
-        free = self.in_space(finger, axes, points[:, [j for j, touching in enumerate(touches) if not touching]])
+        finger, points = self.fingers[k], self.guarded(k)
+        _, _, touches, thick = finger.guarded
+        free = points[:, [j for j, touching in enumerate(touches) if not touching]]
         near = finger.number("surfaces", SURFACE * free.shape[1]).reshape((SURFACE, free.shape[1]))
         beyond = [grown(free[:, j], near[:, j])[0] for j in range(free.shape[1])]
         spare = ca.vertcat(*beyond) + finger.number("tolerance")
         self.rows.require(f"penetration into the object, {finger.spec.name}", spare, "m", "object", upper=ca.inf)
         for support in self.spec.planes:
             plane, free_there = self.numbers(f"{support}.plane", 4), finger.number(f"clear of {support}", len(touches))
-            heights = self.in_space(finger, axes, points).T @ plane[:3] - plane[3]
+            heights = points.T @ plane[:3] - plane[3]
             spare = free_there * (heights - thick) + finger.number("tolerance")
             self.rows.require(f"penetration into the {support}, {finger.spec.name}", spare, "m", support, upper=ca.inf)
 
-    def _keep_apart(self, finger: UnitFinger, other: UnitFinger, axes: tuple[ca.SX, ca.SX]) -> None:
+    def _keep_apart(self, k: int, m: int) -> None:
         """Two fingers keep their gap at the place of each element that is nearest to the other and the one next to it;
         the search says which these are.
         """
+        finger, other = self.fingers[k], self.fingers[m]
         name, count, places = f"{finger.spec.name}, {other.spec.name}", finger.spec.elements, []
-        for each, turn, side in zip((finger, other), axes, ("first", "second"), strict=True):
-            points = self.in_space(each, turn, each.guarded[0])
+        for points, side in ((self.guarded(k), "first"), (self.guarded(m), "second")):
             chosen = self.numbers(f"{side} of {name}", points.shape[1] * count)
             places.append(points @ ca.reshape(chosen, points.shape[1], count))
         thick = sum(f.half_at(f.spec.elements - 1) * f.number("length") for f in (finger, other))
@@ -299,6 +323,12 @@ class HandProblem:
             moment -= ca.cross(carried.point - center, carried.world)
         self.rows.require("object force balance", force, "N", "object.mass")
         self.rows.require("object moment balance", moment / self.numbers("size"), "moment per size", "object")
+
+    def _steady(self) -> None:
+        """The least eigenvalue of the second-order test, to first order about a point, is not below a level."""
+        x = self.x.symbol
+        value = ca.dot(self.numbers("stability slope", x.numel()), x) - self.numbers("stability level")
+        self.rows.require("stability", value, "1", "stability", upper=ca.inf)
 
     def _objective(self) -> ca.SX:
         """Sum of the tensions, and by how much limits are relaxed."""
@@ -338,15 +368,15 @@ def hand_equations(spec: HandSpec) -> HandEquations:
     free = list[list[int]]()
     for contact in problem.contacts:
         finger = problem.fingers[contact.spec.finger]
-        along = ca.SX(finger.edges[problem.end_of(contact) + 1])
+        along = ca.SX(finger.edges[problem.end_of(contact.spec) + 1])
         touches += [problem.points[contact.spec.name], contact.normal, contact.world, along, contact.shift]
     for carried in problem.carried:
         touches += [carried.point, carried.normal, carried.world, ca.SX(0.0), ca.SX(0.0)]
-    for axes, finger in zip(problem.frames, problem.fingers, strict=True):
-        points, _, touching, _ = finger.guarded
+    for k, finger in enumerate(problem.fingers):
+        _, _, touching, _ = finger.guarded
         free.append([j for j, touches_there in enumerate(touching) if not touches_there])
         fingers += finger.stored()
-        guarded.append(problem.in_space(finger, axes, points))
+        guarded.append(problem.guarded(k))
         states += [finger.q, finger.u, finger.p]
     named = {"touches": touches, "fingers": fingers, "guarded": guarded, "states": states}
     read = {name: ca.Function(name, [x, p], outputs) for name, outputs in named.items()}

@@ -32,8 +32,9 @@ LEFT = 0.5
 0.13, and those with more than 1 led to none."""
 SOLVED = {"quick": 1, "normal": 3, "thorough": 12}
 """Combinations of each set of contacts that are solved, by effort."""
-ASIDE = 0.05
-"""Greatest shift of a contact out of its finger's plane, per length, as the certificate has it."""
+ASIDE = 0.05 - 1e-5
+"""Greatest shift of a contact out of its finger's plane, per length: the certificate's limit, less than its solver is
+off."""
 PATIENCE = 20
 """Iterations that may leave a violation as it is until it is half of what it was; a run ends then. Those that lead to a
 grasp take 5 to 45 in all."""
@@ -57,6 +58,7 @@ class HandTried:
     on: frozenset[str]  # names of the contacts
     chosen: tuple[TouchingPosture, ...]
     attempt: Attempt
+    numbers: Array  # of the last run
     arrays: dict[str, Array]
     equations: HandEquations
 
@@ -73,6 +75,7 @@ class HandSearch:
         self.scene, self.budget, self.body = scene, budget, BodySurface(scene)
         self._solver, self._frames = settings_of(scene).solver(), PlaneFrame.each(scene)
         self.units = hand_units(scene)
+        self.held = False  # whether a grasp was found that is as the scene asks
         # Fingers that touch the object in no posture, by set of contacts.
         self.untouched = dict[frozenset[str], list[str]]()
 
@@ -94,13 +97,12 @@ class HandSearch:
         return list(sets)
 
     def run(self) -> Iterator[HandTried]:
-        """Solve starts of each set of contacts, the likeliest first."""
+        """Solve starts of each set of contacts, the likeliest first, until ``held`` is set."""
         effort = self.scene.solver.effort
-        held = False
         for on in self.modes:
             # Fingers that touch with both of their contacts rarely hold with less, and take twice the equations.
             spec = HandSpec.of(self.scene, on)
-            if held and effort != "thorough" and len(spec.contacts) > len(self.scene.setups):
+            if self.held and effort != "thorough" and len(spec.contacts) > len(self.scene.setups):
                 continue
             equations = hand_equations(spec)
             each = [self._postures(setup, frame, on, POSTURES[effort]) for setup, frame in self._fingers]
@@ -112,7 +114,7 @@ class HandSearch:
             for left, x, p, chosen in starts[: SOLVED[effort]]:
                 if self.budget.over:
                     return
-                if left > LEFT and effort != "thorough" and held:
+                if self.held and effort != "thorough" and left > LEFT:
                     break
                 tried = self._solve(equations, on, chosen, x, p)
                 lighter = self._without_idle(tried) if tried.attempt.converged else None
@@ -121,8 +123,7 @@ class HandSearch:
                     yield tried
                 if lighter is not None:
                     yield lighter
-                held |= tried.attempt.converged
-                if tried.attempt.converged and effort != "thorough":
+                if self.held and effort != "thorough":
                     break
 
     def _without_idle(self, tried: HandTried) -> HandTried | None:
@@ -168,6 +169,18 @@ class HandSearch:
         for name in RELAXED:
             x[problem.x.at[f"relaxed {name}"]] = 0.0
         return self._solve(tried.equations, tried.on, tried.chosen, x, p)
+
+    def next_to(self, tried: HandTried, equations: HandEquations, numbers: Values) -> HandTried:
+        """Solve other equations of the same unknowns, with some numbers, from a point that was found."""
+        _, _, p = self._start(equations, tried.on, tried.chosen)
+        p = self._near(equations, tried.attempt.x, p)
+        for name, value in numbers.items():
+            p[equations.problem.numbers.at[name]] = value
+        return self._solve(equations, tried.on, tried.chosen, tried.attempt.x, p)
+
+    def arrays_at(self, tried: HandTried, x: Array) -> dict[str, Array]:
+        """Stored arrays (SI) of a point beside one that was found."""
+        return self._arrays(tried.equations, x, tried.numbers)
 
     @property
     def _fingers(self) -> list[tuple[FingerSetup, PlaneFrame]]:
@@ -233,7 +246,9 @@ class HandSearch:
         # has no such surfaces.
         sizes = problem.numbers.sizes
         free = {name: np.full(sizes[name], 0.5) for name in sizes if name.endswith((".probes", ".strain probes"))}
-        free |= {name: np.zeros(sizes[name]) for name in sizes if name.startswith(("first of ", "second of "))}
+        free |= {
+            name: np.zeros(sizes[name]) for name in sizes if name.startswith(("first of ", "second of ", "stability "))
+        }
         free |= {name: np.zeros(sizes[name]) for name in sizes if ".clear of " in name}
         away = np.concatenate([[0.0, 0.0, -AWAY, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0], np.zeros(SURFACE - 9)])
         free |= {name: np.tile(away, sizes[name] // SURFACE) for name in sizes if name.endswith(".surfaces")}
@@ -251,14 +266,14 @@ class HandSearch:
         places = [x[problem.x.at[f"place, {contact.spec.name}"]] for contact in problem.contacts]
         for name, value in self._near_contacts(problem, np.array(places) * self.units.length).items():
             p[problem.numbers.at[name]] = value
-        states = equations.states.call([x, p])
+        # Of each element the deepest place among these: (fractions, elements).
+        probed = list[list[Array]]()
+        for fraction in PROBED:
+            for setup in self.scene.setups:
+                p[problem.numbers.at[f"{setup.name}.probes"]] = fraction
+            probed.append(self._guarded(equations, x, p))
         for k, (setup, frame) in enumerate(self._fingers):
-            q, u, numbers = states[3 * k : 3 * k + 3]
-            # Of each element the deepest place among these: (fractions, elements).
-            fractions = np.repeat(PROBED[:, None], setup.elements, axis=1)
-            lines = [problem.fingers[k].shared.probed(q, u, row[None], numbers) for row in fractions]
-            points = np.array([np.array(line).T for line in lines]) * setup.finger.rod.length
-            placed = frame.world(np.concatenate([points, np.zeros((*points.shape[:2], 1))], axis=2))
+            placed = np.array([points[k][-setup.elements :] for points in probed])
             away = self.body.distance(placed)[0] - float(setup.finger.profile.half_thickness(0.0))
             away = np.minimum.reduce([away, *self._over_supports(setup, frame, placed)])
             p[problem.numbers.at[f"{setup.name}.probes"]] = PROBED[away.argmin(axis=0)]
@@ -336,7 +351,7 @@ class HandSearch:
         def look(x: Array, numbers: Array) -> tuple[float, Array]:
             near = self._near(equations, x, numbers)
             gaps = []
-            guarded = self._guarded(equations, x, numbers)
+            guarded = self._guarded(equations, x, near)
             halves = [float(setup.finger.profile.half_thickness(0.0)) for setup in self.scene.setups]
             for k, (points, free) in enumerate(zip(guarded, equations.free, strict=True)):
                 depths = [halves[k] - self.body.distance(points[free])[0] - self.scene.object.deviation]
@@ -361,7 +376,7 @@ class HandSearch:
             )
         crossed = self._crossed(equations, attempt.x, numbers) if attempt.converged else ()
         if set(crossed) <= set(problem.spec.pairs):
-            return HandTried(on, chosen, attempt, self._arrays(equations, attempt.x, numbers), equations)
+            return HandTried(on, chosen, attempt, numbers, self._arrays(equations, attempt.x, numbers), equations)
         # Once more, with these fingers clear of each other.
         pairs = tuple(sorted({*problem.spec.pairs, *crossed}))
         wider = hand_equations(replace(problem.spec, pairs=pairs))

@@ -10,11 +10,14 @@ from continuum_grasp.base import Interrupted, amount_text
 from continuum_grasp.grasp.hand.certificate import HandCertificate, certify_hand
 from continuum_grasp.grasp.hand.result import HandResult
 from continuum_grasp.grasp.hand.search import HandSearch, HandTried
+from continuum_grasp.grasp.hand.steady import steadied
 from continuum_grasp.grasp.problem.relaxations import beyond_needed
 from continuum_grasp.grasp.values import NEAR, GraspStatus, Reason
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import HandScene
 
+_STEADIED = 2
+"""Unstable grasps next to which stable ones are sought, the most stable."""
 _NEAREST = 2
 """Starts of each set of contacts from which limits are relaxed, the nearest misses."""
 
@@ -102,15 +105,24 @@ def hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> Han
     began, budget = time.monotonic(), Budget.of(scene.solver, progress)
     search, tried = HandSearch(scene, budget), list[HandTried]()
     verified = list[tuple[HandTried, HandCertificate]]()
+
+    def look(one: HandTried) -> None:
+        tried.append(one)
+        if not one.attempt.converged:
+            return
+        certificate = certify_hand(scene, one.arrays)
+        if certificate.passed:
+            verified.append((one, certificate))
+            search.held |= certificate.acceptable
+            budget.tell(f"held with {amount_text(one.tension, 'N', '.4g')}")
+
     try:
         for one in search.run():
-            tried.append(one)
-            if not one.attempt.converged:
-                continue
-            certificate = certify_hand(scene, one.arrays)
-            if certificate.passed:
-                verified.append((one, certificate))
-                budget.tell(f"held with {amount_text(one.tension, 'N', '.4g')}")
+            look(one)
+        if not search.held:
+            for pair in sorted(verified, key=lambda pair: -pair[1].stability.eigenvalue)[:_STEADIED]:
+                for one in steadied(search, *pair):
+                    look(one)
     except KeyboardInterrupt:
         if not verified:
             raise Interrupted(f"interrupted before a grasp was found ({len(tried)} starts tried to the end)") from None

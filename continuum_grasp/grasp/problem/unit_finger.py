@@ -106,6 +106,17 @@ class UnitFinger:
         clear = [*touches, *(False for _ in range(count * len(joints)))]
         return points, elements, clear, ca.cse(self.number("length") * ca.vertcat(*half))
 
+    @property
+    def guarded_shares(self) -> list[ca.SX]:
+        """Where on their elements the places that must stay clear are, per length of the element."""
+        count, elements = self.spec.guards, self.spec.elements
+        probes = ca.vertsplit(self.number("probes", self.spec.probes * elements))
+        return [
+            *(ca.SX((j + 0.5) / count) for _ in range(elements) for j in range(count)),
+            *[ca.SX(1)] * elements,
+            *probes,
+        ]
+
     def stored(self) -> list[ca.SX]:
         """Expressions that a result stores: coordinates, lengths of the elements, curvature at the tip, tensions, base.
 
