@@ -59,7 +59,7 @@ _LIMITS = {
 
 
 class KeyedError(ValueError):
-    """What is wrong with a file, in words that begin with the key."""
+    """An error in a file, whose text begins with the key."""
 
 
 @dataclass(frozen=True)

@@ -189,3 +189,25 @@ def test_sections_are_as_stiff_as_their_shape():
     strip = {"shape": "rectangle", "thickness": 0.001, "width": 0.1}
     thin = hand("ball", {"hand.finger.section": strip}).setups[0].finger.cross_section
     assert (thin.lateral, thin.torsion) == (pytest.approx(1e4), pytest.approx(4.0 * (1 - 0.63 / 100) / 2.7, rel=1e-4))
+
+
+@pytest.mark.deep
+def test_a_ball_of_triangles_and_a_turned_circle_are_held_as_the_ball_is(ball, tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.icosphere(3, radius=30.0).export(tmp_path / "ball.stl")
+    place = f"mass: 80 g, position: {[float(v) for v in ball.scene.object.position]}"
+    total = sum(float(pair.sum()) for pair in ball.tensions.values())
+    for shape, share in (
+        (f"shape: mesh, file: {tmp_path / 'ball.stl'}, scale: 1 mm", 0.01),
+        ("shape: revolve, profile: {shape: circle, diameter: 60 mm}", 1e-5),
+        ("shape: superquadric, extents: [60 mm, 60 mm, 60 mm], exponents: [2, 2]", 1e-5),
+    ):
+        other = optimize_grasp(cg.load(CONFIGS / "ball.yaml", [f"object={{{shape}, {place}}}"]))
+        assert other.certificate.acceptable
+        assert sum(float(pair.sum()) for pair in other.tensions.values()) == pytest.approx(total, rel=share)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("name", ["bottle", "knob"])
+def test_hollow_and_drawn_objects_are_held_stable_and_certified(name):
+    assert optimize_grasp(hand(name)).certificate.acceptable

@@ -9,6 +9,8 @@ import math
 import numpy as np
 import pytest
 
+import continuum_grasp as cg
+from continuum_grasp.grasp.hand.body import BodySurface
 from continuum_grasp.grasp.hand.certificate import certify_hand
 from continuum_grasp.grasp.hand.surfaces import PlacedSolid
 from tests import hand_cases as cases
@@ -377,3 +379,87 @@ def test_the_height_over_a_plane_is_that_of_the_support_function(solid, normal):
     point = np.array([0.1, 0.2, -0.1])
     expected = normal @ (np.array(body.position) - point) - reach
     assert PlacedSolid(scene).height(point, normal) == pytest.approx(expected, abs=1e-9)
+
+
+# -- shapes without closed forms ---------------------------------------------------------------------------------------
+
+STAR = [[-0.03, -0.03], [0.03, -0.03], [0.03, 0.03], [0.0, 0.0], [-0.03, 0.03]]
+SWEPT = {
+    "cone": {"shape": "cone", "diameter_below": 0.06, "diameter_above": 0.02, "height": 0.05, "edge_radius": 0.002},
+    "ring": {"shape": "revolve", "profile": {"shape": "circle", "diameter": 0.02, "position": (0.03, 0.0)}},
+    "waist": {},
+    "notch": {
+        "shape": "extrude",
+        "outline": {"shape": "polygon", "vertices": STAR},
+        "height": 0.05,
+        "edge_radius": 0.003,
+    },
+    "flattened": {"shape": "superquadric", "extents": (0.05, 0.06, 0.07), "exponents": (3.0, 8.0)},
+    "boxy": {"shape": "superquadric", "extents": (0.05, 0.06, 0.07), "exponents": (12.0, 12.0)},
+    "knob": {"shape": "mesh", "file": "configs/hand/knob.stl", "scale": 1e-3},
+}
+"""Objects whose distances the search and the certificate compute by different programs."""
+
+
+def swept(name):
+    shape = SWEPT[name]
+    if name == "waist":  # drawings become polygons with the file of a scene
+        shape = {"shape": "revolve", "profile": cg.load("configs/hand/bottle.yaml").object.profile}
+    return cases.make_scene({"finger": ((0, 0, 0.1), (0, 0, -1), (1, 0, 0))}, {**shape, **TURNED})
+
+
+def around(scene, count=200):
+    points = np.random.default_rng(1).normal(size=(count, 3))
+    points *= (0.035 + 0.02 * np.linspace(0.0, 1.0, count) ** 2)[:, None] / np.linalg.norm(points, axis=1)[:, None]
+    return np.array(scene.object.position) + points
+
+
+@pytest.mark.parametrize("name", SWEPT)
+def test_search_and_certificate_agree_on_distances_and_normals(name):
+    scene = swept(name)
+    points = around(scene, 80)
+    mine, other = BodySurface(scene).near(points), PlacedSolid(scene).nearest(points)
+    outside = mine.distance > 1e-3
+    assert np.abs(mine.distance - other.distance)[outside].max() < 1e-12
+    assert np.abs(mine.normal - other.normal)[outside].max() < 1e-7
+    scanned, _ = BodySurface(scene).distance(points)
+    reached = outside & (mine.distance < 0.01)  # farther away, scans of meshes take few samples
+    assert np.abs(scanned - mine.distance)[reached].max() < 1e-4 * scene.object.size
+
+
+@pytest.mark.parametrize("name", SWEPT)
+def test_distances_are_those_from_points_of_the_surface(name):
+    scene = swept(name)
+    corners, triangles = BodySurface(scene).triangles()
+    places = corners[triangles]
+    # Six points on each triangle: of these, the nearest is half an edge away at most.
+    shares = np.array([[i, j, 2 - i - j] for i in range(3) for j in range(3 - i)]) / 2.0
+    cloud = np.einsum("sk,tkx->tsx", shares, places).reshape(-1, 3)
+    points = around(scene, 15)
+    brute = np.array([np.linalg.norm(cloud - point, axis=1).min() for point in points])
+    found = BodySurface(scene).near(points).distance
+    outside = found > 2e-3
+    edge = np.linalg.norm(np.diff(places, axis=1), axis=2).max()
+    assert (brute - found)[outside].min() > -1e-4
+    assert (brute - found)[outside].max() < edge**2 / 4.0 / 2e-3
+
+
+@pytest.mark.parametrize("name", SWEPT)
+def test_derivatives_of_distances_are_differences(name):
+    scene = swept(name)
+    surface, points, step = BodySurface(scene), around(scene, 60), 1e-6
+    near = surface.near(points)
+    slope = np.stack([
+        (surface.near(points + step * axis).distance - surface.near(points - step * axis).distance) / (2 * step)
+        for axis in np.eye(3)
+    ], axis=1)  # fmt: skip
+    turning = np.stack([
+        (surface.near(points + step * axis).normal - surface.near(points - step * axis).normal) / (2 * step)
+        for axis in np.eye(3)
+    ], axis=2)  # fmt: skip
+    outside = near.distance > 2e-3
+    gradient = near.normal if near.slope is None else near.slope
+    assert np.median(np.abs(gradient - slope)[outside].max(axis=1)) < 1e-7
+    off = np.abs(near.bending - turning)[outside].max(axis=(1, 2))
+    # Of a mesh the derivative is made symmetric; at seams of lines and arcs curvatures jump.
+    assert np.percentile(off, 80) < (1e-4 if near.slope is None else 1.0)

@@ -51,7 +51,7 @@ class MeshSurface:
         self.middle = self.places.mean(axis=1)
         self.reach = np.linalg.norm(self.places - self.middle[:, None], axis=2).max(axis=1)
         self.middles = cKDTree(self.middle)
-        self.twin = self._twins()
+        self.neighbor = self._neighbors()
         self.vertex_normals = self._vertex_normals()
         self.owner, samples = self._samples(count)
         self.tree, self.every = cKDTree(samples), 1 + len(samples) // COARSE
@@ -60,14 +60,14 @@ class MeshSurface:
 
     # -- of the surface ------------------------------------------------------------------------------------------
 
-    def _twins(self) -> Array:
+    def _neighbors(self) -> Array:
         """Triangles (T, 3) on the other side of the edges opposite of corners 0, 1 and 2."""
         sides = np.stack([self.triangles_[:, [1, 2]], self.triangles_[:, [2, 0]], self.triangles_[:, [0, 1]]], axis=1)
         ends = np.sort(sides.reshape(-1, 2), axis=1)
         order = np.lexsort((ends[:, 1], ends[:, 0]))  # edges one after the other, each twice
-        twin = np.empty(len(order), dtype=int)
-        twin[order[0::2]], twin[order[1::2]] = order[1::2] // 3, order[0::2] // 3
-        return twin.reshape(-1, 3)
+        neighbor = np.empty(len(order), dtype=int)
+        neighbor[order[0::2]], neighbor[order[1::2]] = order[1::2] // 3, order[0::2] // 3
+        return neighbor.reshape(-1, 3)
 
     def _vertex_normals(self) -> Array:
         """Means of the normals around each corner (V, 3), weighted by angle: what lies outside is on their side (J. A.
@@ -99,7 +99,7 @@ class MeshSurface:
         beyond = np.empty((len(self.triangles_), 3, 2, 3))
         own = np.empty_like(beyond)
         for k in range(3):
-            other = self.twin[:, k]
+            other = self.neighbor[:, k]
             for j in range(2):
                 end = (k + 1 + j) % 3
                 same = (self.triangles_[other] == self.triangles_[:, [end]]).argmax(axis=1)
@@ -258,7 +258,7 @@ class MeshSurface:
         side = self.flat[triangle]
         on_edge = share <= ON_EDGE
         for k in range(3):  # a place on an edge, of its side and the other, and one at a corner, of all around
-            side = side + np.where(on_edge[:, [k]], self.flat[self.twin[triangle, k]], 0.0)
+            side = side + np.where(on_edge[:, [k]], self.flat[self.neighbor[triangle, k]], 0.0)
         at_corner = on_edge.sum(axis=1) == 2
         side = np.where(at_corner[:, None], self.vertex_normals[self.triangles_[triangle, share.argmax(axis=1)]], side)
         away = points - place

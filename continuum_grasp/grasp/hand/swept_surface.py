@@ -168,7 +168,7 @@ class TurnedSurface:
 
 
 class ExtrudedSurface:
-    """What is within a radius of a flat core: an outline between two heights."""
+    """Everything within a radius of a core: an outline between two heights."""
 
     def __init__(self, solid: Any) -> None:
         self.core, self.half, self.radius = PlaneBoundary(solid.core), solid.half_height, solid.edge_radius

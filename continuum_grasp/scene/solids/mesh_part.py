@@ -51,3 +51,6 @@ class MeshPart(SolidBody):
     @property
     def size(self) -> float:
         return self.surface.size
+
+    def _check(self) -> None:
+        _ = self.surface

@@ -107,10 +107,10 @@ class Cone(TurnedBody):
 
 
 class Revolved(TurnedBody):
-    """What a planar outline sweeps as it turns about its y axis, which is the z axis of the object's frame."""
+    """A planar outline turned about its y axis, which is the z axis of the object's frame."""
 
     shape: Literal["revolve"]
-    """What a planar outline sweeps as it turns about its y axis, which is the z axis of the object's frame."""
+    """A planar outline turned about its y axis, which is the z axis of the object's frame."""
     profile: UnionMember
     """Section through the axis x = 0 of the profile's frame: the whole, symmetric about it, the half at x > 0, or a
     section beside the axis, which sweeps a ring. The frame of an outline from a file has its origin at the centroid, so
