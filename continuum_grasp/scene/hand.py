@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
@@ -29,7 +30,7 @@ from continuum_grasp.scene.hand_supports import (
 from continuum_grasp.scene.solids import Solid, SpatialPosition, Vector3, put_in_files
 from continuum_grasp.scene.supports import Switch
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Angle, Configuration, Extent, Value
+from continuum_grasp.scene.value import Angle, Configuration, Extent, Positive, Value
 
 _PARALLEL = 1e-6
 """Sine of an angle below which two directions count as parallel [1]."""
@@ -213,6 +214,22 @@ class HandContacts(GraspContacts):
     """Contact of the rounded end: on, off, or auto: where that is better."""
 
 
+class TurnedGravity(Value):
+    """Gravity that takes every direction, while the hand turns."""
+
+    any: Annotated[Positive, Unit("m/s2")]
+    """Gravity [m/s2]."""
+
+
+def _of_any_direction(value: Any) -> Any:
+    if isinstance(value, TurnedGravity) or (isinstance(value, Mapping) and "any" in value):
+        return TurnedGravity.model_validate(value)
+    return value
+
+
+AnyGravity = Annotated[GraspGravity | TurnedGravity, BeforeValidator(_of_any_direction)]
+
+
 class HandScene(Configuration):
     """A hand of planar fingers that holds an object in space."""
 
@@ -232,8 +249,8 @@ class HandScene(Configuration):
     """Contacts of fingers with the object, and limits of the touching surfaces."""
     table: HandTable | None = None
     """Table on which the object may lie, and that is in the fingers' way; None: there is none."""
-    gravity: GraspGravity
-    """Gravity along x, y and z of the hand [m/s2]."""
+    gravity: AnyGravity
+    """Gravity along x, y and z of the hand [m/s2], or ``any: 9.81``: in every direction, while the hand turns."""
     fidelity: Fidelity = Fidelity()
     """Resolution of the fingers' models."""
     stability: Literal["require", "ignore"] = "require"
@@ -257,9 +274,19 @@ class HandScene(Configuration):
         )
 
     @property
+    def turned(self) -> float:
+        """Gravity that takes every direction [m/s2]; zero where it has one."""
+        return self.gravity.any if isinstance(self.gravity, TurnedGravity) else 0.0
+
+    @property
+    def acceleration(self) -> tuple[float, float, float]:
+        """Gravity of the posture [m/s2]: none where it takes every direction."""
+        return (0.0, 0.0, 0.0) if isinstance(self.gravity, TurnedGravity) else self.gravity
+
+    @property
     def weight(self) -> float:
         """Weight of the object [N]."""
-        return self.object.weighed * math.hypot(*self.gravity)
+        return self.object.weighed * (self.turned or math.hypot(*self.acceleration))
 
     @cached_property
     def supports(self) -> tuple[PlaneSupport, ...]:
@@ -279,6 +306,8 @@ class HandScene(Configuration):
         return tuple(contact for support in on for contact in support_contacts(self.object, support))
 
     def _check(self) -> None:
+        if self.turned and self.table is not None:
+            raise ValueError("gravity.any: a table does not turn with the hand: give gravity as [x, y, z], or no table")
         self._check_supports()
         bases = self.hand.named_bases
         for setup, base in zip(self.setups, bases.values(), strict=True):

@@ -101,7 +101,7 @@ def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
         "option": {
             "timestep": numbers(step),
             "integrator": "implicitfast",
-            "gravity": numbers(*scene.gravity),
+            "gravity": numbers(*scene.acceleration),
             "cone": "elliptic",
             # Friction as hard as MuJoCo makes it: with less, objects creep.
             "impratio": "100",

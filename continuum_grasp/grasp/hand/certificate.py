@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 from typing import Any
@@ -36,8 +36,11 @@ from continuum_grasp.grasp.hand.recomputed import (
     known_touches,
 )
 from continuum_grasp.grasp.hand.stability import HandResponse, HandStability, hand_response, hand_stability
+from continuum_grasp.grasp.hand.weights import TurnedContact, turned_contacts
 from continuum_grasp.scene import FAMILIES, HandScene
 
+TURNED = ", weight in any direction"
+"""Ending of the names of checks that are about a weight of any direction."""
 ASIDE = 0.05
 """Greatest displacement of a contact out of its finger's plane, per length of the finger [1]: at 0.03 the linear theory
 is within 0.4 % of a geometrically exact rod under loads to the side alone. Moments of forces in the plane about the
@@ -92,6 +95,18 @@ class HandCertificate(Summarized):
     def passed(self) -> bool:
         """Whether every check passed."""
         return all(check.passed for check in self.checks)
+
+    @cached_property
+    def passed_at_rest(self) -> bool:
+        """Whether every check passed, but for those of a weight of any direction."""
+        return all(check.passed for check in self.checks if not check.name.endswith(TURNED))
+
+    @cached_property
+    def turned(self) -> tuple[TurnedContact, ...]:
+        """What each contact needs while the weight takes every direction; empty where it has one."""
+        if self.hand is None or self.response is None or not self.hand.scene.turned:
+            return ()
+        return turned_contacts(self.hand, self.response, self.hand.scene.turned)
 
     @property
     def acceptable(self) -> bool:
@@ -199,7 +214,9 @@ def certify_hand(scene: HandScene, arrays: Mapping[str, Any]) -> HandCertificate
             HandContact(c.name, c.normal_force, c.friction_force, c.friction_margin, aside.get(c.name, 0.0))
             for c in (*(c for finger in hand.fingers for c in finger.contacts), *hand.carried)
         )
-        return HandCertificate(tuple(checks), contacts, hand)
+        certificate = HandCertificate(tuple(checks), contacts, hand)
+        more = tuple(check for contact in certificate.turned for check in _turned(hand, contact))
+        return replace(certificate, checks=(*checks, *more)) if more else certificate
 
 
 def _not_finite(scene: HandScene, arrays: Mapping[str, Any]) -> int:
@@ -286,6 +303,12 @@ def _object(hand: RecomputedHand) -> Iterator[Check]:
         moment -= np.cross(contact.point - hand.com, contact.load)
     yield Check.part("object force balance", float(np.abs(force).max()), hand.force_scale, "N")
     yield Check.part("object moment balance", float(np.abs(moment).max()), hand.force_scale * hand.size, "N m")
+
+
+def _turned(hand: RecomputedHand, c: TurnedContact) -> Iterator[Check]:
+    """A contact while the weight takes every direction, to first order."""
+    yield Check(f"friction cone, {c.name}{TURNED}", c.friction - c.held, EXACT)
+    yield Check.part(f"normal force, {c.name}{TURNED}", c.greatest - c.limit, hand.force_scale, "N")
 
 
 def _clearances(hand: RecomputedHand) -> Iterator[Check]:

@@ -43,7 +43,7 @@ def hand_numbers(scene: HandScene, frames: Sequence[PlaneFrame], chosen: Sequenc
     numbers: Values = {
         "center of mass": solid.com / units.length,
         "size": solid.size / units.length,
-        "weight": solid.weighed * np.array(scene.gravity) / units.force,
+        "weight": solid.weighed * np.array(scene.acceleration) / units.force,
         "tolerance": scene.solver.penetration_tolerance,
         "cone share": 1.0 - scene.contacts.reserve,
         "cone rounding": APEX * (weight or units.force) / units.force,
@@ -53,14 +53,14 @@ def hand_numbers(scene: HandScene, frames: Sequence[PlaneFrame], chosen: Sequenc
     }
     total = max(s.stiffness / s.finger.rod.length / s.tendons.offset for s in scene.setups)
     for setup, frame in zip(scene.setups, frames, strict=True):
-        gravity = frame.axes[:, :2].T @ np.array(scene.gravity)
+        gravity = frame.axes[:, :2].T @ np.array(scene.acceleration)
         tolerance = scene.solver.penetration_tolerance
         numbers |= finger_values(setup, start, units, gravity.tolist(), 1.0 / total, tolerance)
         section: Any = setup.finger
         numbers |= {
             f"{setup.name}.position": frame.base / units.length,
             f"{setup.name}.axes": frame.axes.T.ravel(),
-            f"{setup.name}.side weight": float(frame.axes[:, 2] @ np.array(scene.gravity))
+            f"{setup.name}.side weight": float(frame.axes[:, 2] @ np.array(scene.acceleration))
             * (setup.finger.rod.mass_per_length * setup.finger.rod.length**3 / setup.stiffness),
             f"{setup.name}.lateral": section.cross_section.lateral,
             f"{setup.name}.torsion": section.cross_section.torsion,

@@ -39,6 +39,8 @@ NODES = 3
 nodes 9e-8; the certificate asks for 1e-6."""
 SURFACE = 45
 """Numbers of a surface near a place."""
+GRIPPED = 1e-3
+"""Weight of the tensions beside squared friction, so that tendons do not pull against each other."""
 LITTLE = 1e-8
 """Weight of the squared contact forces, so that they are unique where equilibrium does not fix them."""
 
@@ -62,6 +64,7 @@ class HandSpec:
     planes: tuple[str, ...] = ()  # names of what fingers keep clear of: palm, table
     pairs: tuple[tuple[int, int], ...] = ()  # indices of fingers that keep clear of each other
     dimensions: int = 3  # of a contact force
+    gripped: bool = False  # whether the sum of normal forces is given, and friction the least
     steadied: bool = False  # whether there is a bound on what the least eigenvalue is to first order
 
     @staticmethod
@@ -69,7 +72,7 @@ class HandSpec:
         """The structure of the problem of a scene with some contacts on, by name."""
         fingers, contacts = [], list[SpatialContact]()
         for k, setup in enumerate(scene.setups):
-            fingers.append(FingerSpec.of(setup, on, any(scene.gravity)))
+            fingers.append(FingerSpec.of(setup, on, any(scene.acceleration)))
             places = {setup.middle_names[0]: 0, setup.tip_name: -1}
             contacts += [SpatialContact(name, k, joint) for name, joint in places.items() if name in on]
         return HandSpec(tuple(fingers), tuple(contacts), *_supports(scene, on))
@@ -331,8 +334,14 @@ class HandProblem:
         self.rows.require("stability", value, "1", "stability", upper=ca.inf)
 
     def _objective(self) -> ca.SX:
-        """Sum of the tensions, and by how much limits are relaxed."""
+        """Sum of the tensions, or the friction where that is given, and by how much limits are relaxed."""
         total = sum((f.number("tension weight") * ca.sum1(f.pulls) for f in self.fingers), ca.SX(0))
+        if self.spec.gripped:
+            pressing = [*(c.force for c in self.contacts), *(c.force for c in self.carried)]
+            grip, reference = ca.vertcat(*(force[0] for force in pressing)), self.numbers("force reference")
+            self.rows.require("grip", ca.sum1(grip) - self.numbers("grip"), "N", "contacts")
+            across = ca.vertcat(*(force[1:] for force in pressing)) / reference
+            return self.numbers("effort weight") * (ca.sumsqr(across) + GRIPPED * total)
         pressed = [c.force for c in self.contacts] + [c.force for c in self.carried]
         forces = ca.vertcat(*pressed) / self.numbers("force reference")
         weights = self.numbers("relaxation weights", len(RELAXED))

@@ -169,7 +169,7 @@ class RecomputedHand:
     def __init__(self, scene: HandScene, arrays: Mapping[str, Any]) -> None:
         self.scene, self.surface = scene, PlacedSolid(scene)
         self.size, self.com = scene.object.size, scene.object.com
-        self.gravity = np.array(scene.gravity, dtype=float)
+        self.gravity = np.array(scene.acceleration, dtype=float)
         self.frames = PlaneFrame.each(scene)
         self.fingers = tuple(self._finger(k, arrays) for k in range(len(scene.setups)))
         self.names = [str(name) for name in np.asarray(arrays["contact_names"]).ravel()]

@@ -247,7 +247,9 @@ class HandSearch:
         sizes = problem.numbers.sizes
         free = {name: np.full(sizes[name], 0.5) for name in sizes if name.endswith((".probes", ".strain probes"))}
         free |= {
-            name: np.zeros(sizes[name]) for name in sizes if name.startswith(("first of ", "second of ", "stability "))
+            name: np.zeros(sizes[name])
+            for name in sizes
+            if name.startswith(("first of ", "second of ", "stability ", "grip"))
         }
         free |= {name: np.zeros(sizes[name]) for name in sizes if ".clear of " in name}
         away = np.concatenate([[0.0, 0.0, -AWAY, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0], np.zeros(SURFACE - 9)])

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from continuum_grasp.base import Interrupted, amount_text
 from continuum_grasp.grasp.hand.certificate import HandCertificate, certify_hand
 from continuum_grasp.grasp.hand.result import HandResult
 from continuum_grasp.grasp.hand.search import HandSearch, HandTried
 from continuum_grasp.grasp.hand.steady import steadied
+from continuum_grasp.grasp.hand.turning import turned_grasps
 from continuum_grasp.grasp.problem.relaxations import beyond_needed
 from continuum_grasp.grasp.values import NEAR, GraspStatus, Reason
 from continuum_grasp.nlp import Budget
@@ -102,6 +105,66 @@ LIMITS = (
 
 def hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> HandResult:
     """The best grasp of a hand, or why there is none."""
+    if not scene.turned:
+        return _hold(scene, progress)[0]
+    # First with the weight along -z, then with more tension while it takes every direction.
+    result, held = _hold(scene.replaced(gravity=(0.0, 0.0, -scene.turned)), progress)
+    if held is None:
+        return replace(result, scene=scene, message=f"with the weight along -z: {result.message}")
+    return _turned(scene, result, held, progress)
+
+
+def _turned(scene: HandScene, down: HandResult, held: HandTried, progress: Callable[[str], None] | None) -> HandResult:
+    """The grasp with the least tension that holds every direction of the weight, from one with the weight along -z."""
+    search = HandSearch(scene, Budget.of(scene.solver, progress))
+    found = turned_grasps(scene, held, search)
+    steps = {"tensions tried": len(found)}
+    if not found:
+        message = "held with the weight along -z, but no grasp without weight was found next to it"
+        advice = "Give gravity as [x, y, z], or other contacts."
+        return HandResult(
+            scene, GraspStatus.NOT_SOLVED, message, advice=advice, statistics={**down.statistics, **steps}
+        )
+    best = min(found, key=lambda grasp: (not grasp.certificate.acceptable, grasp.friction))
+    arrays, certificate = best.tried.arrays, best.certificate
+    worst = max(certificate.turned, key=lambda contact: contact.friction / contact.held)
+    towards = ", ".join(f"{c:.2f}" for c in worst.direction)
+    tension = amount_text(best.tried.tension, "N", ".4g")
+    statistics = {**down.statistics, **steps}
+    if certificate.acceptable:
+        message = (
+            f"held in every direction of the weight with a sum of tensions of {tension}; {worst.name} needs a friction "
+            f"of {worst.friction:.3g} where the weight points along ({towards})"
+        )
+        return HandResult(scene, GraspStatus.FEASIBLE, message, arrays, certificate, statistics=statistics)
+    if certificate.passed:
+        message = f"in balance with a sum of tensions of {tension}, but a small push drives the object away"
+        message += f": {certificate.stability}"
+        advice = "For a stable grasp: a wider section of the fingers, shorter fingers, or middle contacts."
+        return HandResult(
+            scene, GraspStatus.UNSTABLE, message, arrays, certificate, advice=advice, statistics=statistics
+        )
+    where = f"{worst.name} where the weight points along ({towards})"
+    if not np.isfinite(worst.friction):
+        message = f"not held in every direction of the weight: at best, with {tension}, it opens {where}"
+        advice = "More fingers or contacts, a palm, stiffer fingers, or a lighter object."
+        return HandResult(
+            scene, GraspStatus.NOT_SOLVED, message, arrays, certificate, advice=advice, statistics=statistics
+        )
+    needed = beyond_needed(max(c.friction / c.held for c in certificate.turned) * scene.contacts.friction, 1.0)
+    limit = next(limit for limit in LIMITS if limit.name == "friction")
+    other = certify_hand(limit.changed(scene, needed), arrays)
+    reasons = (limit.reason(scene, needed, best.tried, stable=other.acceptable),) if other.passed else ()
+    message = f"not held in every direction of the weight: at best, with {tension}, a friction of {worst.friction:.3g} "
+    message += f"is needed, by {where}"
+    advice = "More fingers or contacts, a palm, stiffer fingers, or a lighter object."
+    return HandResult(
+        scene, GraspStatus.INFEASIBLE, message, arrays, certificate, reasons, advice, statistics=statistics
+    )
+
+
+def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tuple[HandResult, HandTried | None]:
+    """The best grasp under gravity of one direction, with the point that it is, or why there is none."""
     began, budget = time.monotonic(), Budget.of(scene.solver, progress)
     search, tried = HandSearch(scene, budget), list[HandTried]()
     verified = list[tuple[HandTried, HandCertificate]]()
@@ -137,7 +200,7 @@ def hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> Han
         best, certificate = min(asked or verified, key=lambda pair: pair[0].tension)
         held = f"a sum of tensions of {amount_text(best.tension, 'N', '.4g')}"
         if not asked:
-            return HandResult(
+            unstable = HandResult(
                 scene,
                 GraspStatus.UNSTABLE,
                 f"in balance with {held}, but a small push drives the object away: {certificate.stability}",
@@ -147,10 +210,11 @@ def hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> Han
                 "stability: ignore, where something else steadies the object.",
                 statistics=statistics,
             )
+            return unstable, None
         words = "" if certificate.stability.stable else f" but unstable ({certificate.stability})"
         message = f"held with {held}{words}; {len(tried)} starts were tried, which are samples of all postures"
-        return HandResult(scene, GraspStatus.FEASIBLE, message, best.arrays, certificate, statistics=statistics)
-    return _without(scene, search, tried, statistics)
+        return HandResult(scene, GraspStatus.FEASIBLE, message, best.arrays, certificate, statistics=statistics), best
+    return _without(scene, search, tried, statistics), None
 
 
 def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], statistics: dict[str, float]) -> HandResult:

@@ -88,6 +88,8 @@ class HandResponse:
     forces: Array  # (C, 3, 6) change of the contact forces on the fingers per wrench
     pose_by_tension: Array  # (6, T) shift and turn of the object per tension, of all tendons by finger
     forces_by_tension: Array  # (C, 3, T) change of the contact forces per tension
+    pose_by_gravity: Array  # (6, 3) shift and turn of the object per gravity along x, y, z, of fingers too
+    forces_by_gravity: Array  # (C, 3, 3) change of the contact forces per gravity
     places: tuple[Array, ...]  # of each finger: nodes of its displaced backbone (N + 1, 3) [m]
     places_by_tension: tuple[Array, ...]  # (N + 1, 3, T) their displacement per tension
 
@@ -114,7 +116,7 @@ def hand_response(hand: RecomputedHand, links: int = LINKS) -> HandResponse:
     """Response of a hand's grasp to wrenches on the object and to tensions, at its equilibrium."""
     system = HandSystem(hand, links)
     hessian, rows, scale = system.hessian, system.rows, system.scale
-    loads = np.concatenate([np.eye(len(scale))[:, -6:], system.tendons], axis=1) * scale[:, None]
+    loads = np.concatenate([np.eye(len(scale))[:, -6:], system.weights, system.tendons], axis=1) * scale[:, None]
     left, singular, right = np.linalg.svd(rows)
     rank = int((singular > EXACT * singular[0]).sum())
     free = right[rank:].T
@@ -123,9 +125,19 @@ def hand_response(hand: RecomputedHand, links: int = LINKS) -> HandResponse:
     forces = left[:, :rank] @ ((right[:rank] @ (hessian @ moved - loads)) / singular[:rank, None])
     moved, forces = scale[:, None] * moved, forces.reshape(len(rows) // 3, 3, -1)
     pose = moved[-6:]
-    shapes = [chain.displaced(moved[span, 6:]) for chain, span in zip(system.chains, system.spans, strict=True)]
+    shapes = [chain.displaced(moved[span, 9:]) for chain, span in zip(system.chains, system.spans, strict=True)]
     points = tuple(chain.points for chain in system.chains)
-    return HandResponse(pose[:, :6], forces[..., :6], pose[:, 6:], forces[..., 6:], points, tuple(shapes))
+    wrench, gravity, tension = slice(6), slice(6, 9), slice(9, None)
+    return HandResponse(
+        pose[:, wrench],
+        forces[..., wrench],
+        pose[:, tension],
+        forces[..., tension],
+        pose[:, gravity],
+        forces[..., gravity],
+        points,
+        tuple(shapes),
+    )
 
 
 def held_directions(rows: Array) -> Array:
@@ -169,6 +181,11 @@ class HandSystem:
         self.rows = np.concatenate(rows) * self.scale
         self.hessian = self.hessian * np.outer(self.scale, self.scale)
         self.tendons = np.array(tendons).reshape(-1, size).T
+        # Per gravity along x, y and z, about the center of mass of the object.
+        self.weights = np.zeros((size, 3))
+        self.weights[-6:-3] = hand.scene.object.weighed * np.eye(3)
+        for chain, span in zip(self.chains, self.spans, strict=True):
+            self.weights[span] = chain.weights()
 
     def describe(self, vector: Array) -> str:
         """A motion in words."""
@@ -314,6 +331,15 @@ class FingerChain:
         middles = 0.5 * (nodal[1:] + nodal[:-1])
         steps = np.cross(middles, (self.chords * self.ds[:, None])[:, :, None], axis=1)
         return np.concatenate([nodal[:1], np.cumsum(steps, axis=0)])
+
+    def weights(self) -> Array:
+        """Generalized forces (3 N, 3) of the weight per gravity along x, y and z, of links at their middles."""
+        plane, mids = self.finger.plane, 0.5 * (self.points[1:] + self.points[:-1])
+        loads = np.zeros((len(mids), 3, 3))
+        for k, mass in enumerate(plane.profile.linear_density(self.middles) * self.ds):
+            for j in range(k):
+                loads[j] += mass * skew(self.center[k] - mids[j])
+        return loads.reshape(-1, 3)
 
     def turns_in_plane(self) -> Array:
         """Turn of the tip within the plane of bending (3 N,), by which a tendon of constant offset shortens."""

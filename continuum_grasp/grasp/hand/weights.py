@@ -1,0 +1,90 @@
+"""Contact forces under a weight of any direction, to first order at constant tensions, by numpy alone.
+
+Under gravity g d, |d| <= 1, a contact bears f(d) = a + G d. It is within the cone of friction mu for every d if and
+only if, with n the normal, S = (1 + mu^2) n n' - 1 and M = [G, a], some e >= 0 makes
+
+    M' S M - e diag(-1, -1, -1, 1)
+
+positive semidefinite (the S-lemma, which is exact for one quadratic: I. Polik, T. Terlaky, SIAM Review 49 (2007),
+doi:10.1137/S003614450444614X), and n . a >= |G' n|. The vector whose quadratic form vanishes first is the worst d.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from continuum_grasp.base import Array
+from continuum_grasp.grasp.hand.recomputed import RecomputedHand
+from continuum_grasp.grasp.hand.stability import HandResponse
+
+MOST = 20.0
+"""Friction above which none is said to be enough."""
+_HALVINGS = 50
+_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+
+
+@dataclass(frozen=True)
+class TurnedContact:
+    """What a contact needs while the weight takes every direction."""
+
+    name: str
+    friction: float  # coefficient needed; infinite where the contact opens
+    direction: Array  # (3,) of the weight at which that is
+    greatest: float  # normal force, most [N]
+    limit: float  # normal force that is allowed [N]
+    held: float  # coefficient that is there, less the reserve
+
+
+def turned_contacts(hand: RecomputedHand, response: HandResponse, gravity: float) -> tuple[TurnedContact, ...]:
+    """What each contact that presses needs under gravity [m/s2] of every direction."""
+    found = []
+    for contact, slope in zip(hand.pressing, response.forces_by_gravity, strict=True):
+        needed, direction = worst_friction(contact.load, gravity * slope, contact.normal)
+        greatest = contact.normal_force + gravity * float(np.linalg.norm(slope.T @ contact.normal))
+        limit = contact.normal_force_max
+        found.append(TurnedContact(contact.name, needed, direction, greatest, limit, contact.held_friction))
+    return tuple(found)
+
+
+def worst_friction(force: Array, slope: Array, normal: Array) -> tuple[float, Array]:
+    """Friction with which ``force + slope @ d`` is within the cone for all |d| <= 1, and the d that needs it."""
+    opening = slope.T @ normal
+    steepest = float(np.linalg.norm(opening))
+    if not force @ normal > steepest:
+        return float("inf"), -opening / max(steepest, 1e-300)
+    whole = np.column_stack([slope, force])
+    if not _margin(whole, normal, MOST)[0] >= 0.0:
+        return float("inf"), _margin(whole, normal, MOST)[1]
+    low, high = 0.0, MOST
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if _margin(whole, normal, middle)[0] >= 0.0 else (middle, high)
+    return high, _margin(whole, normal, low)[1]
+
+
+def _margin(whole: Array, normal: Array, friction: float) -> tuple[float, Array]:
+    """Greatest least eigenvalue over e, of a concave function of e, and the direction that goes with it."""
+    form = whole.T @ ((1.0 + friction**2) * np.outer(normal, normal) - np.eye(3)) @ whole
+    ball = np.diag([-1.0, -1.0, -1.0, 1.0])
+
+    def least(e: float) -> float:
+        return float(np.linalg.eigvalsh(form - e * ball)[0])
+
+    low, high = 0.0, float(np.abs(form).sum())
+    a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    at_a, at_b = least(a), least(b)
+    for _ in range(_HALVINGS):
+        if at_a >= at_b:
+            high, b, at_b = b, a, at_a
+            a = high - _GOLDEN * (high - low)
+            at_a = least(a)
+        else:
+            low, a, at_a = a, b, at_b
+            b = low + _GOLDEN * (high - low)
+            at_b = least(b)
+    values, vectors = np.linalg.eigh(form - 0.5 * (low + high) * ball)
+    direction = vectors[:3, 0] * np.copysign(1.0, vectors[3, 0])
+    # Rounding of the form, where the cone is touched exactly.
+    return float(values[0]) + 1e-14 * high, direction / max(float(np.linalg.norm(direction)), 1e-300)
