@@ -10,7 +10,7 @@ import pytest
 import continuum_grasp as cg
 from benchmarks.hand_mujoco import CONFIGS, shift_error
 from continuum_grasp.addons.chains.solid_geometry import solid_inertia
-from continuum_grasp.addons.chains.trial import HandInMujoco, promised_force, try_in_mujoco
+from continuum_grasp.addons.chains.trial import HandInMujoco, try_in_mujoco
 from continuum_grasp.cli import grasps
 from continuum_grasp.grasp import GraspStatus, HandResult, optimize_grasp
 from continuum_grasp.scene import load
@@ -158,7 +158,7 @@ def test_at_the_promise_one_contact_is_at_the_edge_of_its_cone(ball):
         )
 
     for direction in np.vstack([np.eye(3), [[0.6, 0.0, -0.8]]]):
-        push = promised_force(ball, direction) * direction
+        push = ball.certificate.promised([*direction, 0.0, 0.0, 0.0]) * direction
         assert needed(push) == pytest.approx(0.6, rel=1e-9)
         assert max(needed(share * push) for share in np.linspace(0.0, 0.99, 100)) < 0.6
 

@@ -31,7 +31,7 @@ class HandFingerChain:
         self.section = (scene.hand.named_bases[self.name].finger or scene.hand.finger).cross_section
         self.stiffness = self.links.stiffness[:, None] * [1.0, self.section.lateral, self.section.torsion]
         self.radius = float(self.finger.profile.half_thickness(0.0))
-        self.gravity = np.array(scene.gravity)
+        self.gravity = np.array(scene.acceleration)
         self.contacts = [c for c in result.contacts if c.name.rpartition(".")[0] == self.name]
         self.tensions = result.tensions[self.name]
         s, _, _, angle = result.arrays[f"{self.name}.backbone"].T

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
@@ -36,7 +36,7 @@ from continuum_grasp.grasp.hand.recomputed import (
     known_touches,
 )
 from continuum_grasp.grasp.hand.stability import HandResponse, HandStability, hand_response, hand_stability
-from continuum_grasp.grasp.hand.weights import TurnedContact, turned_contacts
+from continuum_grasp.grasp.hand.weights import TurnedContact, promised_wrench, turned_contacts
 from continuum_grasp.scene import FAMILIES, HandScene
 
 TURNED = ", weight in any direction"
@@ -108,6 +108,24 @@ class HandCertificate(Summarized):
             return ()
         return turned_contacts(self.hand, self.response, self.hand.scene.turned)
 
+    def promised(self, along: Sequence[float] | Array) -> float:
+        """Greatest multiple of a wrench on the object that no contact slips or gives way under, to first order.
+
+        Parameters
+        ----------
+        along : sequence of float
+            Force [N] and moment about the center of mass [N m] as the hand sees them (6,).
+        """
+        if self.hand is None or self.response is None:
+            return float("nan")
+        return promised_wrench(self.hand, self.response, np.array(along, dtype=float))
+
+    @cached_property
+    def promise(self) -> dict[str, float]:
+        """Force [N] and moment [N m] promised along each axis, the less of both senses."""
+        axes = zip((f"{kind} {axis}" for kind in ("force", "moment") for axis in "xyz"), np.eye(6), strict=True)
+        return {name: min(self.promised(axis), self.promised(-axis)) for name, axis in axes}
+
     @property
     def acceptable(self) -> bool:
         """Whether the grasp is as the scene asks: every check passed, and stable where that is required."""
@@ -148,6 +166,7 @@ class HandCertificate(Summarized):
             "checks": [{**asdict(check), "passed": check.passed} for check in self.checks],
             "contacts": [asdict(contact) for contact in self.contacts],
             "friction_margin": self.friction_margin,
+            "promise": dict(self.promise),
             "stability": verdict | {"mode": stability.mode.tolist()},
         }
 
@@ -163,6 +182,7 @@ class HandCertificate(Summarized):
             **failed,
             "least margin": f"{self.friction_margin:.1%} of the friction cone",
             "lateral deflection": f"{aside:.1%} of the length",
+            "promised push": f"{amount_text(least_push(self.promise), 'N', '.3g')} along any axis, to first order",
             "second-order test": str(self.stability),
         }
 
@@ -171,6 +191,11 @@ class HandCertificate(Summarized):
             if check.name == name:
                 return check
         raise KeyError(name)
+
+
+def least_push(promise: Mapping[str, float]) -> float:
+    """Least of the forces promised along the axes [N]."""
+    return min((value for name, value in promise.items() if name.startswith("force")), default=float("nan"))
 
 
 def certify_hand(scene: HandScene, arrays: Mapping[str, Any]) -> HandCertificate:

@@ -222,7 +222,7 @@ class HandResult(Result):
         rows["greatest normal force"] = amount_text(max(c.normal_force for c in self.contacts), "N", ".4g")
         if self.certificate is not None:
             rows["checks passed"] = self.certificate.headline().removesuffix(" checks passed")
-            rows["second-order test"] = str(self.certificate.stability)
+            rows |= {key: self.certificate.pairs()[key] for key in ("promised push", "second-order test")}
         if self.trial:
             rows["trial"] = str(self.trial["words"])
         return rows
@@ -238,6 +238,8 @@ class HandResult(Result):
             lines += ["", "Contacts, as the hand sees them", *(f"  {line}" for line in self._contact_rows())]
         if self.certificate is not None:
             lines += ["", f"Certificate: {self.certificate.headline()}; {self.certificate.stability}"]
+            lines += ["", "Promised along each axis to first order, at constant tensions"]
+            lines += [f"  {line}" for line in self._promise_rows()]
         if self.trial:
             lines += ["", f"Tried: {self.trial['words']}"]
         if self.advice and not self.reasons:
@@ -249,6 +251,14 @@ class HandResult(Result):
         for setup in self.scene.setups:
             left, right = self.tensions[setup.name]
             rows.append((setup.name, f"{left:.3f}", f"{right:.3f}", f"{setup.max_tension:g}"))
+        return Summarized.aligned(rows, {0})
+
+    def _promise_rows(self) -> list[str]:
+        promise = {} if self.certificate is None else self.certificate.promise
+        rows = [("", "x", "y", "z")]
+        for kind, unit in (("force", "N"), ("moment", "N m")):
+            x, y, z = (f"{promise.get(f'{kind} {axis}', np.nan):.3g}" for axis in "xyz")
+            rows.append((f"{kind} [{unit}]", x, y, z))
         return Summarized.aligned(rows, {0})
 
     def _contact_rows(self) -> list[str]:

@@ -1,4 +1,4 @@
-"""Contact forces under a weight of any direction, to first order at constant tensions, by numpy alone.
+"""Contact forces under pushes and a weight of any direction, to first order at constant tensions, by numpy alone.
 
 Under gravity g d, |d| <= 1, a contact bears f(d) = a + G d. It is within the cone of friction mu for every d if and
 only if, with n the normal, S = (1 + mu^2) n n' - 1 and M = [G, a], some e >= 0 makes
@@ -48,6 +48,30 @@ def turned_contacts(hand: RecomputedHand, response: HandResponse, gravity: float
     return tuple(found)
 
 
+def promised_wrench(hand: RecomputedHand, response: HandResponse, along: Array) -> float:
+    """Greatest multiple of a wrench (6,) on the object, about its center of mass, that leaves every contact in its cone
+    of friction and within its greatest normal force, to first order at constant tensions.
+    """
+    most = float("inf")
+    for contact, slope in zip(hand.pressing, response.forces, strict=True):
+        rate = slope @ along
+        press, more = contact.normal_force, float(contact.normal @ rate)
+        across, aside = contact.load - press * contact.normal, rate - more * contact.normal
+        # |across + c aside| = mu (press + c more) at the edge of the cone.
+        mu = contact.friction
+        edges = np.roots(
+            [
+                float(aside @ aside) - (mu * more) ** 2,
+                2.0 * (float(across @ aside) - mu**2 * press * more),
+                float(across @ across) - (mu * press) ** 2,
+            ]
+        )
+        most = min([most, *(float(edge.real) for edge in edges if edge.imag == 0.0 and edge.real > 0.0)])
+        if more > 0.0:
+            most = min(most, (contact.normal_force_max - press) / more)
+    return most
+
+
 def worst_friction(force: Array, slope: Array, normal: Array) -> tuple[float, Array]:
     """Friction with which ``force + slope @ d`` is within the cone for all |d| <= 1, and the d that needs it."""
     opening = slope.T @ normal
@@ -85,6 +109,13 @@ def _margin(whole: Array, normal: Array, friction: float) -> tuple[float, Array]
             b = low + _GOLDEN * (high - low)
             at_b = least(b)
     values, vectors = np.linalg.eigh(form - 0.5 * (low + high) * ball)
-    direction = vectors[:3, 0] * np.copysign(1.0, vectors[3, 0])
-    # Rounding of the form, where the cone is touched exactly.
-    return float(values[0]) + 1e-14 * high, direction / max(float(np.linalg.norm(direction)), 1e-300)
+    # Rounding of the form, where the cone is touched exactly; of equal eigenvalues, as of a contact with symmetry, the
+    # vectors span several directions, of which one of length one is as bad as any.
+    near = vectors[:, values - values[0] < 1e-7 * high]
+    last = near[3] / max(float(near[3] @ near[3]), 1e-300)
+    inside = near[:3] @ last
+    if near.shape[1] > 1 and float(inside @ inside) < 1.0:
+        across = near[:3] @ np.linalg.svd(near[3:])[2][-1]
+        square, double = float(across @ across), float(across @ inside)
+        inside = inside + across * (np.sqrt(double**2 + square * (1.0 - float(inside @ inside))) - double) / square
+    return float(values[0]) + 1e-14 * high, inside / max(float(np.linalg.norm(inside)), 1e-300)
