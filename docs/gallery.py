@@ -51,6 +51,8 @@ class Kind:
     """Main picture, by a pattern of its name."""
     cropped: float = 0.0
     """What is cut off at the right [inch]: the numbers beside the drawing of a grasp, too small to read here."""
+    shown: float | None = None
+    """Width at the left to which it is cut [inch]: the view in space of a hand, without the planes of its fingers."""
 
 
 KINDS = {
@@ -61,7 +63,9 @@ KINDS = {
         "grasp.png",
         3.2,
     ),
-    "hand": Kind("Hands in space", "[Planar fingers around a palm hold a solid object](hands.md).", "hand.png", 7.4),
+    "hand": Kind(
+        "Hands in space", "[Planar fingers around a palm hold a solid object](hands.md).", "hand.png", shown=5.3
+    ),
     "mpc": Kind(
         "Control", "[A controller](control.md) against [a plant that differs from its model](mpc.md).", "path.png"
     ),
@@ -189,10 +193,11 @@ def made_with(one: Example) -> str:
 # -- pictures ----------------------------------------------------------------------------------------------------------
 
 
-def save_thumbnail(source: Path, target: Path, cropped: float) -> None:
+def save_thumbnail(source: Path, target: Path, kind: Kind) -> None:
     """Write a picture in ``WIDTH``, without loss where that is small enough."""
     picture = Image.open(source).convert("RGB")
-    picture = picture.crop((0, 0, picture.width - round(150 * cropped), picture.height))
+    right = picture.width - round(150 * kind.cropped) if kind.shown is None else round(150 * kind.shown)
+    picture = picture.crop((0, 0, right, picture.height))
     picture = picture.resize((WIDTH, round(picture.height * WIDTH / picture.width)), Image.Resampling.LANCZOS)
     for options in ({"lossless": True}, *({"quality": quality} for quality in range(90, 20, -5))):
         buffer = io.BytesIO()
@@ -258,7 +263,7 @@ def update(record: dict[str, Any], again: Iterable[str]) -> None:
                 save_film(folder / "animation.gif", film)
             picture = film.file if film else f"gallery/{one.name.replace('/', '_')}.webp"
             if not film:
-                save_thumbnail(pictures[0], PICTURES / picture, KINDS[one.kind].cropped)
+                save_thumbnail(pictures[0], PICTURES / picture, KINDS[one.kind])
             entry = {"digest": made, "picture": picture, "status": status_of(one, folder, code, said)}
             if data:
                 entry["data"] = data.name
