@@ -161,7 +161,7 @@ def _named(path: Path) -> Iterator[Path | str]:
             file = _beside(path, text)
             yield file
             yield from _named(file)
-        elif text.endswith((".csv", ".svg", ".dxf", ".png")):
+        elif text.endswith((".csv", ".svg", ".dxf", ".png", ".stl", ".obj", ".ply", ".3mf")):
             data: list[Path | str] = [*sorted(path.parent.glob(text))]
             yield from data or [text]
 

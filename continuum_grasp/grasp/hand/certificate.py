@@ -103,7 +103,7 @@ class HandCertificate(Summarized):
 
     @cached_property
     def turned(self) -> tuple[TurnedContact, ...]:
-        """What each contact needs while the weight takes every direction; empty where it has one."""
+        """Needs of each contact while the weight takes every direction; empty where it has one."""
         if self.hand is None or self.response is None or not self.hand.scene.turned:
             return ()
         return turned_contacts(self.hand, self.response, self.hand.scene.turned)

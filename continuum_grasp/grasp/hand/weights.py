@@ -27,7 +27,7 @@ _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 @dataclass(frozen=True)
 class TurnedContact:
-    """What a contact needs while the weight takes every direction."""
+    """Needs of a contact while the weight takes every direction."""
 
     name: str
     friction: float  # coefficient needed; infinite where the contact opens
@@ -38,7 +38,7 @@ class TurnedContact:
 
 
 def turned_contacts(hand: RecomputedHand, response: HandResponse, gravity: float) -> tuple[TurnedContact, ...]:
-    """What each contact that presses needs under gravity [m/s2] of every direction."""
+    """Needs of each contact that presses under gravity [m/s2] of every direction."""
     found = []
     for contact, slope in zip(hand.pressing, response.forces_by_gravity, strict=True):
         needed, direction = worst_friction(contact.load, gravity * slope, contact.normal)

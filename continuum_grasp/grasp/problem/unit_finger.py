@@ -108,7 +108,7 @@ class UnitFinger:
 
     @property
     def guarded_shares(self) -> list[ca.SX]:
-        """Where on their elements the places that must stay clear are, per length of the element."""
+        """Places on their elements of what must stay clear, per length of the element."""
         count, elements = self.spec.guards, self.spec.elements
         probes = ca.vertsplit(self.number("probes", self.spec.probes * elements))
         return [
