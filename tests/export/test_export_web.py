@@ -270,14 +270,16 @@ def test_a_notebook_shows_a_run_without_a_file(tmp_path):
 def test_a_loop_is_played_back_with_what_its_controller_knew():
     scene = cg.load("configs/mpc/unknown_payload.yaml", ["duration=0.2", "controller.horizon.stages=8"])
     run = cg.run_closed_loop(scene)
-    record = dataclasses.asdict(loop_record(run, plant_of_loop(scene, run.readings.plant)[0]))
+    stages = stages_of(scene, Prediction(scene))
+    record = dataclasses.asdict(loop_record(run, plant_of_loop(scene, stages, run.readings.plant)[0]))
     periods = np.array([int(np.argmin(abs(run.t - t))) for t in record["t"]])
     np.testing.assert_allclose(record["x"], run.x[periods], rtol=1e-6, atol=1e-9)
     at = np.minimum(periods, len(run.u) - 1)
     np.testing.assert_allclose(record["u"], run.u[at], rtol=1e-6)
     nx = run.estimate.shape[1]
     np.testing.assert_allclose(np.array(record["z"])[:, :nx], run.estimate[at], rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(np.array(record["z"])[:, nx:], run.disturbance[at], rtol=1e-6, atol=1e-9)
+    named = [run.estimated_names.index(name) for name in run.disturbance_names]
+    np.testing.assert_allclose(np.array(record["z"])[:, named], run.disturbance[at], rtol=1e-6, atol=1e-9)
     assert np.abs(run.disturbance[-1]).max() > 0.0
     np.testing.assert_allclose(record["reference"][0], run.r[0], rtol=1e-6)
 

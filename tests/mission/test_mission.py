@@ -540,21 +540,22 @@ def test_it_is_saved_reported_and_drawn(held, tmp_path):
 @pytest.mark.deep
 def test_a_page_plays_it_back_and_goes_on_with_its_weights(held):
     loop = held.run
-    plant, _ = plant_of_loop(loop.scene, loop.readings.plant)
+    stages = stages_of(loop.scene)
+    plant, _ = plant_of_loop(loop.scene, stages, loop.readings.plant)
     record = loop_record(loop, plant)
     np.testing.assert_allclose(record.x[-1], loop.x[-1], rtol=1e-6, atol=1e-9)
     table = plant.system.w_names.index("table_height [m]")
     lowest = loop.w[:, loop.readings.plant.w_names.index("table_height [m]")].min()
     assert min(row[table] for row in record.w) == pytest.approx(lowest, rel=1e-6)
     assert plant.p == pytest.approx(loop.readings.plant.p)
-    changes = held.controller_changes(stages_of(loop.scene))
+    changes = held.controller_changes(stages)
     assert [change["t"] for change in changes] == [
-        held.timetable.span(n).start for n in ("approach", "lift", "release")
+        held.timetable.span(n).start for n in ("approach", "confirm", "lift", "release")
     ]
-    # A posture is followed until it is there, a force once the object is held.
+    # A posture is followed until it is there, a force from when contact is confirmed until the object is let go.
     force = [name.startswith("contact_force") and "rate" not in name for name in loop.r_names]
     weights = np.array([change["weights"] for change in changes])
-    assert (weights[:, force].max(axis=1) > 0.0).tolist() == [False, True, False]
+    assert (weights[:, force].max(axis=1) > 0.0).tolist() == [False, True, True, False]
     with pytest.raises(InputError, match="one finger, and this mission 2"):
         replace(held, runs=(loop, loop)).show()
     with pytest.raises(InputError, match="friction does not change"):
