@@ -70,7 +70,7 @@ def export(
     binary: bool | None = option("fmu: with this machine's binary (default) or without.", "--binary/--no-binary"),
     hinges: int | None = option("mjcf: hinges of the finger (default: 40, of each of a hand 24).", metavar="N"),
 ) -> None:
-    """Write a finger, its loop, its mission or a hand for use elsewhere.
+    """Write a finger, loop, mission or hand for use elsewhere.
 
     C99 for microcontrollers and hosts (c), functional mock-up units for Simulink, Dymola and others (fmu), a page in
     which finger and controller run as WebAssembly (web), chains of hinges for MuJoCo (mjcf), functions as

@@ -113,6 +113,15 @@ def test_round_fingers_that_turn_the_can_away_are_no_grasp():
 
 
 @pytest.mark.deep
+def test_two_fingers_that_touch_once_each_get_advice():
+    """Nothing holds the object against turns about the line through two points."""
+    pair = hand("ball", {"hand.ring.count": 2, "contacts.middle": "off"})
+    found = optimize_grasp(pair, raise_on_failure=False)
+    assert found.status is GraspStatus.NOT_SOLVED
+    assert "free to turn about the line through them" in found.advice
+
+
+@pytest.mark.deep
 def test_every_reason_repairs():
     heavy = hand("ball", {"object.mass": 2.0})
     found = optimize_grasp(heavy, raise_on_failure=False)

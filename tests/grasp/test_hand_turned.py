@@ -1,4 +1,4 @@
-"""from inside: the S-lemma is compared with sampled directions, and responses with differences of equilibria."""
+"""from inside: the S-lemma against sampled directions, the slope of an eigenvalue and displaced places of a search."""
 
 from __future__ import annotations
 
@@ -8,7 +8,14 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.base import InputError
 from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.grasp.hand.certificate import certify_hand
+from continuum_grasp.grasp.hand.recomputed import RecomputedHand
+from continuum_grasp.grasp.hand.search import HandSearch
+from continuum_grasp.grasp.hand.stability import hand_stability
+from continuum_grasp.grasp.hand.steady import LINKS, eigenvalue_slope
 from continuum_grasp.grasp.hand.weights import worst_friction
+from continuum_grasp.nlp import Budget
+from tests import hand_cases as cases
 from tests.commands import ROOT
 
 TURNED = ROOT / "configs/hand/turned.yaml"
@@ -90,3 +97,91 @@ def test_too_heavy_to_turn_says_where_and_how_much_friction():
     (reason,) = found.reasons
     assert reason.name == "friction"
     assert optimize_grasp(cg.load(TURNED, [f"contacts.friction={reason.needed * 1.1}"])).solved
+
+
+# -- the search next to a grasp ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def leaning():
+    """The search of the egg, whose fingers are displaced, and its grasp."""
+    scene = cg.load(ROOT / "configs/hand/egg.yaml")
+    search = HandSearch(scene, Budget.of(scene.solver, None))
+    return search, next(t for t in search.run() if t.attempt.converged and certify_hand(scene, t.arrays).passed)
+
+
+@pytest.mark.deep
+def test_the_slope_of_the_least_eigenvalue_is_that_of_differences(leaning):
+    search, tried = leaning
+
+    def value(x):
+        return hand_stability(RecomputedHand(search.scene, search.arrays_at(tried, x)), LINKS).eigenvalue
+
+    slope, x = eigenvalue_slope(search, tried), tried.attempt.x
+    assert np.linalg.norm(slope) > 0.1
+    draw = np.random.default_rng(3)
+    stored = [
+        place for name, place in tried.equations.problem.x.at.items() if not name.startswith(("relaxed", "shift"))
+    ]
+    for _ in range(4):
+        along = np.zeros(x.size)
+        for place in stored:
+            along[place] = draw.normal(size=place.stop - place.start)
+        along /= np.linalg.norm(along)
+        difference = (value(x + 1e-5 * along) - value(x - 1e-5 * along)) / 2e-5
+        assert slope @ along == pytest.approx(difference, rel=1e-3, abs=1e-4)
+
+
+@pytest.mark.deep
+def test_places_that_stay_clear_are_on_the_displaced_backbone(leaning):
+    """By the certificate's own quadrature; the search interpolates by cubics from element to element."""
+    search, tried = leaning
+    hand = RecomputedHand(search.scene, tried.arrays)
+    guarded = search._guarded(tried.equations, tried.attempt.x, tried.numbers)
+    assert max(np.abs(finger.deflections).max() for finger in hand.fingers) > 1e-4
+    for finger, places in zip(hand.fingers, guarded, strict=True):
+        a, b = finger.points[:-1], finger.points[1:]
+        share = ((places[:, None] - a) * (b - a)).sum(axis=2) / ((b - a) ** 2).sum(axis=1)
+        nearest = a + np.clip(share, 0.0, 1.0)[..., None] * (b - a)
+        away = np.linalg.norm(places[:, None] - nearest, axis=2).min(axis=1)
+        assert away.max() < 1e-4 * finger.length
+
+
+# -- by hand: three straight fingers press a ball between their ends ---------------------------------------------------
+
+
+def pressed(press, density=1e-12, **changes):
+    """The scene, while the weight takes every direction, and its arrays, which have no weight."""
+    scene, arrays = cases.three_straight(press, density=density)
+    return scene.changed({"object.mass": 0.05, "gravity": {"any": 1.0}, **changes}), arrays
+
+
+@pytest.mark.parametrize("density", [1e-12, 0.1])
+def test_weight_of_object_and_fingers_moves_a_ball_aside(density):
+    """Cantilevers of stiffness 3 E I / L^3 in their planes and 3 E I_l / L^3 across; 3/8 of their own weight q L bears
+    on their ends. Three of them a third of a turn apart are as stiff in all directions across them.
+    """
+    stiffness = 1.5 * 3.0 * (cases.STIFFNESS + cases.LATERAL) / cases.LENGTH**3
+    moved = (0.05 + 3.0 * 0.375 * density * cases.LENGTH) / stiffness
+    response = certify_hand(*pressed(0.001, density)).response
+    assert np.diag(response.pose_by_gravity)[:2] == pytest.approx([moved, moved], rel=0.02)
+    assert abs(response.pose_by_gravity[2, 2]) < 1e-3 * moved
+
+
+@pytest.mark.parametrize("key", ["contacts.friction", "contacts.normal_force_max"])
+def test_limits_hold_in_every_direction_up_to_what_is_needed(key):
+    scene, arrays = pressed(0.2)
+    needs = certify_hand(scene, arrays).turned
+    reserve = 1.0 - scene.contacts.reserve
+    most = {
+        "contacts.friction": max(c.friction for c in needs) / reserve,
+        "contacts.normal_force_max": max(c.greatest for c in needs),
+    }
+    word = {"contacts.friction": "friction cone", "contacts.normal_force_max": "normal force"}[key]
+    for share, passes in ((1.001, True), (0.999, False)):
+        checks = certify_hand(scene.changed({key: share * most[key]}), arrays).checks
+        turned = [
+            check.passed for check in checks if check.name.startswith(word) and check.name.endswith("any direction")
+        ]
+        assert len(turned) == 3
+        assert all(turned) is passes

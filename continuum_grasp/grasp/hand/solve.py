@@ -249,6 +249,11 @@ def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], stati
         message = f"no grasp was found from {len(tried)} starts, and no single limit explains it"
         message += f"; the nearest breaks {names}"
         advice = "Likely the geometry: move the object or the bases, or turn the planes of the fingers to it (twist)."
+        if len(scene.setups) == 2:
+            advice += (
+                " Two fingers that touch once each leave the object free to turn about the line through them: give "
+                "contacts.middle: on and contacts.tip: on, a palm, or a third finger."
+            )
     return HandResult(
         scene, GraspStatus.NOT_SOLVED, message, nearest.arrays, None, advice=advice, statistics=statistics
     )

@@ -112,15 +112,22 @@ def hand_stability(hand: RecomputedHand, links: int = LINKS) -> HandStability:
     return HandStability(least / unit, least, system.describe(vector), vector[-6:])
 
 
-def hand_response(hand: RecomputedHand, links: int = LINKS) -> HandResponse:
-    """Response of a hand's grasp to wrenches on the object and to tensions, at its equilibrium."""
+def hand_response(hand: RecomputedHand, links: int = LINKS) -> HandResponse | None:
+    """Response of a grasp to wrenches on the object and to tensions, at its equilibrium; None where nothing holds
+    the object.
+    """
+    if not hand.pressing:
+        return None
     system = HandSystem(hand, links)
     hessian, rows, scale = system.hessian, system.rows, system.scale
     loads = np.concatenate([np.eye(len(scale))[:, -6:], system.weights, system.tendons], axis=1) * scale[:, None]
     left, singular, right = np.linalg.svd(rows)
     rank = int((singular > EXACT * singular[0]).sum())
     free = right[rank:].T
-    moved = free @ np.linalg.solve(free.T @ hessian @ free, free.T @ loads)
+    try:
+        moved = free @ np.linalg.solve(free.T @ hessian @ free, free.T @ loads)
+    except np.linalg.LinAlgError:
+        return None
     # What the constraints take of the loads: forces on the fingers, least squares where the contacts are indeterminate.
     forces = left[:, :rank] @ ((right[:rank] @ (hessian @ moved - loads)) / singular[:rank, None])
     moved, forces = scale[:, None] * moved, forces.reshape(len(rows) // 3, 3, -1)
