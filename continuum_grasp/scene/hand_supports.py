@@ -26,7 +26,7 @@ class _PlaneKeys(Value):
     friction: Annotated[Friction, Field(ge=1e-3)] | None = None
     """Friction coefficient between it and the object, not zero [1]; None: ``contacts.friction``."""
     touch: Switch = "auto"
-    """Whether it carries the object; auto: where the object lies against it."""
+    """Whether palm or table carries the object; auto: where the object lies against it."""
 
     def plane(
         self, name: str, key: str, point: Vector3, normal: Vector3, friction: float, radius: float | None = None

@@ -144,10 +144,10 @@ def _turned(scene: HandScene, down: HandResult, held: HandTried, progress: Calla
         return HandResult(
             scene, GraspStatus.UNSTABLE, message, arrays, certificate, advice=advice, statistics=statistics
         )
+    advice = "More fingers or contacts, a palm, stiffer fingers, or a lighter object."
     where = f"{worst.name} where the weight points along ({towards})"
     if not np.isfinite(worst.friction):
         message = f"not held in every direction of the weight: at best, with {tension}, it opens {where}"
-        advice = "More fingers or contacts, a palm, stiffer fingers, or a lighter object."
         return HandResult(
             scene, GraspStatus.NOT_SOLVED, message, arrays, certificate, advice=advice, statistics=statistics
         )
@@ -157,7 +157,6 @@ def _turned(scene: HandScene, down: HandResult, held: HandTried, progress: Calla
     reasons = (limit.reason(scene, needed, best.tried, stable=other.acceptable),) if other.passed else ()
     message = f"not held in every direction of the weight: at best, with {tension}, a friction of {worst.friction:.3g} "
     message += f"is needed, by {where}"
-    advice = "More fingers or contacts, a palm, stiffer fingers, or a lighter object."
     return HandResult(
         scene, GraspStatus.INFEASIBLE, message, arrays, certificate, reasons, advice, statistics=statistics
     )
