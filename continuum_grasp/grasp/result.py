@@ -223,8 +223,11 @@ class GraspResult(Result):
             coarse = any(Family.named(f.family).order < Family.named(fine).order for f in self.fingers.values())
             other = f" or take fidelity.family: {fine}" if coarse else ""
             warnings.append(f"{error}: raise fidelity.elements{other}")
-        if self.solved and not self.certificate.stability.stable:
+        stability = self.certificate.stability
+        if self.solved and not stability.in_plane:
             warnings.append("the grasp is unstable: small motions that the contacts allow lower the energy")
+        elif self.solved and stability.in_space is not None and not stability.stable:
+            warnings.append(f"the grasp is not stable in space: {stability.in_space}")
         if self._idle:
             warnings.append(
                 f"{' and '.join(self._idle)} on, but without a force: others hold the object, and what only touches "

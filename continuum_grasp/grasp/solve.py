@@ -36,6 +36,7 @@ from continuum_grasp.grasp.values import (
     DRIVEN_AWAY,
     REFUTED,
     STEADIER,
+    STEADIER_IN_SPACE,
     GraspStatus,
     Reason,
     force_text,
@@ -342,15 +343,16 @@ class _Verdict:
         steadied = best.solver.problem.spec.steadied
         unit, tension = force_units(best.arrays)[0], tension_of(self.scene, best.arrays)
         held = f"a sum of tensions of {force_text(best.arrays, tension, unit)} {unit}"
-        notes = list(self._notes(best))
+        notes, why = list(self._notes(best)), best.certificate.stability.why
+        advice = STEADIER_IN_SPACE if why else STEADIER
         status = GraspStatus.FEASIBLE if notes else GraspStatus.OPTIMAL
         if best.certificate.stability.stable:
             verdict = f"held with {held}"
         elif best.acceptable:
-            verdict = f"held but unstable (as the scene allows): {held}"
+            verdict = f"held but unstable (as the scene allows): {held}{why}"
         else:
             status = GraspStatus.UNSTABLE
-            verdict = f"in balance with {held}, {DRIVEN_AWAY}"
+            verdict = f"in balance with {held}, {DRIVEN_AWAY}{why}"
         return GraspResult(
             self.scene,
             status,
@@ -359,7 +361,7 @@ class _Verdict:
             best.certificate,
             # The eigenvalue's own dependence on the scene's numbers is not in the problem.
             sensitivity=sensitivities(self.scene, best) if best.attempt.optimal and not steadied else (),
-            advice=" ".join(part for part in (self._support_note(), "" if best.acceptable else STEADIER) if part),
+            advice=" ".join(part for part in (self._support_note(), "" if best.acceptable else advice) if part),
             statistics=self._statistics(best.attempt),
             exploration=self.search.exploration,
             lower_bound=self.search.bound,

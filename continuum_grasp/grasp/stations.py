@@ -18,7 +18,9 @@ from dataclasses import replace
 import numpy as np
 
 from continuum_grasp.base import Array
+from continuum_grasp.grasp.certificate.out_of_plane import stability_out_of_plane
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
+from continuum_grasp.grasp.certificate.space import CREEPS
 from continuum_grasp.grasp.certificate.stability import contact_stability
 from continuum_grasp.grasp.changes import FIRST
 from continuum_grasp.grasp.effort import FIRST_CAP
@@ -150,6 +152,10 @@ def _better(search: GraspSearch, start: GraspStart, options_at: int = 2) -> bool
 
 LEAST = 1e-2
 """Least eigenvalue [E I / L] that is asked for: well above what changes of the last digits can undo."""
+LEAST_IN_SPACE = 1.05 * CREEPS
+"""Least eigenvalue of motions out of the plane that is asked for [E I / L]."""
+LINKS = 12
+"""Links of the chains whose least eigenvalue is differentiated."""
 ROUNDS = 12
 """Linearizations from one unstable grasp."""
 _STEP = 1e-5
@@ -173,19 +179,20 @@ def stabilize(search: GraspSearch) -> None:
 def _stabilize(search: GraspSearch, at: Tried) -> None:
     """Raise the least eigenvalue of an unstable grasp, by smaller steps where the solver does not follow."""
     solver = solver_for(replace(at.solver.problem.spec, steadied=True))
-    share, before = 1.0, np.inf
-    slope = _slope(search.scene, at)
+    share, before, in_space = 1.0, np.inf, at.certificate.stability.in_plane
+    slope = _slope(search.scene, at, in_space)
     for _ in range(ROUNDS):
-        value = at.certificate.stability.eigenvalue
-        if search.budget.over or not np.isfinite(slope).all():
+        value = _eigenvalue(at, in_space)
+        # No choice matters where two points leave the object a turn about the line between them.
+        if search.budget.over or not np.isfinite(slope).all() or not np.abs(slope).max() > _STEP:
             return
-        wanted = value + share * (LEAST - value)
+        wanted = value + share * ((LEAST_IN_SPACE if in_space else LEAST) - value)
         numbers = {"stability slope": slope, "stability level": wanted - value + float(slope @ at.attempt.x)}
         start, features = replace(at.attempt.start, label="stable"), at.attempt.features
         tried = search.attempt(
             start, solver, features=features, x0=at.attempt.x, numbers=numbers, iterations=OPTION_SETS[0][1]
         )
-        if tried is None or not tried.attempt.converged or tried.certificate.stability.eigenvalue < value:
+        if tried is None or not tried.attempt.converged or _eigenvalue(tried, in_space) < value:
             share *= 0.4
             # 0.3: part of the way to stability of a step that the solver must at least follow
             if share < 0.3:
@@ -194,16 +201,26 @@ def _stabilize(search: GraspSearch, at: Tried) -> None:
         at, share, objective = tried, min(1.0, 2.0 * share), tried.attempt.objective
         if at.acceptable and abs(objective - before) <= SAME * max(1.0, abs(objective)):
             return
-        before, slope = objective, _slope(search.scene, at)
+        in_space = in_space or bool(at.certificate.stability.why)
+        before, slope = objective, _slope(search.scene, at, in_space)
 
 
-def _slope(scene: GraspScene, at: Tried) -> Array:
+def _eigenvalue(at: Tried, in_space: bool) -> float:
+    """Least eigenvalue of motions in the plane or out of it [E I / L]; of the latter none where the former fail."""
+    stability = at.certificate.stability
+    if not in_space or stability.in_space is None:
+        return stability.eigenvalue
+    return stability.in_space.eigenvalue if stability.in_plane else -np.inf
+
+
+def _slope(scene: GraspScene, at: Tried, in_space: bool) -> Array:
     """Derivative of the eigenvalue by the unknowns, by differences."""
     solver, attempt = at.solver, at.attempt
 
     def value(x: Array) -> float:
-        arrays = solver.arrays(scene, replace(attempt, x=x))
-        return contact_stability(RecomputedGrasp(scene, arrays)).eigenvalue
+        grasp = RecomputedGrasp(scene, solver.arrays(scene, replace(attempt, x=x)))
+        verdict = stability_out_of_plane(grasp, LINKS) if in_space else None
+        return contact_stability(grasp).eigenvalue if verdict is None else verdict.eigenvalue
 
     slope, here = np.zeros(attempt.x.size), value(attempt.x)
     shape = {f"{setup.name}.{key}" for setup in scene.setups for key in ("q", "pulls", "base")}

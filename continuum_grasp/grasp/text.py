@@ -200,10 +200,12 @@ def _certificate(certificate: Certificate) -> TextPart:
         rows.append((name + count, amount, of, f"{worst.limit:.0e}", "FAILED" if bad else "ok"))
     verdict = "all checks passed" if certificate.passed else f"{len(certificate.failed)} checks FAILED"
     stability, error, overlap = certificate.stability, certificate.model_error, certificate.overlap
-    word, mark = "stable" if stability.stable else "UNSTABLE", "" if error.small else " (raise fidelity.elements)"
+    word, mark = "stable" if stability.in_plane else "UNSTABLE", "" if error.small else " (raise fidelity.elements)"
+    space = stability.in_space
     notes = [
         *(f"FAILED: {failure.name}, {failure.value:.2e}, limit {failure.limit:.0e}" for failure in certificate.failed),
         f"stability: {word}, least eigenvalue {stability.eigenvalue:.3g} E I / L ({stability.assumptions})",
+        *([] if space is None else [f"stability in space: {space} ({space.assumptions})"]),
         str(error),
         f"model error, limit {1e3 * error.limit:.2g} mm{mark}: its bending moment is off by {error.moment:.1%} of the "
         "greatest, and the tension perhaps by as much",

@@ -28,9 +28,13 @@ DRIVEN_AWAY = "but any small push drives the object away (no stable grasp was fo
 ROUGH = 0.02
 """Change of the tension by a polygon nearer to the object's drawing from which on a warning says so [1]: as much as a
 basin must promise for the search not to be complete without it."""
+IGNORED = "stability: ignore, where the drives hold their position or something else steadies the object."
 STEADIER = (
-    "For a stable grasp: contacts nearer to the base, one more contact or support, or a stiffer finger. stability: "
-    "ignore, where the drives hold their position or something else steadies the object."
+    f"For a stable grasp: contacts nearer to the base, one more contact or support, or a stiffer finger. {IGNORED}"
+)
+STEADIER_IN_SPACE = (
+    "For a grasp that is stable in space: a wider section of the finger, one more contact off the line of two, a "
+    f"support, or less force. {IGNORED}"
 )
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.finger_section import FingerSection
 from continuum_grasp.scene.methods import SolverOptions
 from continuum_grasp.scene.objects.shapes import Freedom
 from continuum_grasp.scene.simulate import Fidelity
@@ -82,6 +83,8 @@ class GraspFinger(Finger):
     right (tendon 2)."""
     base_free: Freedom | None = None
     """Bounds within which the base's pose may be chosen; None: it is fixed."""
+    section: FingerSection | None = None
+    """Cross-section of the backbone, for its stiffness out of the plane; None: motion in the plane alone is tested."""
 
     def _check(self) -> None:
         if self.base_free is not None:

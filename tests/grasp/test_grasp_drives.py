@@ -22,7 +22,7 @@ from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import contact_stability
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.model import soft
-from continuum_grasp.scene import LengthDrive, MotorDrive, Rod, Tendons, load
+from continuum_grasp.scene import LengthDrive, MotorDrive, PointMass, Rod, Tendons, load
 from tests import certificate_cases as cases
 from tests.grasp_scenes import CONFIGS
 
@@ -232,6 +232,35 @@ def test_an_upright_finger_with_locked_winches_stands_as_with_a_spring_at_its_ti
         found = certify(*cases.beside_box(finger, tensions, gravity=cases.PLANAR, family="clothoid")).stability
         assert found.stable is stable
         assert found.assumptions.startswith("locked" if spring(compliance) else "constant tensions")
+
+
+def test_locked_winches_hold_against_a_weight_that_twists_the_finger_away():
+    """A weight P at its end, along the normal: 2 E = int EI t'^2 + GJ p'^2 - 2 P (L - s) p t' ds + k t(L)^2
+    of turns t in the plane and p about the finger, which are polynomials (Prandtl's load where k = 0).
+    """
+    torsion, spring = EI / 1.3, OFFSET**2 * 2.0 / (1.0 / SERIES + L / AXIAL)
+    x, weights = np.polynomial.legendre.leggauss(20)
+    u, weights, power = 0.5 * (x + 1.0), 0.5 * weights, np.arange(1, 11)
+    turns, bends = u[:, None] ** power, power * u[:, None] ** (power - 1)
+    stiff, mixed = (bends.T * weights) @ bends, (bends.T * weights * (1.0 - u)) @ turns
+    ends, none = np.ones((10, 10)), np.zeros((10, 10))
+
+    def load(spring):
+        energy = np.block([[EI / L * stiff + spring * ends, none], [none, torsion / L * stiff]])
+        return 1.0 / eigh(L * np.block([[none, mixed], [mixed.T, none]]), energy, eigvals_only=True)[-1]
+
+    assert load(0.0) == pytest.approx(4.0126 * math.sqrt(EI * torsion) / L**2, rel=1e-4)
+    assert load(spring) > 1.2 * load(0.0)
+    tendons = Tendons(offset=OFFSET, max_tension=60.0, drive=LENGTH_DRIVE, **CABLE)
+    section = {"shape": "round", "poissons_ratio": 0.3}
+    rod = Rod(length=L, linear_density=1e-12, bending_stiffness=EI)
+    for share in (0.99, 1.01):
+        masses = (PointMass(at=L, mass=share * load(spring) / 9.81),)
+        finger = cases.make_finger(rod=rod, tendons=tendons, masses=masses, section=section)
+        scene = cases.beside_box(finger, (5.0, 5.0), gravity=cases.INTO_PLANE, family="clothoid")
+        found = certify(*scene).stability
+        assert found.in_plane
+        assert (found.in_space.eigenvalue > 0.0) is (share < 1.0)
 
 
 @pytest.mark.parametrize("pretension", [5.0, 0.3])  # of 0.3 N, tendons are among those that softly go slack

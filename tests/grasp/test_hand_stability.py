@@ -11,15 +11,16 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.special import jv
 
+from continuum_grasp.grasp import certify
+from continuum_grasp.grasp.certificate.chain import LINKS, FingerChain
+from continuum_grasp.grasp.certificate.space import CREEPS, SpatialStability
 from continuum_grasp.grasp.hand.certificate import certify_hand
 from continuum_grasp.grasp.hand.stability import (
-    CREEPS,
-    LINKS,
-    FingerChain,
-    HandStability,
     hand_response,
     hand_stability,
 )
+from continuum_grasp.scene import Circle, Rod, Tendons
+from tests import certificate_cases as planar
 from tests import hand_cases as cases
 from tests.hand_cases import LENGTH, STIFFNESS
 
@@ -285,7 +286,7 @@ def test_the_least_eigenvalue_is_that_of_an_independent_chain(ratio, aside, leas
 
 def test_the_margin_is_two_tenths():
     for part, word in ((1.001, "stable"), (0.999, "creeps"), (-0.001, "unstable")):
-        verdict = HandStability(part * 0.2, part * 0.01, "")
+        verdict = SpatialStability(part * 0.2, part * 0.01, "")
         assert verdict.word == word
         assert verdict.stable is (word == "stable")
     assert CREEPS == 0.2
@@ -315,3 +316,36 @@ def test_a_finger_that_touches_nothing_buckles_alone(width, motion):
     verdict = certify_hand(*cases.three_straight(1e-3, 0.03, 1e-3, section, other, **values)).stability
     assert verdict.eigenvalue < 0.0
     assert verdict.motion == f"free {motion}"
+
+
+# -- the hand of a planar scene ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("curvature", [0.0, 4.0])
+def test_a_hand_in_one_plane_is_as_stable_as_the_planar_scene(curvature):
+    """Three fingers bend in the plane of a disc and press on it with their ends; a cylinder is that disc in space."""
+    section = {"shape": "ellipse", "thickness": 1e-3, "width": 0.7e-3, "poissons_ratio": 0.3}
+    radius, half = 0.03, cases.HALF
+    family = {"family": "clothoid", "elements": 2}
+    bases, fingers, values, touches, contacts = {}, {}, {}, [], []
+    for k, (place, angle, press) in enumerate([(0.2, 2.2, 0.12), (2.4, 4.1, 0.1), (4.3, 5.6, 0.14)]):
+        name, out = f"finger_{k + 1}", np.array([math.cos(place), math.sin(place)])
+        along, toward = np.array([-math.sin(angle), math.cos(angle)]), -np.array([math.cos(angle), math.sin(angle)])
+        ((dx, dy, _),) = planar.bent((0.0, 0.0, angle), [(curvature, curvature)], [LENGTH], [LENGTH])
+        base, load = (radius + half) * out - [dx, dy], press * out + 0.02 * np.array([-out[1], out[0]])
+        bases[name] = tuple((*vector, 0.0) for vector in (base, along, toward))
+        values[name] = {"q": [curvature] * 3, "tip": curvature}
+        tendons = Tendons(offset=cases.OFFSET, max_tension=60.0)
+        rod = Rod(length=LENGTH, bending_stiffness=STIFFNESS, linear_density=1e-12)
+        fingers[name] = planar.make_finger(base, angle, half, rod=rod, tendons=tendons, section=section)
+        spot, normal = (*(radius * out), 0.0), (*out, 0.0)
+        touches.append((f"{name}.tip", spot, normal, (*load, 0.0), LENGTH, 0.0))
+        contacts.append((f"{name}.tip", radius * out, out, (press, 0.02, 0.0), LENGTH, 0))
+    tube = {"shape": "cylinder", "diameter": 2 * radius, "height": 0.04, "edge_radius": 0.004, "mass": 0.0}
+    scene = cases.make_scene(bases, {**tube, "position": (0.0, 0.0, 0.0)}, section=section, fidelity=family)
+    hand = hand_stability(hand_of(scene, cases.stored(scene, touches, **values)))
+    disc = Circle(shape="circle", diameter=2 * radius, mass=0.0, position=(0.0, 0.0))
+    flat = planar.make_scene(fingers, disc, family="clothoid")
+    found = certify(flat, planar.stored(flat, values, contacts)).stability
+    assert found.in_space.stiffness == pytest.approx(hand.stiffness, rel=1e-9)
+    assert abs(found.in_space.mode @ hand.mode) == pytest.approx(hand.mode @ hand.mode, rel=1e-6)

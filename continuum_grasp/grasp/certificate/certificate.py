@@ -30,6 +30,7 @@ from continuum_grasp.grasp.certificate.check import (
 )
 from continuum_grasp.grasp.certificate.held import held_checks
 from continuum_grasp.grasp.certificate.model_error import ModelError, model_error
+from continuum_grasp.grasp.certificate.out_of_plane import stability_out_of_plane
 from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS, OF_FINGER, RecomputedFinger, RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import Stability, contact_stability
 from continuum_grasp.scene import FAMILIES, GraspScene
@@ -96,7 +97,7 @@ class Certificate(Summarized):
             "checks": [{**asdict(check), "passed": check.passed} for check in self.checks],
             "friction_margin": self.friction_margin,
             "friction_states": self.states,
-            "stability": asdict(self.stability),
+            "stability": self.stability.data(),
             "overlap_of_fingers": self.overlap,
         }
         if error:
@@ -113,8 +114,10 @@ class Certificate(Summarized):
 
     @cached_property
     def stability(self) -> Stability:
-        """Second-order test; computed when first asked for."""
-        return Stability(False, float("nan"), 0) if self.grasp is None else contact_stability(self.grasp)
+        """Second-order test, in space where the fingers have sections; computed when first asked for."""
+        if self.grasp is None:
+            return Stability(False, float("nan"), 0)
+        return contact_stability(self.grasp).with_space(stability_out_of_plane(self.grasp))
 
     @cached_property
     def model_error(self) -> ModelError:

@@ -12,13 +12,16 @@ A wall is the limit of a large peg: d2y = -a psi2 + n rho psi2. A pin is the lim
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.recomputed import RecomputedContact, RecomputedFinger, RecomputedGrasp, across
+from continuum_grasp.grasp.certificate.rolling import rolling_radius, surface_radius
+from continuum_grasp.grasp.certificate.space import SpatialStability
 
 CELLS = 120
 """Pieces per finger, about: the least eigenvalue of shipped grasps is then within 0.2 % of that with 480."""
@@ -27,23 +30,49 @@ TENSIONS, LOCKED = "constant tensions", "locked drives, whose tendons are spring
 ASSUMPTIONS = (
     "contacts that press stick, those that do not are left out; middle contacts are pins, "
     "rounded tips, pegs and walls roll without slip on the object's surface as it is curved there; a wall on which "
-    "a flat face lies keeps the object from turning; bases and supports are fixed; motion in the plane only"
+    "a flat face lies keeps the object from turning; bases and supports are fixed"
 )
+PLANE = "motion in the plane only: give the finger's section to test motion out of it"
 
 
 @dataclass(frozen=True)
 class Stability:
     """Verdict of `contact_stability`."""
 
-    stable: bool  # the least eigenvalue is positive, or the contacts leave no motion at all
+    in_plane: bool  # the least eigenvalue is positive, or the contacts leave no motion at all
     # Least one of the reduced Hessian in units of E I / L of the first finger; infinite where no motion is left.
     eigenvalue: float
     freedom: int  # number of motions of the discretized rods and the object that the contacts leave
     assumptions: str = f"{TENSIONS}; {ASSUMPTIONS}"  # what the test takes for granted
+    # Of motions out of the plane; None where the sections of the fingers are not given.
+    in_space: SpatialStability | None = None
+
+    @property
+    def stable(self) -> bool:
+        """Whether it is in the plane and, where that is tested, out of it."""
+        return self.in_plane and (self.in_space is None or self.in_space.stable)
+
+    def with_space(self, verdict: SpatialStability | None) -> Stability:
+        """The verdict together with that of motions out of the plane, or that they are not tested."""
+        assumptions = f"{self.assumptions}; {PLANE}" if verdict is None else self.assumptions
+        return replace(self, in_space=verdict, assumptions=assumptions)
 
     @property
     def word(self) -> str:
-        return "stable" if self.stable else "unstable"
+        """Verdict in few words."""
+        if not self.in_plane or self.in_space is None:
+            return "stable" if self.in_plane else "unstable"
+        return "stable in space" if self.in_space.stable else f"stable in the plane only: {self.in_space.motion}"
+
+    @property
+    def why(self) -> str:
+        """Motion out of the plane that makes it unstable, to end a sentence; empty where it is something else."""
+        return f"; in space {self.in_space}" if self.in_plane and not self.stable else ""
+
+    def data(self) -> dict[str, Any]:
+        """The verdict as plain data."""
+        numbers = {name: getattr(self, name) for name in ("stable", "eigenvalue", "freedom", "assumptions")}
+        return {**numbers, "in_space": None if self.in_space is None else self.in_space.data()}
 
 
 def contact_stability(grasp: RecomputedGrasp, cells: int = CELLS) -> Stability:
@@ -150,17 +179,16 @@ def _add_contact(
     turn = np.eye(size)[size - 1]
     arm = contact.point - grasp.object.com
     pressure, force = contact.normal_force, contact.force
-    h, rho = contact.radius, _surface_radius(grasp, contact)
+    h, rho = contact.radius, surface_radius(grasp, contact)
     # The contact point of the finger or support, less that of the object: the motions that sticking leaves out.
     block = np.zeros((2, size))
     block[:, size - 3 : size - 1] = -np.eye(2)
     block -= np.outer(across(arm), turn)
     hessian -= float(force @ arm) * np.outer(turn, turn)
     if place is None:
-        if np.isinf(rho) and np.isinf(h):  # a flat face on a wall cannot turn
+        both = rolling_radius(h, rho)
+        if np.isinf(both):  # a flat face on a wall cannot turn
             return np.concatenate([block, turn[None]])
-        # The law above for phi = 0: h rho / (h + rho), which tends to the other radius where one is flat.
-        both = rho if np.isinf(h) else h if np.isinf(rho) else 0.0 if h + rho == 0.0 else h * rho / (h + rho)
         hessian += pressure * both * np.outer(turn, turn)
         return block
     chain, start = place
@@ -178,15 +206,6 @@ def _add_contact(
             hessian -= pressure * h * h / (rho + h) * np.outer(roll, roll)
     block -= np.outer(across(contact.normal), h * section)
     return block
-
-
-def _surface_radius(grasp: RecomputedGrasp, contact: RecomputedContact) -> float:
-    """Radius of curvature where the object is touched; within the tolerance of places a face ends in its corner [m]."""
-    if np.isfinite(contact.surface_radius):
-        return contact.surface_radius
-    beside = EXACT * contact.length * across(contact.normal)
-    seen = contact.point + contact.length * contact.normal + np.stack([-beside, beside])
-    return float(np.min(grasp.object.nearest(seen, grasp.object.parts[contact.part]).radius))
 
 
 def _directions(jacobian: Array) -> Array:

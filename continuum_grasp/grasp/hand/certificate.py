@@ -26,6 +26,7 @@ from continuum_grasp.grasp.certificate.certificate import (
 )
 from continuum_grasp.grasp.certificate.check import CURLED, EXACT, GUARDED, Check, self_overlap, worst
 from continuum_grasp.grasp.certificate.recomputed import OF_FINGER
+from continuum_grasp.grasp.certificate.space import SpatialStability
 from continuum_grasp.grasp.hand.recomputed import (
     OF_CONTACTS,
     HandTouch,
@@ -35,7 +36,7 @@ from continuum_grasp.grasp.hand.recomputed import (
     SupportTouch,
     known_touches,
 )
-from continuum_grasp.grasp.hand.stability import HandResponse, HandStability, hand_response, hand_stability
+from continuum_grasp.grasp.hand.stability import HandResponse, hand_response, hand_stability
 from continuum_grasp.grasp.hand.weights import TurnedContact, promised_wrench, turned_contacts
 from continuum_grasp.scene import FAMILIES, HandScene
 
@@ -140,9 +141,9 @@ class HandCertificate(Summarized):
         return tuple(check for check in self.checks if not check.passed)
 
     @cached_property
-    def stability(self) -> HandStability:
+    def stability(self) -> SpatialStability:
         """Second-order test in space; computed when first asked for."""
-        return HandStability(float("nan"), float("nan"), "") if self.hand is None else hand_stability(self.hand)
+        return SpatialStability(float("nan"), float("nan"), "") if self.hand is None else hand_stability(self.hand)
 
     @cached_property
     def response(self) -> HandResponse | None:
@@ -158,17 +159,13 @@ class HandCertificate(Summarized):
 
     def data(self) -> dict[str, Any]:
         """The certificate as plain data."""
-        stability = self.stability
-        verdict = {
-            key: getattr(stability, key) for key in ("stable", "eigenvalue", "stiffness", "motion", "assumptions")
-        }
         return {
             "passed": self.passed,
             "checks": [{**asdict(check), "passed": check.passed} for check in self.checks],
             "contacts": [asdict(contact) for contact in self.contacts],
             "friction_margin": self.friction_margin,
             "promise": dict(self.promise),
-            "stability": verdict | {"mode": stability.mode.tolist()},
+            "stability": self.stability.data(),
         }
 
     def headline(self) -> str:

@@ -13,11 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
+from continuum_grasp.grasp.certificate.space import CREEPS, held_directions
 from continuum_grasp.grasp.hand.certificate import HandCertificate, certify_hand
 from continuum_grasp.grasp.hand.problem import hand_equations
 from continuum_grasp.grasp.hand.recomputed import RecomputedHand
 from continuum_grasp.grasp.hand.search import HandSearch, HandTried
-from continuum_grasp.grasp.hand.stability import CREEPS, HandSystem, held_directions
+from continuum_grasp.grasp.hand.stability import HandSystem
 
 WANTED = 1.05 * CREEPS
 """Least eigenvalue that is asked for, in E I / L: more than what the search's tolerance can undo."""

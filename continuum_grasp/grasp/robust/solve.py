@@ -21,7 +21,7 @@ from continuum_grasp.grasp.robust.search import Exchange, find_robust, with_post
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.tried import Tried
-from continuum_grasp.grasp.values import DRIVEN_AWAY, NEAR, STEADIER, GraspStatus, Reason, tension_of
+from continuum_grasp.grasp.values import DRIVEN_AWAY, NEAR, STEADIER, STEADIER_IN_SPACE, GraspStatus, Reason, tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import FingerSetup, GraspFinger, GraspScene, Robust
 
@@ -98,8 +98,10 @@ def with_robust(result: GraspResult, search: GraspSearch, budget: Budget) -> Gra
         return replace(changed, status=GraspStatus.NOT_SOLVED, message=message)
     if not certificate.acceptable:
         balanced = held.replace("held", "in balance", 1)
-        message = "; ".join([f"{balanced}, {DRIVEN_AWAY}", without, *notes])
-        return replace(changed, status=GraspStatus.UNSTABLE, message=message, advice=STEADIER)
+        why = certificate.stability.why
+        message = "; ".join([f"{balanced}, {DRIVEN_AWAY}{why}", without, *notes])
+        advice = STEADIER_IN_SPACE if why else STEADIER
+        return replace(changed, status=GraspStatus.UNSTABLE, message=message, advice=advice)
     if robust.holds:
         return changed
     count = robust.margins.size
