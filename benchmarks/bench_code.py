@@ -19,7 +19,7 @@ from time import process_time
 import numpy as np
 
 import continuum_grasp as cg
-from continuum_grasp.core import CodeKind, Compiler, HalfStepSignal, step_function
+from continuum_grasp.core import CodeKind, Compiler, step_function
 from continuum_grasp.core.code import Size
 from continuum_grasp.core.rollouts import Rollouts
 from continuum_grasp.core.source import rollout_source
@@ -65,7 +65,7 @@ def measure(path: str, method: str) -> None:
     print(f"{path}: {size.instructions:.0f} instructions, {size.operations:.0f} operations, {lines} lines")
     print(f"  writing        {1e6 * writing / lines:8.2f} us/line")
     start = np.zeros((1, model.nx)) if scene.object is None else initial_state(scene, model)[None]
-    signals = [HalfStepSignal(np.zeros((1, 1, n)), 0, 0) for n in (model.nu, model.nw)]
+    signals = np.zeros(model.nu), np.zeros(model.nw)
     for kind in CodeKind:
         library = None
         if kind is not CodeKind.INTERPRETED:

@@ -10,7 +10,7 @@ from PIL import Image
 
 import continuum_grasp as cg
 from benchmarks.bench_tendons import FORCES, TENSIONS, Chain, Reduced
-from continuum_grasp.plotting import StyledAxes, new_figure
+from continuum_grasp.plotting import StyledAxes
 from continuum_grasp.plotting.motion import plot_tension_loop, plot_tensions_along
 from continuum_grasp.results import save_picture
 from continuum_grasp.simulation import equilibrium_under
@@ -32,7 +32,7 @@ def save(figure, name: str) -> None:
 
 def interval() -> None:
     """Bend at rest, pulled and released."""
-    figure = new_figure(6.4, 4.0)
+    figure = StyledAxes.figure(6.4, 4.0)
     ax = figure.add_subplot()
     tensions = np.linspace(0.0, 15.0, 31)
     for k, friction in enumerate((0.1, 0.2)):
@@ -54,7 +54,7 @@ def interval() -> None:
 
 def loops(friction: float = 0.3) -> None:
     """The laws beside a chain of guides."""
-    figure = new_figure(10.0, 4.2)
+    figure = StyledAxes.figure(10.0, 4.2)
     pulls, pushes = way(TENSIONS[friction], 0.5), way(FORCES, 0.03)
     left, right = (figure.add_subplot(1, 2, k) for k in (1, 2))
     drawn = [("chain of 60 guides", None, "k", ":"), *LAWS]
@@ -75,7 +75,7 @@ def loops(friction: float = 0.3) -> None:
 def winches() -> None:
     """The shipped example of two winches."""
     motion = cg.simulate(cg.load("configs/simulate/winch_loop.yaml"))
-    figure = new_figure(10.0, 4.2)
+    figure = StyledAxes.figure(10.0, 4.2)
     plot_tension_loop(motion, ax=figure.add_subplot(1, 2, 1))
     plot_tensions_along(motion, ax=figure.add_subplot(1, 2, 2))
     save(figure, "drives_winches")

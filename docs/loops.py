@@ -10,7 +10,7 @@ import numpy as np
 
 import continuum_grasp as cg
 from continuum_grasp.closed_loop import ControlRun, run_closed_loop
-from continuum_grasp.plotting import new_figure
+from continuum_grasp.plotting import StyledAxes
 from continuum_grasp.plotting.control import plot_control_path, plot_inputs
 from continuum_grasp.results import save_picture
 
@@ -53,7 +53,7 @@ def main() -> None:
                         flush=True,
                     )
     if set(DRAWN) <= set(runs):
-        figure = new_figure(12.0, 8.4)
+        figure = StyledAxes.figure(12.0, 8.4)
         for k, name in enumerate(DRAWN):
             plot_control_path(runs[name], ax=figure.add_subplot(2, len(DRAWN), k + 1))
             plot_inputs(runs[name], ax=figure.add_subplot(2, len(DRAWN), len(DRAWN) + k + 1))

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import optimize, special
 
 import continuum_grasp as cg
-from continuum_grasp.plotting import Color, StyledAxes, new_figure
+from continuum_grasp.plotting import Color, StyledAxes
 from continuum_grasp.results import save_picture
 from continuum_grasp.rod import solve_elastica
 
@@ -50,7 +50,7 @@ def draw_curvature() -> None:
     """Curvature of exact rod and models, and how far their shapes are from the exact one."""
     exact = solve_elastica(pushed("arc", 2, 2.0))
     s = np.linspace(0.0, 1.0, 401)
-    figure = new_figure(6.4, 5.0)
+    figure = StyledAxes.figure(6.4, 5.0)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     above.plot(s, exact.curvature(s), color=Color.INK, linewidth=3.0, alpha=0.35, label="exact rod")
     for family in ("arc", "matched_clothoid"):
@@ -89,7 +89,7 @@ def draw_digits() -> None:
         "closed form": (np.abs(inertia(angles, np) / truth - 1.0), Color.ORANGE),
         "Stumpff functions": (np.abs(ours / truth - 1.0), Color.BLUE),
     }
-    figure = new_figure(6.4, 3.4)
+    figure = StyledAxes.figure(6.4, 3.4)
     ax = figure.add_subplot()
     for name, (error, color) in errors.items():
         # below the last bit there is nothing to see
@@ -110,7 +110,7 @@ def buckled(slope: float) -> tuple[float, float]:
 
 def draw_buckling() -> None:
     """Tip of the column over the load, exact and of two models."""
-    figure = new_figure(6.4, 3.6)
+    figure = StyledAxes.figure(6.4, 3.6)
     ax = figure.add_subplot()
     exact = np.array([(EULER, 0.0), *(buckled(slope) for slope in np.linspace(0.02, 2.2, 80))])
     ax.plot(exact[:, 0] / EULER, exact[:, 1], color=Color.INK, linewidth=3.0, alpha=0.35, label="exact rod")
@@ -137,7 +137,7 @@ def draw_convergence() -> None:
     beam = 1.8751040687119611**2 / math.tau
     tip = solve_elastica(pushed("arc", 2, 2.0)).tip
     counts = np.array([1, 2, 3, 4, 6, 8, 12, 16])
-    figure = new_figure(8.4, 3.8)
+    figure = StyledAxes.figure(8.4, 3.8)
     left, right = figure.subplots(1, 2)
     for family, (name, color) in FAMILIES.items():
         frequencies, tips = [], []

@@ -9,9 +9,7 @@ from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.core import (
     CodeKind,
-    HalfStepSignal,
     Rollouts,
-    step_function,
 )
 from continuum_grasp.model import Remade
 
@@ -24,7 +22,7 @@ class Integration(Remade):
 
     def __init__(self, model: PlantModel | SharedModel, method: str) -> None:
         self._model = model
-        self.run = Rollouts(step_function(model, method), what="the plant")
+        self.run = Rollouts.by(method, model, what="the plant")
 
     def prepare(self, steps: float) -> CodeKind:
         """Compile the steps, if so many pay for it; return the kind of their code."""
@@ -48,9 +46,8 @@ class Integration(Remade):
         model, steady = self._model, self._model.steady
         # At the start, the middle and the end of each step, where the methods evaluate forces.
         rows = model.forces(start + np.arange(1 if steady else 2 * count + 1) * (0.5 * step))
-        w = HalfStepSignal(np.ascontiguousarray(rows)[None], 0 if steady else model.nw, 0)
         begin = np.ascontiguousarray(x, dtype=float)[None]
-        states, valid = self.run(begin, count, 1, step, HalfStepSignal(u[None, None], 0, 0), w, model.p)
+        states, valid = self.run(begin, count, 1, step, u, rows, model.p)
         why = (
             "the plant's state is not finite after t = {time} s (last finite state {last}): its loads or inputs bend "
             "it beyond what its model means; see plant.fidelity.bending_range and loads"

@@ -11,7 +11,6 @@ from .integrators import step_function as step_function
 from .integrators.sdirk2 import Sdirk2Stages as Sdirk2Stages
 from .lanes import OPERATORS as OPERATORS
 from .precision import CReal as CReal
-from .rollouts import HalfStepSignal as HalfStepSignal
 from .rollouts import Rollouts as Rollouts
 from .source import CSource as CSource
 from .template import Template as Template

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.base import Array, CheckedArgument, InputError
 from continuum_grasp.core.caller import pointer, pointers
 from continuum_grasp.core.code import Backend, FunctionCode
+from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.source import rollout_source, rollouts_source, symbol_of
 
 _CHUNK = 256
@@ -31,6 +32,14 @@ class HalfStepSignal:
     rows: Array
     in_time: int
     per_rollout: int
+
+    @staticmethod
+    def of_one(rows: Array | HalfStepSignal) -> HalfStepSignal:
+        """One row (size,) that stays, or rows (2 steps + 1, size) at the half steps of one rollout."""
+        if isinstance(rows, HalfStepSignal):
+            return rows
+        whole = np.atleast_2d(np.ascontiguousarray(rows, dtype=float))
+        return HalfStepSignal(whole[None], whole.shape[1] if len(whole) > 1 else 0, 0)
 
     @staticmethod
     def of(name: str, value: ArrayLike | None, size: int, rows: int, count: int | None) -> HalfStepSignal:
@@ -72,6 +81,11 @@ class Rollouts:
         self._chains: dict[int, ca.Function] = {}
         self.code = FunctionCode(step, partial(rollout_source if single else rollouts_source, step), backend)
 
+    @staticmethod
+    def by(method: str, model: Any, *, what: str = "the model") -> Rollouts:
+        """Rollouts by a method of ``INTEGRATORS`` of what has the functions that `step_function` asks for."""
+        return Rollouts(step_function(model, method), what=what)
+
     def _compiled(self, steps: int) -> Any:
         """The compiled function for so many steps; None where the virtual machine takes them."""
         library = self.code.library(steps)
@@ -82,9 +96,20 @@ class Rollouts:
         return function
 
     def __call__(
-        self, x0: Array, keep: int, sub: int, h: float, u: HalfStepSignal, w: HalfStepSignal, p: Array
+        self,
+        x0: Array,
+        keep: int,
+        sub: int,
+        h: float,
+        u: Array | HalfStepSignal,
+        w: Array | HalfStepSignal,
+        p: Array,
     ) -> tuple[Array, NDArray[np.int64]]:
-        """States (rollouts, keep + 1, nx) from x0 (rollouts, nx), and how many after the first are finite, of each."""
+        """States (rollouts, keep + 1, nx) from x0 (rollouts, nx), and how many after the first are finite, of each.
+
+        Inputs u and forces w of a single rollout are a row that stays, or rows at its half steps.
+        """
+        u, w = HalfStepSignal.of_one(u), HalfStepSignal.of_one(w)
         if self._single:
             (trajectory,), valid = self.levels(x0, (1,), 1, keep, sub, h, u, w, p)
             return trajectory[None], valid
@@ -114,8 +139,8 @@ class Rollouts:
         keep: int,
         sub: int,
         h: float,
-        u: HalfStepSignal,
-        w: HalfStepSignal,
+        u: Array | HalfStepSignal,
+        w: Array | HalfStepSignal,
         p: Array,
     ) -> tuple[list[Array], NDArray[np.int64]]:
         """A motion in steps of several lengths, in one call.
@@ -125,6 +150,7 @@ class Rollouts:
         are those of one rollout, rows of u and w at half steps of h. Results: the states of each level, and how many
         of them are finite after the first (levels,).
         """
+        u, w = HalfStepSignal.of_one(u), HalfStepSignal.of_one(w)
         counts = [keep if r == 1 else keep // every for r in ratios]
         states = [np.full((count + 1, x0.shape[1]), np.nan) for count in counts]
         valid = np.zeros(len(states), dtype=np.int64)

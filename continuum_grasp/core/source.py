@@ -17,6 +17,7 @@ import casadi as ca
 
 from continuum_grasp.base import InputError
 from continuum_grasp.core.calls import calls_source, straight_functions
+from continuum_grasp.core.compiler import CompileError, Compiler
 from continuum_grasp.core.lanes import lane_function, with_loops
 from continuum_grasp.core.precision import CReal, single
 from continuum_grasp.core.template import Template
@@ -65,6 +66,17 @@ class CSource:
     def externals(self) -> str:
         """CasADi's C, as ``casadi.external`` takes it from a library."""
         return _with_static_help(str(_generator_of("functions", self.functions).dump()))
+
+    def loaded(self, what: str) -> list[ca.Function] | None:
+        """The functions as compiled code, which the log calls ``what``; None where nothing can be compiled."""
+        compiler = Compiler.find()
+        if compiler is None:
+            return None
+        try:
+            library = str(compiler.library(self.externals(), what))
+        except (CompileError, OSError):
+            return None
+        return [ca.external(function.name(), library) for function in self.functions]
 
     def with_header(self, name: str) -> tuple[str, str]:
         """CasADi's C, and its header; OSError where the disk is full."""

@@ -8,7 +8,6 @@ from .finger_model import FingerModel as FingerModel
 from .functions import Model as Model
 from .functions import Remade as Remade
 from .graded_backbone import backbone_of as backbone_of
-from .laws.section import POSITIVE as POSITIVE
 from .layout import MOST_ELEMENTS as MOST_ELEMENTS
 from .layout import SHORTEST as SHORTEST
 from .layout import element_lengths as element_lengths

@@ -5,7 +5,6 @@ from .drawing.held import HeldObject as HeldObject
 from .drawing.style import Color as Color
 from .drawing.style import Z as Z
 from .drawing.styled_axes import StyledAxes as StyledAxes
-from .drawing.styled_axes import new_figure as new_figure
 from .grasp.picture import plot_grasp as plot_grasp
 from .grasp.view import plot_object as plot_object
 from .motion import draw_snapshots as draw_snapshots

@@ -16,7 +16,7 @@ from continuum_grasp.plotting.drawing import bodies
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.forces import ForceArrows, explain
 from continuum_grasp.plotting.drawing.style import Color, Z
-from continuum_grasp.plotting.drawing.styled_axes import Box, StyledAxes, bend_box, new_figure, over_time, symbol
+from continuum_grasp.plotting.drawing.styled_axes import Box, StyledAxes, bend_box, over_time, symbol
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -283,7 +283,7 @@ def _new_axes(count: int, box: Box, stable: bool) -> list[Axes]:
     rows = -(-count // columns)
     # at most 9.6 inch for all columns together, which a page in landscape holds
     each = max(2.6, min(5.2 if columns == 1 else 9.6 / columns, 3.8 * wide))
-    figure = new_figure(columns * (each + 0.7), rows * (each / wide + 0.85))
+    figure = StyledAxes.figure(columns * (each + 0.7), rows * (each / wide + 0.85))
     if not stable:
         figure.suptitle("the equilibrium is unstable", color=Color.ORANGE, fontsize=10)
     return [figure.add_subplot(rows, columns, k + 1) for k in range(count)]

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Array, Interrupted, NumericalError, interrupts_held
-from continuum_grasp.core import CodeKind, Core, HalfStepSignal
+from continuum_grasp.core import CodeKind, Core
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene import INTEGRATORS, Scene, Timing
 from continuum_grasp.simulation.contacts import greatest_motion
@@ -208,15 +208,10 @@ class Stepper:
             self._failure = runs[0][1]
             return [states for states, _ in runs]
         u, w = self._inputs(start * self._time.step, count, plan)
-        rows = 2 * count * plan.substeps + 1
-        inputs = (
-            HalfStepSignal.of("u", u, self.core.model.nu, rows, None),
-            HalfStepSignal.of("w", w, self.core.model.nw, rows, None),
-        )
         ratios, h = (1, *plan.ratios)[: len(ends)], self._time.step / plan.substeps
         run = self.core.rollouts(plan.method)
         p = np.array(self.core.model.p_nominal, dtype=float)
-        states, valid = run.levels(np.array(ends), ratios, plan.every, count, plan.substeps, h, *inputs, p)
+        states, valid = run.levels(np.array(ends), ratios, plan.every, count, plan.substeps, h, u, w, p)
         self.taken += sum(count * plan.substeps // ratio for ratio in ratios)
         return [x[: last + 1] for x, last in zip(states, valid, strict=True)]
 

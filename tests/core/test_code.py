@@ -12,7 +12,6 @@ from continuum_grasp.core import (
     CodeKind,
     Compiler,
     CSource,
-    HalfStepSignal,
     Rollouts,
 )
 from continuum_grasp.core.batches import Batch
@@ -139,7 +138,7 @@ def test_interpreted_and_compiled_rollouts_are_equal_to_rounding(name):
     following = x + h * ca.vertcat(x[1], -ca.sin(x[0]) + three[0])
     step = ca.Function(name, [x, *three, p, h], [following])
     start = np.array([[0.3, 0.1]])
-    signals = (HalfStepSignal(np.array([[[0.2]]]), 0, 0), HalfStepSignal(np.zeros((1, 1, 1)), 0, 0))
+    signals = np.array([0.2]), np.zeros(1)
     kinds, states = [], []
     for calls in (0.0, np.inf):
         rollouts = Rollouts(step)

@@ -360,7 +360,7 @@ def test_units_stand_in_parentheses_too_but_words_do_not(tmp_path):
 
 
 def test_a_comparison_is_drawn_with_points_on_the_finger():
-    from continuum_grasp.plotting import new_figure
+    from continuum_grasp.plotting import StyledAxes
 
     tip = np.array([on_arc(m, LENGTH) for m in MOMENTS]).T
     poses = Poses([Reading("x", tip[0]), Reading("y", tip[1] + 0.01)], {"tip_moment": MOMENTS}, [True, True, False])
@@ -372,7 +372,7 @@ def test_a_comparison_is_drawn_with_points_on_the_finger():
     assert np.array(ends[:3]) == pytest.approx(tip.T, abs=1e-7)
     labels = [ax.get_ylabel() for ax in found.plot(picture="series").axes]
     assert labels == ["x at tip [mm]", "error [mm]", "y at tip [mm]", "error [mm]"]  # in the order of the table
-    given = new_figure().subplots(2, 1)
+    given = StyledAxes.figure().subplots(2, 1)
     found.plot(given, picture="series")
     assert given[0].get_ylabel() == "y at tip [mm]"
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.base import InputError, NumericalError
-from continuum_grasp.core import Core, HalfStepSignal
+from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene, Timing, load
 from continuum_grasp.simulation import integrate
@@ -145,8 +145,7 @@ def test_levels_are_rollouts_of_longer_steps(without_compiler):  # noqa: F811
     x0, p = np.full((2, model.nx), 0.1), np.array(model.p_nominal)
     for compiled in (False, True):
         core = Core(model, compiled=compiled)
-        rows = [HalfStepSignal.of(name, v, v.shape[1], len(t), None) for name, v in (("u", u), ("w", w))]
-        states, valid = core.prepare_rollout("rk4").levels(x0, (1, 4), 2, 7, 2, 5e-4, *rows, p)
+        states, valid = core.prepare_rollout("rk4").levels(x0, (1, 4), 2, 7, 2, 5e-4, u, w, p)
         assert valid.tolist() == [7, 3]
         assert states[0] == pytest.approx(core.rollout(x0[0], 7, 1e-3, u=u, w=w, substeps=2), abs=1e-14)
         longer = core.rollout(x0[0], 3, 2e-3, u=u[::4][:7], w=w[::4][:7])

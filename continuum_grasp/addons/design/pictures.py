@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.plotting import Color, StyledAxes, Z, new_figure, plot_grasp
+from continuum_grasp.plotting import Color, StyledAxes, Z, plot_grasp
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,7 +20,7 @@ def plot_design(result: DesignResult) -> list[Axes]:
     The dashed gray line is the finger at the start. Sensitivities are changes of the cost where a variable grows by 1 %
     of its range, and where a tolerated number has 1 % of its greatest error.
     """
-    figure = new_figure(11.0, 5.4)
+    figure = StyledAxes.figure(11.0, 5.4)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.0))
     grasp, costs, bars = (figure.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1]))
     _draw_grasp(grasp, result)

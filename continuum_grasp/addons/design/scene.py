@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from continuum_grasp.addons.sweeps import InSI, Key, Varied
+from continuum_grasp.addons.sweeps import Varied, WaysByKey
 from continuum_grasp.base import nearest
 from continuum_grasp.scene import Positive, Real, Unit, Value
 
@@ -26,6 +26,7 @@ grasp that is best by the scene's objective, `payload` of the one with the great
 FUNCTIONS = ("sqrt", "exp", "log")
 """Functions that expressions may call."""
 _SUMS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.UAdd, ast.USub)
+_Text = Annotated[str, Field(min_length=1)]
 _NAME = r"^[A-Za-z][A-Za-z0-9_]{0,30}$"
 _MOST_SYMBOLS = 200
 """Characters of an expression [1]: more are no formula that is read."""
@@ -118,18 +119,18 @@ class DesignSolver(Value):
 class Design(Varied):
     """A grasp scene, numbers of it that are to be chosen, and what is to be least."""
 
-    variables: Annotated[dict[Key, DesignVariable], InSI, Field(min_length=1, max_length=40)]
+    variables: Annotated[WaysByKey[DesignVariable], Field(min_length=1, max_length=40)]
     """Key paths in the scene of the numbers that are to be chosen."""
-    cases: Annotated[dict[str, dict[Key, Any]], Field(default_factory=dict, max_length=200)]
+    cases: Annotated[dict[str, dict[_Text, Any]], Field(default_factory=dict, max_length=200)]
     """Objects or tasks by name, each as key paths with values that differ from the scene; empty: the scene itself."""
     minimize: Annotated[str, Field(min_length=1, examples=["tension", "-payload", "tension + 200 * finger_mass"])]
     """Cost: an expression with + - * / ** ( ), sqrt, exp, log, in SI units, of tension, tension_max, normal_force_max,
     friction_margin, payload, finger_mass, and names of variables."""
     over: Literal["worst", "mean"] = "worst"
     """Cost that counts, of those of all cases."""
-    limits: dict[Key, QuantityLimit] = Field(default_factory=dict)
+    limits: dict[_Text, QuantityLimit] = Field(default_factory=dict)
     """Expressions with bounds, which hold in every case."""
-    tolerances: Annotated[dict[Key, Tolerance], InSI, Field(default_factory=dict, max_length=12)]
+    tolerances: Annotated[WaysByKey[Tolerance], Field(default_factory=dict, max_length=12)]
     """Key paths in the scene that are manufactured with errors: cost and limits are those of the worst combination of
     errors."""
     solver: DesignSolver = DesignSolver()

@@ -21,7 +21,7 @@ from continuum_grasp.addons.identification.observation import MeasuredStart, che
 from continuum_grasp.addons.identification.rows import Chained, Dual, RestShapes, runtime_names, set_by, symbols
 from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.base import Array, InputError, NumericalError, split_unit
-from continuum_grasp.core import Core, HalfStepSignal, Rollouts, step_function
+from continuum_grasp.core import Core, Rollouts
 from continuum_grasp.model import FingerModel, Memory, Parameters
 from continuum_grasp.scene import INTEGRATORS, Scene
 from continuum_grasp.simulation import (
@@ -111,7 +111,7 @@ class PathBlock(MeasuredBlock):
         y = observed(model, readings, x[: model.n], model.acting_input(x, u, p), p, drives)
         self._read = self._with_slopes("readings", y, x, u, w, p).map(self._t.size)
         rate = self._with_slopes("variational", model.forward_dynamics(x, u, w, p), x, u, w, p)
-        self._run = Rollouts(step_function(SimpleNamespace(forward_dynamics=rate), "rk4"))
+        self._run = Rollouts.by("rk4", SimpleNamespace(forward_dynamics=rate))
         self._core = Core(model, compiled=False)
         # shapes at the start; and parameters, steps per second, and these steps
         self.followed = None if self._shape is None else self._shape.start, None
@@ -172,11 +172,8 @@ class PathBlock(MeasuredBlock):
         at = halves[:1] if constant else halves
         u, w = self._commands(at, delay), self._signals.w(at)
         u, w = (values[0] if constant else values for values in (u, w))
-        inputs = (
-            HalfStepSignal.of("u", u, u.shape[-1], len(halves), None),
-            HalfStepSignal.of("w", w, w.shape[-1], len(halves), None),
-        )
-        states, finished = self._run(whole, steps, grid.substeps, grid.spacing / grid.substeps, *inputs, acting)
+        step = grid.spacing / grid.substeps
+        states, finished = self._run(whole, steps, grid.substeps, step, u, w, acting)
         if finished[0] < steps:
             time = self._begins + float(finished[0]) * grid.spacing
             raise NumericalError(f"the motion is not finite after t = {time:g} s", time=time)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.addons.identification.numbers import SHOWN_IN
 from continuum_grasp.base import prefixed, split_unit
-from continuum_grasp.plotting import Color, StyledAxes, new_figure
+from continuum_grasp.plotting import Color, StyledAxes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -229,7 +229,7 @@ def _panels(
         return list(ax)
     rows = max(-(-count // 3), 1)
     columns = max(-(-count // rows), 1)  # of four, two in each row
-    figure = new_figure(width * columns, height * rows)
+    figure = StyledAxes.figure(width * columns, height * rows)
     grid = figure.add_gridspec(rows, columns)
     panels = []
     for k in range(count):

@@ -10,8 +10,8 @@ import numpy as np
 
 from continuum_grasp.addons.identification.scene import Estimate
 from continuum_grasp.base import Array, InputError, nearest, split_unit
-from continuum_grasp.model import POSITIVE, FingerModel, Parameters
-from continuum_grasp.scene import FAMILIES, Consumer, Scene
+from continuum_grasp.model import FingerModel, Parameters
+from continuum_grasp.scene import FAMILIES, Consumer, Finger, Scene
 
 LAG, DELAY = "drive_time_constant", "drive_delay"
 """Time constant of the lag of the drives, and the time before a command reaches them."""
@@ -23,14 +23,8 @@ DIRECTIONS = (0, 90)
 """Directions along which vectors across the finger have their parts [deg]."""
 START = "start"
 """Target of coordinates and rates of a start that is estimated with the parameters."""
-_OWN = {
-    "youngs_modulus": ("Pa", POSITIVE),
-    "clamp_angle": ("rad", -math.inf),
-    "base_x": ("m", -math.inf),
-    "base_y": ("m", -math.inf),
-    DELAY: ("s", 0.0),
-}
-"""Unit of each unknown that the model does not have, and its least value, as in ``Number``."""
+_OWN = {"youngs_modulus": "Pa", "clamp_angle": "rad", "base_x": "m", "base_y": "m", DELAY: "s"}
+"""Unit of each unknown that the model does not have."""
 
 
 _DRIVES = Consumer.refusals(
@@ -99,7 +93,7 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
         feature.check(finger, key, asked)
     for feature in _ESTIMATES:
         feature.check(rod, key, asked)
-    target, factor, nominal, unit = name, 1.0, 0.0, _OWN.get(name, ("",))[0]
+    target, factor, nominal, unit = name, 1.0, 0.0, _OWN.get(name, "")
     if name == "youngs_modulus":
         target = "bending_stiffness"
         nominal = cast(float, rod.youngs_modulus)
@@ -114,7 +108,7 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     typical = _typical(scene, name) if nominal == 0.0 else abs(nominal)
     lower, upper = asked.min, asked.max
     if lower is None:
-        lower = (_OWN[name][1] if name in _OWN else Parameters.numbers_of(finger)[name].least) * typical
+        lower = _least(finger, name, target) * typical
     if upper is None:
         upper = math.inf
     # a scene's value beside the bounds starts on them; a start that is asked for must be inside
@@ -126,6 +120,13 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     typical = max(typical, abs(start)) if nominal == 0.0 else typical
     sigma = math.inf if asked.sigma is None else asked.sigma
     return Unknown(name, unit, target, factor, name in ADDED, start, lower, upper, typical, asked.per, sigma)
+
+
+def _least(finger: Finger, name: str, target: str) -> float:
+    """Least value of an unknown, per typical size."""
+    if name in ADDED:
+        return -math.inf
+    return 0.0 if name == DELAY else Parameters.numbers_of(finger)[target].least
 
 
 def prior(unknowns: Sequence[Unknown], values: Array) -> tuple[Array, Array]:

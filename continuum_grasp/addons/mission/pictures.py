@@ -16,7 +16,6 @@ from continuum_grasp.plotting import (
     HeldObject,
     StyledAxes,
     Z,
-    new_figure,
 )
 
 if TYPE_CHECKING:
@@ -62,7 +61,7 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
     columns = min(_COLUMNS, key=lambda count: -len(at) % count) if len(at) > max(_COLUMNS) else len(at)
     rows = -(-len(at) // columns)
     high = _WIDE * (box[3] - box[2]) / (box[1] - box[0])
-    figure = new_figure(columns * (_WIDE + 0.12) + 0.55, rows * (high + 0.42) + 0.95)
+    figure = StyledAxes.figure(columns * (_WIDE + 0.12) + 0.55, rows * (high + 0.42) + 0.95)
     grid = figure.subplots(rows, columns, squeeze=False)
     for ax in grid.ravel()[len(at) :]:
         ax.set_axis_off()
@@ -170,7 +169,7 @@ def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = No
     curves = (*_CURVES, *[(_draw_angle, "object's angle [deg]")] * (mission.mission.turn is not None))
     if ax is None:
         heights = (0.66, 1.0, 1.35, 1.0, 1.0, 1.0)[: len(curves) + 1]
-        ax = new_figure(8.6, 1.88 * len(heights)).subplots(len(heights), 1, sharex=True, height_ratios=heights)
+        ax = StyledAxes.figure(8.6, 1.88 * len(heights)).subplots(len(heights), 1, sharex=True, height_ratios=heights)
     strip, *rest = ax
     first = mission.assignments[0].control.finger.inputs[0]
     taken = f"{first.word} [{first.unit}]"
@@ -311,7 +310,7 @@ def plot_trials(outcomes: Sequence[Outcome]) -> list[Axes]:
         "force error [%]": np.array([100.0 * verdict.force_error for _, verdict in judged], dtype=float),
         "least slip margin [1]": np.array([verdict.slip_margin for _, verdict in judged], dtype=float),
     }
-    figure = new_figure(10.2, 4.4)
+    figure = StyledAxes.figure(10.2, 4.4)
     grid = figure.subplots(2, len(abscissas), sharex="col", sharey="row", squeeze=False)
     for ax, name in zip(grid[-1], abscissas, strict=True):
         ax.set_xlabel(name, color=Color.INK, fontsize=9)

@@ -17,7 +17,7 @@ from continuum_grasp.addons.planning.result import Deviation, MotionPlan, PlanSt
 from continuum_grasp.addons.planning.scene import PlanScene
 from continuum_grasp.base import Array, NumericalError
 from continuum_grasp.control import Prediction
-from continuum_grasp.core import HalfStepSignal, Rollouts, step_function
+from continuum_grasp.core import Rollouts
 from continuum_grasp.scene import INTEGRATORS
 
 PARTS = 64
@@ -73,10 +73,9 @@ def simulated(
     for k in range(intervals):
         last = path.u[k + 1] if scene.input.form == "linear" else path.u[k]
         u = path.u[k] + (last - path.u[k]) * at[:, None]
-        w = np.ascontiguousarray(parameters_over_time(scene, model, (k + at) * interval))
+        w = parameters_over_time(scene, model, (k + at) * interval)
         begin = np.ascontiguousarray((path.x[k : k + 1] if afresh else states[-1][-1:]) / units)
-        signals = HalfStepSignal(u[None], model.nu, 0), HalfStepSignal(w[None], model.np, 0)
-        interval_states, count = run(begin, parts, substeps, h / substeps, *signals, units)
+        interval_states, count = run(begin, parts, substeps, h / substeps, u, w, units)
         states.append(interval_states[0, 1 : count[0] + 1] * units)
         if count[0] < parts:
             # A linearly implicit step does not see what it meets within it, such as a tension that rises at once.
@@ -113,7 +112,7 @@ def _rollout(model: Prediction, method: str, steps: int) -> Rollouts:
         scaled = slowed(model.x * units, *inputs[1:], part) / units
         implicit = ca.Function("implicit", [*inputs, part], [ca.cse(scaled)], [*names, "part"], ["k"])
         functions.implicit = lambda: implicit
-    rollouts = Rollouts(step_function(functions, method))
+    rollouts = Rollouts.by(method, functions)
     rollouts.code.expect(steps)
     return rollouts
 

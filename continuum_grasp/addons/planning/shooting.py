@@ -16,7 +16,7 @@ from numpy.polynomial import Chebyshev
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array
-from continuum_grasp.core import CompileError, Compiler, CSource
+from continuum_grasp.core import CSource
 
 _MARGIN = np.array([1.0, 1.2, 1.5])[:, None]
 """Factors on the eigenvalues up to which steps must be stable [1], since they are those of some shapes alone."""
@@ -67,15 +67,8 @@ def derived(name: str, z: ca.SX, d: ca.SX, o: ca.SX, *, exact: bool = True, squa
 
 def compiled(term: Term) -> Term:
     """A term as compiled code, or the term itself where nothing can be compiled."""
-    compiler = Compiler.find()
-    if compiler is None:
-        return term
-    functions = (term.value, term.jacobian, term.hessian)
-    try:
-        library = str(compiler.library(CSource(functions).externals(), "the plan"))
-    except (CompileError, OSError):
-        return term
-    return Term(*(ca.external(function.name(), library) for function in functions))
+    functions = CSource((term.value, term.jacobian, term.hessian)).loaded("the plan")
+    return term if functions is None else Term(*functions)
 
 
 def _polynomials(stages: int) -> tuple[float, float, Array, Array, Array]:

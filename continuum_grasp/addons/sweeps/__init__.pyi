@@ -1,10 +1,9 @@
 from .addon import ADDON as ADDON
 from .plan import SweepPlan as SweepPlan
 from .run import sweep as sweep
-from .scene import InSI as InSI
-from .scene import Key as Key
 from .scene import Sweep as Sweep
 from .scene import Varied as Varied
+from .scene import WaysByKey as WaysByKey
 from .table import SweepTable as SweepTable
 from .table import sweep_table as sweep_table
 from .variation import SceneKeys as SceneKeys

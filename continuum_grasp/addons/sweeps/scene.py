@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import BeforeValidator, Field, PrivateAttr
 
@@ -43,8 +43,10 @@ def _in_si(given: Any) -> Any:
     return {key: _way_in_si(key, way, shapes) for key, way in given.items()} if isinstance(given, dict) else given
 
 
-InSI = BeforeValidator(_in_si)
-"""For ways to vary keys: texts such as 65 mm become numbers in the SI unit that each key has in the scene."""
+Way = TypeVar("Way", bound=Value)
+"""Way in which a key varies."""
+WaysByKey = Annotated[dict[Key, Way], BeforeValidator(_in_si)]
+"""Ways to vary keys: texts such as 65 mm become numbers in the SI unit that each key has in the scene."""
 
 
 def _way_in_si(key: Any, way: Any, shapes: Sequence[Shape]) -> Any:
@@ -86,7 +88,7 @@ class Varied(Configuration):
     """Path of the scene that is varied, relative to this file."""
     set: dict[Key, Any] = Field(default_factory=dict)
     """Key paths in the scene with values that differ from its file in all runs."""
-    follow: Annotated[dict[Key, Follow], InSI] = Field(default_factory=dict)
+    follow: WaysByKey[Follow] = Field(default_factory=dict)
     """Key paths in the scene that follow a varied key: times its value, plus a number."""
 
     _folder: Path = PrivateAttr(default=Path())
@@ -217,7 +219,7 @@ class Sample(Value):
 
     count: Annotated[int, Field(ge=1, le=MOST_SCENES)]
     """Number of draws."""
-    keys: Annotated[dict[Key, Draw], InSI, Field(min_length=1, max_length=40)]
+    keys: Annotated[WaysByKey[Draw], Field(min_length=1, max_length=40)]
     """Key paths in the scene, and how each is drawn."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Equal seeds give equal scenes; a greater count begins with the scenes of the smaller one."""
@@ -256,7 +258,7 @@ class Front(Value):
 class Sweep(Varied):
     """A grasp with some of its keys varied, or a closed loop for environments: a grid, random draws, or both."""
 
-    vary: Annotated[dict[Key, Grid], InSI] = Field(default_factory=dict, max_length=40)
+    vary: WaysByKey[Grid] = Field(default_factory=dict, max_length=40)
     """Key paths in the scene with their values; all combinations are tried, the last key changing fastest."""
     sample: Sample | None = None
     """Random draws of keys; None: none."""

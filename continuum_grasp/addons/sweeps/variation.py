@@ -13,13 +13,12 @@ from typing import Any, Generic, TypeVar
 
 from pydantic import ValidationError
 
-from continuum_grasp.addons.sweeps.scene import Draw, Follow, Grid, Sweep, Varied
+from continuum_grasp.addons.sweeps.scene import Draw, Follow, Grid, Sweep, Varied, Way
 from continuum_grasp.base import InputError, nearest
-from continuum_grasp.scene import ConfigurationData, Document, KeyPath, Shape, Value
+from continuum_grasp.scene import ConfigurationData, Document, KeyPath, Shape
 from continuum_grasp.scene import kinds as known_kinds
 
 Config = TypeVar("Config", bound=Varied)
-Way = TypeVar("Way", bound=Value)
 
 
 @dataclass(frozen=True)

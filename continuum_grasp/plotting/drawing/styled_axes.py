@@ -28,13 +28,6 @@ Box = tuple[float, float, float, float]
 """Left, right, bottom, top [m]."""
 
 
-def new_figure(width: float = 6.4, height: float = 4.2, *, layout: str | None = "constrained") -> ShownFigure:
-    """An empty figure [inch] that a notebook shows; its axes are laid out, or where they were put with no layout."""
-    from continuum_grasp.plotting.drawing.shown import ShownFigure
-
-    return ShownFigure(figsize=(width, height), dpi=150, layout=layout, facecolor="white")
-
-
 @dataclass(frozen=True)
 class StyledAxes:
     """Axes of matplotlib, into which curves are drawn, and what all pictures write on theirs.
@@ -45,10 +38,17 @@ class StyledAxes:
 
     ax: Axes
 
+    @staticmethod
+    def figure(width: float = 6.4, height: float = 4.2, *, layout: str | None = "constrained") -> ShownFigure:
+        """An empty figure [inch] that a notebook shows; axes are laid out, or where they were put with no layout."""
+        from continuum_grasp.plotting.drawing.shown import ShownFigure
+
+        return ShownFigure(figsize=(width, height), dpi=150, layout=layout, facecolor="white")
+
     @classmethod
     def on(cls, ax: Axes | None, width: float = 6.4, height: float = 4.2) -> StyledAxes:
         """The axes given, or those of a new figure [inch]."""
-        return cls(new_figure(width, height).add_subplot() if ax is None else ax)
+        return cls(cls.figure(width, height).add_subplot() if ax is None else ax)
 
     @classmethod
     def plane(cls, ax: Axes | None, box: Box, colorbar: bool = True) -> StyledAxes:

@@ -11,7 +11,7 @@ from continuum_grasp.base import Array
 from continuum_grasp.plotting.drawing.bodies import draw_body, finger_outline
 from continuum_grasp.plotting.drawing.forces import draw_arrow
 from continuum_grasp.plotting.drawing.style import MATERIAL, Color, Z, plain
-from continuum_grasp.plotting.drawing.styled_axes import new_figure, wrapped
+from continuum_grasp.plotting.drawing.styled_axes import StyledAxes, wrapped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,7 +41,7 @@ def plot_hand(result: Any) -> list[Axes]:
     scene = result.scene
     columns = 2 if len(scene.setups) in (2, 4) else min(len(scene.setups), 3)
     rows = math.ceil(len(scene.setups) / columns)
-    figure = new_figure(_SPACE + columns * _PLANE, max(_SPACE, rows * _PLANE) + 0.5)
+    figure = StyledAxes.figure(_SPACE + columns * _PLANE, max(_SPACE, rows * _PLANE) + 0.5)
     grid = figure.add_gridspec(rows, columns + 1, width_ratios=[1.15 * _SPACE / _PLANE, *[1.0] * columns])
     space: Any = figure.add_subplot(grid[:, 0], axes_class=Axes3D)
     title = f"{plain(scene.name or 'hand')}: {result.status.word}"

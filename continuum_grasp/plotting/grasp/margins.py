@@ -15,7 +15,7 @@ from continuum_grasp.base import Array, InputError, amount_text, prefixed
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_object, draw_supports, finger_outline
 from continuum_grasp.plotting.drawing.bodies import object_outlines as outlines_of
 from continuum_grasp.plotting.drawing.style import Color
-from continuum_grasp.plotting.drawing.styled_axes import StyledAxes, bend_box, new_figure
+from continuum_grasp.plotting.drawing.styled_axes import StyledAxes, bend_box
 from continuum_grasp.plotting.grasp.view import GraspView
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ def plot_robustness(result: GraspResult) -> list[Axes]:
             "this result has no trials with errors: expected one of a scene with robust, or with tendons.friction",
             key="robust",
         )
-    left, right = new_figure(9.0, 4.2).subplots(1, 2)
+    left, right = StyledAxes.figure(9.0, 4.2).subplots(1, 2)
     return [_shapes(left, result, result.robustness), _margins(right, result.robustness)]
 
 

@@ -14,7 +14,7 @@ from continuum_grasp.base import Array, amount_text, prefixes
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_object, draw_supports, side_path
 from continuum_grasp.plotting.drawing.forces import draw_arrow
 from continuum_grasp.plotting.drawing.style import Color, Z, plain
-from continuum_grasp.plotting.drawing.styled_axes import StyledAxes, new_figure, wrapped
+from continuum_grasp.plotting.drawing.styled_axes import StyledAxes, wrapped
 from continuum_grasp.plotting.grasp.labels import Label, place_labels
 from continuum_grasp.plotting.grasp.margins import (
     friction_rows,
@@ -107,7 +107,7 @@ def _sheet(view: GraspView, numbers: bool, resisted: ArrayLike | bool) -> Axes:
     above = _ABOVE + _LINE * len(title.splitlines())
     tall = max(size[1], text + discs + (_POLYGON + 1.0 if polygon else 0.0))
     height = float(_BELOW + tall + above)
-    figure = new_figure(width, height, layout=None)
+    figure = StyledAxes.figure(width, height, layout=None)
     ax = _at(figure, _LEFT, height - above - size[1], size[0], size[1])
     ax.set_anchor("NW")
     ax.set_title(title, **_title_style(view.result))

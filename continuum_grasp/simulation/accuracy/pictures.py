@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.plotting import Color, StyledAxes, new_figure
+from continuum_grasp.plotting import Color, StyledAxes
 from continuum_grasp.scene import FAMILIES
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def plot_accuracy(report: AccuracyReport, *, ax: Sequence[Axes] | None = None) -
     columns, rows, fronts = report.choices.columns, report.choices.rows, report.fronts
     if ax is None:
         count = max(len(fronts), 1)
-        ax = list(new_figure(4.6 * count, 4.2).subplots(1, count, squeeze=False)[0])
+        ax = list(StyledAxes.figure(4.6 * count, 4.2).subplots(1, count, squeeze=False)[0])
     for axes, ((cost, error), front) in zip(ax, fronts.items(), strict=False):
         i, j = columns.index(cost), columns.index(error)
         axes.plot(

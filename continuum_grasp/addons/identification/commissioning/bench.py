@@ -20,7 +20,7 @@ from continuum_grasp.addons.identification.numbers import MeasuredColumn, Measur
 from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown, read_unknowns
 from continuum_grasp.base import Array, NumericalError, split_unit
 from continuum_grasp.closed_loop import PlantModel, Wiring
-from continuum_grasp.core import HalfStepSignal, Rollouts, step_function
+from continuum_grasp.core import Rollouts, step_function
 from continuum_grasp.scene import INTEGRATORS, Camera, Connection, ControlScene, Mounting, PlantDifferences
 
 CAMERA = ("camera_x", "camera_y", "camera_angle", "camera_scale")
@@ -136,8 +136,7 @@ class Bench:
         rows = np.vstack([np.repeat(means, 2, axis=0), means[-1:]])  # at half steps
         w = self.model.forces(0.0)
         begin = self._at_rest(rows[0], w[0], p)
-        signals = HalfStepSignal(np.ascontiguousarray(rows)[None], self.model.nu, 0), HalfStepSignal(w[None], 0, 0)
-        states, valid = self._run(begin[None], count, stored, step, *signals, p)
+        states, valid = self._run(begin[None], count, stored, step, rows, w, p)
         if valid[0] < count:
             time = float(ends[::stored][valid[0]])
             raise NumericalError(f"the motion is not finite after t = {time:g} s", time=time)
