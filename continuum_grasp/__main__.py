@@ -16,7 +16,7 @@ def main() -> None:
     if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
         _signal.signal(_signal.SIGINT, end)
 
-    from continuum_grasp.base import INTERRUPTED, interruptible, leave_interrupted
+    from continuum_grasp.base import ExitStatus, interruptible, leave_interrupted
 
     with interruptible(command=True):
         try:
@@ -27,7 +27,7 @@ def main() -> None:
             os.write(2, b"interrupted\n")
             leave_interrupted()
         except SystemExit as ended:
-            if ended.code == INTERRUPTED:
+            if ended.code == ExitStatus.INTERRUPTED:
                 leave_interrupted()
             raise
 

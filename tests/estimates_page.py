@@ -50,7 +50,7 @@ def rows() -> dict[str, tuple[str, str]]:
     numbers = {name: number for finger in fingers() for name, number in Parameters.numbers_of(finger).items()}
     single = {name: number for name, number in numbers.items() if name not in (*_VECTORS, "element_lengths")}
     found = {name: (number.unit, _place(number.key)) for name, number in single.items()}
-    found |= {name: (unit or "m", "") for name, (unit, _) in _OWN.items() if name not in found}
+    found |= {name: (unit or "m", "") for name, unit in _OWN.items() if name not in found}
     return {name: (unit, WORDS.get(name, place)) for name, (unit, place) in sorted(found.items())}
 
 

@@ -13,7 +13,7 @@ from .errors import Interrupted as Interrupted
 from .errors import NumericalError as NumericalError
 from .errors import SolverError as SolverError
 from .export_target import ExportTarget as ExportTarget
-from .interrupt import INTERRUPTED as INTERRUPTED
+from .interrupt import ExitStatus as ExitStatus
 from .interrupt import interrupt_pressed as interrupt_pressed
 from .interrupt import interrupt_was_pressed as interrupt_was_pressed
 from .interrupt import interruptible as interruptible

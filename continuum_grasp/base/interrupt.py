@@ -19,11 +19,26 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from enum import IntEnum
 from types import FrameType
 from typing import Any
 
-INTERRUPTED = 130
-"""Exit status of a command that Ctrl-C ended: 128 and the signal's number, as in shells."""
+
+class ExitStatus(IntEnum):
+    """Exit statuses of commands, beside 0.
+
+    Failed is what ended without a usable result: a solver that failed, a supervisor that tripped, an object that was
+    dropped, data that do not agree with the model or do not tell what was asked. Bad input has that of argparse and
+    click. Where the only grasp found is unstable, every check passes, and it does not hold the object. Ctrl-C gives
+    128 and the signal's number, as in shells.
+    """
+
+    FAILED = 1
+    BAD_INPUT = 2
+    UNSTABLE = 3
+    INTERRUPTED = 128 + signal.SIGINT
+
+
 _PATIENCE = 1.5
 """After which it says that it waits [s]."""
 _SAME_PRESS = 0.5
@@ -195,14 +210,14 @@ def _raise() -> None:
 def leave_interrupted() -> None:
     """End the process with status 130; after an exception in an ``eval`` Python would have the signal kill it."""
     atexit._run_exitfuncs()  # os._exit skips them
-    os._exit(INTERRUPTED)
+    os._exit(ExitStatus.INTERRUPTED)
 
 
 def _end() -> None:
     """End the process at once; files are whole, since they get their names when they are complete."""
     _ending.acquire()  # whoever comes second waits for the end
     os.write(2, b"interrupted\n")
-    os._exit(INTERRUPTED)
+    os._exit(ExitStatus.INTERRUPTED)
 
 
 def _start_watch() -> None:

@@ -18,8 +18,8 @@ from typer.core import TyperCommand, TyperGroup
 from continuum_grasp import __version__
 from continuum_grasp.base import (
     COMMAND,
-    INTERRUPTED,
     ContinuumGraspError,
+    ExitStatus,
     InputError,
     SolverError,
     addons,
@@ -28,10 +28,7 @@ from continuum_grasp.base import (
     listening_for_interrupts,
     named_value,
 )
-from continuum_grasp.cli.output import FAILED, UNSTABLE
 
-BAD_INPUT = 2
-"""Exit status, as argparse and click have it."""
 _UsageError: Any = typer.BadParameter.__bases__[0]
 """Class of click, of which typer has a copy."""
 
@@ -54,19 +51,21 @@ def _one_line() -> Iterator[None]:
         text += "".join(f": {instead}" for gone, instead in _GONE.items() if gone == getattr(error, "option_name", ""))
         where = "" if error.ctx is None else f"; see {error.ctx.command_path} --help"
         typer.echo(f"error: {text[0].lower()}{text[1:]}{where}", err=True)
-        raise typer.Exit(BAD_INPUT) from None
+        raise typer.Exit(ExitStatus.BAD_INPUT) from None
     except OSError as error:
         if error.errno == errno.EPIPE:  # the reader has closed, as with head; click ends silently
             raise
         where = "" if error.filename is None else f"{error.filename}: "
         typer.echo(f"error: {where}{error.strerror or error}", err=True)
-        raise typer.Exit(BAD_INPUT) from None
+        raise typer.Exit(ExitStatus.BAD_INPUT) from None
 
 
 def _exit_status(error: ContinuumGraspError) -> int:
     if isinstance(error, InputError):
-        return BAD_INPUT
-    return UNSTABLE if isinstance(error, SolverError) and error.status == "unstable" else FAILED
+        return ExitStatus.BAD_INPUT
+    if isinstance(error, SolverError) and error.status == "unstable":
+        return ExitStatus.UNSTABLE
+    return ExitStatus.FAILED
 
 
 class _Root(typer.Context):
@@ -101,7 +100,7 @@ class _Verbs(TyperGroup):
             raise typer.Exit(_exit_status(error)) from None
         except KeyboardInterrupt as error:
             typer.echo(str(error) or "interrupted", err=True)
-            raise typer.Exit(INTERRUPTED) from None
+            raise typer.Exit(ExitStatus.INTERRUPTED) from None
 
 
 class _Verb(TyperCommand):
@@ -196,9 +195,9 @@ def main() -> None:
             app(prog_name=COMMAND)
         except SystemExit as end:
             _end_output()
-            if interrupt_was_pressed() and end.code != INTERRUPTED:
+            if interrupt_was_pressed() and end.code != ExitStatus.INTERRUPTED:
                 typer.echo("interrupted", err=True)
-                raise SystemExit(INTERRUPTED) from None
+                raise SystemExit(ExitStatus.INTERRUPTED) from None
             raise
 
 

@@ -13,21 +13,13 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar, cast
 
 import typer
 
-from continuum_grasp.base import InputError, Interrupted, NumericalError, Summarized, interrupts_held
+from continuum_grasp.base import ExitStatus, InputError, Interrupted, NumericalError, Summarized, interrupts_held
 from continuum_grasp.cli.progress import Progress, shown
 
 if TYPE_CHECKING:
     from continuum_grasp.results import MotionResult, Result
 
 R = TypeVar("R", bound="Result")
-
-FAILED = 1
-"""Exit status of what ended without a usable result: a solver that failed, a supervisor that tripped, an object that
-was dropped, data that do not agree with the model or do not tell what was asked."""
-
-
-UNSTABLE = 3
-"""Exit status where the only grasp found is unstable: every check passes, and it does not hold the object."""
 
 
 def named_path(text: str | Path) -> Path:
@@ -143,7 +135,7 @@ class Output:
     @staticmethod
     def fail() -> NoReturn:
         """End with the exit status of what has no usable result."""
-        raise typer.Exit(FAILED)
+        raise typer.Exit(ExitStatus.FAILED)
 
     def say(self, text: str) -> None:
         """Print text for people."""

@@ -14,9 +14,6 @@ from continuum_grasp.scene import Reference, Rod
 
 FINAL = 0.1
 """Last share of the run over which the final error is averaged: noise averages out, and a step has settled."""
-_STOOD = 6.5
-"""Natural times of a finger for which a setpoint has to stand for its error at the end to count [1]: some periods of
-its sway, 0.5 s of the hand finger."""
 _OFF = 0.05
 """Error at the end from which on a setpoint is missed, per length of the finger [1]; of angles twice that [rad], which
 moves the tip as far; of forces twice that share of the greatest that is asked for, as of weighted goals of plans."""
@@ -82,7 +79,7 @@ def missed_setpoints(
         force = float(np.abs(rows).max()) or rod.least_force
         limit = {"m": _OFF * rod.length, "rad": 2.0 * _OFF, "N": 2.0 * _OFF * force}[group.unit]
         # Instants are sums of rounded periods.
-        if aim and off > limit and stood >= max(_STOOD * rod.natural_time, FINAL * t[-1]) * (1.0 - 1e-9):
+        if aim and off > limit and stood >= max(rod.slow_time, FINAL * t[-1]) * (1.0 - 1e-9):
             earlier = tracking_of(group, (tracked - r[-1])[: -max(1, round(FINAL * len(r)))]).final
             cause = (
                 "it is still on its way, and needs more time or less damping"

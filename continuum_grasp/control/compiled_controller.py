@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import pickle
 from collections.abc import Mapping
+from enum import IntEnum
 from time import perf_counter_ns
 from types import MappingProxyType
 from typing import Any, Self, SupportsIndex
@@ -28,8 +29,13 @@ _STATUS = tuple(CommandStatus)
 _CHUNK = 128
 """Periods for which setpoints are evaluated at once [1]: enough that numpy's overhead per call does not show, and
 little to hold (30 stages of 6 setpoints: 190 kB)."""
-_LATE, _APPLIED = 1, 2
-"""Flags of ``cg_controller_step``."""
+
+
+class _StepFlag(IntEnum):
+    """Flags of ``cg_controller_step``."""
+
+    LATE = 1
+    APPLIED = 2
 
 
 class CompiledController(Remade, Summarized):
@@ -122,10 +128,11 @@ class CompiledController(Remade, Summarized):
             else:
                 rows = reference
             _copy(self._setpoints, rows, np.ndim(rows) == 1 and np.size(rows) == self.stages.nr)
-            flags = _LATE if (self._late if late is None else CheckedArgument(None, late).doubles().item()) else 0
+            is_late = self._late if late is None else CheckedArgument(None, late).doubles().item()
+            flags: int = _StepFlag.LATE if is_late else 0
             if applied is not None:
                 self._put("applied", self._applied, applied)
-                flags |= _APPLIED
+                flags |= _StepFlag.APPLIED
         except InputError:
             raise
         except (ValueError, TypeError) as error:

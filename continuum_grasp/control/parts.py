@@ -34,9 +34,6 @@ def is_whole(values: ArrayLike) -> bool:
     return np.asarray(values).dtype.kind in "biu"
 
 
-_RAMP = 6.5
-"""Natural times of the finger in which the safe ramp crosses the whole range of an input [1]: 0.5 s of the hand finger,
-more than the period of its first mode (0.4 s), so that the ramp does not make it swing."""
 _WINDOW = 2.6
 """Natural times of the finger over which mismatch and activity are averaged [1], 0.2 s of the hand finger: a shorter
 window reports noise, and a swinging loop is lost within five of them."""
@@ -115,9 +112,8 @@ class ControlParts:
         touches = model.system.surroundings is not None or any("contact" in name for name in unknown)
         return ControlParts(
             stages=stages,
-            calls=ControllerCalls(
-                asked.step, np.array(scene.rest_input), _RAMP * scene.finger.rod.natural_time, *counts
-            ),
+            # The safe ramp crosses the whole range of an input in a time in which it does not make the finger swing.
+            calls=ControllerCalls(asked.step, np.array(scene.rest_input), scene.finger.rod.slow_time, *counts),
             ranges=ranges,
             rate=np.full(stages.nu, asked.input.rate_max or ABSENT),
             supervisor=_supervised(scene, stages, estimation, touches),

@@ -72,11 +72,11 @@ def weighted_sum(weights: Iterable[float], values: Iterable[Scalar], scale: Scal
 
 
 class Vec:
-    """A planar vector."""
+    """A planar vector, zero where nothing is given."""
 
     __slots__ = ("x", "y")
 
-    def __init__(self, x: Scalar, y: Scalar) -> None:
+    def __init__(self, x: Scalar = 0.0, y: Scalar = 0.0) -> None:
         self.x = x
         self.y = y
 
@@ -112,11 +112,11 @@ class Vec:
 
 
 class Rotation:
-    """A planar rotation by its cosine and sine."""
+    """A planar rotation by its cosine and sine, none where nothing is given."""
 
     __slots__ = ("c", "s")
 
-    def __init__(self, c: Scalar, s: Scalar) -> None:
+    def __init__(self, c: Scalar = 1.0, s: Scalar = 0.0) -> None:
         self.c = c
         self.s = s
 
@@ -136,5 +136,5 @@ def rotated(angle: float) -> Rotation:
     return Rotation(math.cos(angle), math.sin(angle)) if angle != 0.0 else IDENTITY
 
 
-ZERO = Vec(0.0, 0.0)
-IDENTITY = Rotation(1.0, 0.0)
+ZERO = Vec()
+IDENTITY = Rotation()

@@ -25,7 +25,7 @@ from continuum_grasp.model.cables import Cables
 from continuum_grasp.model.memory import RETURN_SHARE, Memory
 from continuum_grasp.model.parameters import Parameters
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene import Finger, LengthDrive, MotorDrive, Tendon
+from continuum_grasp.scene import SAME, Finger, LengthDrive, MotorDrive, Tendon
 
 _SLOW = 1.0 / 6000.0
 """Speed of the cable below which dry friction without a memory is rounded off, per the finger's length in its natural
@@ -38,8 +38,6 @@ _DRUM_STEPS = 3
 that are drawn around the corners of gear and tendons (two steps: 1e-4 N m)."""
 _RESTING_STEPS = 1
 """Steps of a motor at rest: torques are off by 7e-5 N m at most, where a tendon begins to pull."""
-_ROUNDING = 1e-9
-"""Relative error of a torque at rest that is none [1]: above that of an equilibrium's residual."""
 
 
 @dataclass(frozen=True)
@@ -319,7 +317,7 @@ class Motor(Winch):
         dry = drive.coulomb_friction if friction is None else friction
         least, greatest = pull - dry, pull + dry
         # Without friction a motor that gives all its torque balances all of it: rounding must not be too much.
-        if least > limit * (1.0 + _ROUNDING) or greatest < -limit * (1.0 + _ROUNDING):
+        if least > limit * (1.0 + SAME) or greatest < -limit * (1.0 + SAME):
             return math.nan, math.nan
         if drive.position_gain is None:
             return max(least, -limit), min(greatest, limit)

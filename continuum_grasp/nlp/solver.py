@@ -36,7 +36,7 @@ _VIOLATED, _SAME, _STILL = 1e-3, 0.03, 1e-3
 """Violation from which on a run may lose its patience, and relative changes of one that stays as it is, and of one that
 stands still: where steps become so short, IPOPT is at a point that violates least nearby, or about to restore
 feasibility."""
-_UNKNOWNS, _CONSTRAINTS = 0, 2
+_UNKNOWNS, _CONSTRAINTS = map(ca.nlpsol_out().index, ("x", "g"))
 """Places of unknowns and constraints among what CasADi passes to a callback, in the order of its outputs."""
 _ACCEPTABLE = 100.0
 """Errors of an acceptable point per tolerance."""

@@ -17,6 +17,7 @@ from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.forces import ForceArrows, explain
 from continuum_grasp.plotting.drawing.style import Color, Z
 from continuum_grasp.plotting.drawing.styled_axes import Box, StyledAxes, bend_box, over_time, symbol
+from continuum_grasp.scene import SAME
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -154,8 +155,8 @@ def _thickness(finger: Finger, shapes: NDArray[Any]) -> list[NDArray[Any]]:
 def _arrows_at(motion: Moved, indices: NDArray[Any]) -> ForceArrows:
     """Arrows of the forces at some instants, without those that are zero but for rounding."""
     every = [motion.loads_at(int(k)) for k in indices]
-    # 1e-9: force per the greatest that is rounding, as of a load that has faded
-    least = 1e-9 * max((float(np.hypot(*force)) for forces in every for _, force, _ in forces), default=0.0)
+    # Of a load that has faded rounding is left.
+    least = SAME * max((float(np.hypot(*force)) for forces in every for _, force, _ in forces), default=0.0)
     return ForceArrows.above(every, motion.length, least)
 
 

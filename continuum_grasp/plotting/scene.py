@@ -19,7 +19,6 @@ from continuum_grasp.scene import Value
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_NOWHERE = np.zeros(2)
 _LETTERS = 34
 """Letters of a label at most: names of fingers and supports have up to 31."""
 _ARROW = 0.12
@@ -188,4 +187,4 @@ def _loads(ax: Axes, view: SceneView) -> list[Label]:
 
 
 def _label(text: str, color: str, at: Array, *, on_body: bool = False) -> Label:
-    return Label(plain(clipped(text, _LETTERS)), color, at, _NOWHERE, on_body)
+    return Label(plain(clipped(text, _LETTERS)), color, at, np.zeros(2), on_body)

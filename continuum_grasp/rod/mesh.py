@@ -11,13 +11,13 @@ from numpy.polynomial import legendre
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.base import Array
+from continuum_grasp.scene import SAME
 
 
 def with_places(fixed: ArrayLike, others: Iterable[float]) -> Array:
     """Fixed places from start to end, and others that are none of those and not at one another, increasing."""
     places = [float(at) for at in np.asarray(fixed)]
-    # 1e-9: distance per length below which two places are one: far above rounding, far below any distance that matters
-    close = 1e-9 * (places[-1] - places[0])
+    close = SAME * (places[-1] - places[0])
     for at in others:
         if min(abs(at - known) for known in places) > close:
             places.append(at)

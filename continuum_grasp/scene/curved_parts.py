@@ -6,8 +6,9 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 
-from continuum_grasp.scene.parts import ALIKE, Face, OffsetPolygon, faces_between, joined
+from continuum_grasp.scene.parts import Face, OffsetPolygon, faces_between, joined
 from continuum_grasp.scene.polygons import PlanePoint, edge_normal
+from continuum_grasp.scene.value import SAME
 
 _BLUNT, _SPAN = 0.1, 0.3
 """Turn of the normal at a corner [rad] below which it may be a point of a curve, and what such corners, one after the
@@ -80,7 +81,7 @@ def hollowed(part: OffsetPolygon) -> tuple[Face, ...]:
     faces = list[Face]()
     for (a, b), (low, high), bend in zip(pairwise((*core, core[0])), hollow, bends, strict=True):
         faces += faces_between(a, b, -low, -high) if low and high else faces_between(a, b, *bend)
-    return joined(faces, ALIKE * part.extent)
+    return joined(faces, SAME * part.extent)
 
 
 def _fitted(part: OffsetPolygon, bends: list[tuple[float, float]], smooth: list[bool]) -> OffsetPolygon:

@@ -28,14 +28,12 @@ from continuum_grasp.scene.methods import FAMILIES, ONE_TURN
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.placement import Supported, is_beside
 from continuum_grasp.scene.simulate import Fidelity
-from continuum_grasp.scene.supports import Peg, Place
+from continuum_grasp.scene.supports import TOUCHING, Peg, Place
 from continuum_grasp.scene.tendons import Tendons
 from continuum_grasp.scene.value import Configuration
 
 # Names become parts of contact names, as in left.middle_1, and of columns in tables.
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
-_TOUCHING = 1e-6
-"""Gap, as a part of the object's size, up to which an object at rest lies against a support."""
 _TURNS = 360
 """Parts of the range of a free angle in which the distance from a support is sampled [1]."""
 
@@ -223,7 +221,7 @@ class GraspScene(Configuration, Supported):
     @property
     def touching_gap(self) -> float:
         """Gap up to which the object at rest lies against a support [m]."""
-        return _TOUCHING * self.object.size
+        return TOUCHING * self.object.size
 
     def gap_range(self, body: Place) -> tuple[float, float]:
         """Least and greatest distance of the object from a support within the bounds of its pose [m], or beyond them.
@@ -277,7 +275,7 @@ class GraspScene(Configuration, Supported):
             a, b = setup.finger, other.finger
             half = float(a.profile.half_thickness(0.0)) + float(b.profile.half_thickness(0.0))
             gap = math.dist(a.base.position, b.base.position) - half
-            if gap < -_TOUCHING * half and a.base_free is None and b.base_free is None:
+            if gap < -TOUCHING * half and a.base_free is None and b.base_free is None:
                 raise ValueError(
                     f"fingers.{setup.name}.base and fingers.{other.name}.base overlap by {-gap:.4g} m (half "
                     "thicknesses included): move them apart, or set overlap: allow where the fingers lie at different "

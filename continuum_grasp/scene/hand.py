@@ -31,10 +31,7 @@ from continuum_grasp.scene.hand_supports import (
 from continuum_grasp.scene.solids import Solid, SpatialPosition, Vector3, put_in_files
 from continuum_grasp.scene.supports import Switch
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Angle, Configuration, Extent, Positive, Value
-
-_PARALLEL = 1e-6
-"""Sine of an angle below which two directions count as parallel [1]."""
+from continuum_grasp.scene.value import PARALLEL, Angle, Configuration, Extent, Positive, Value
 
 
 class HandFinger(GraspFinger):
@@ -124,7 +121,7 @@ class FingerBase(Value):
                 raise ValueError(f"{key} must not be zero")
         size = math.hypot(*self.direction) * math.hypot(*self.bends_toward)
         along = sum(a * b for a, b in zip(self.direction, self.bends_toward, strict=True)) / size
-        if 1.0 - abs(along) < 0.5 * _PARALLEL**2:
+        if 1.0 - abs(along) < 0.5 * PARALLEL**2:
             raise ValueError("bends_toward must not be parallel to direction")
 
 

@@ -10,12 +10,10 @@ from pydantic import Field
 
 from continuum_grasp.base import Array
 from continuum_grasp.scene.solids import SolidBody, SpatialPosition, Vector3
-from continuum_grasp.scene.supports import Switch
+from continuum_grasp.scene.supports import TOUCHING, Switch
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Extent, Friction, Real, Value
 
-TOUCHING = 1e-6
-"""Gap, per size of the object, up to which it lies against a plane [1], as in the plane."""
 _NEARLY = 1e-3
 """Gap, per size of the object, below which it is likely meant to touch [1]."""
 _LEANS = 1e-3

@@ -11,7 +11,6 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 
 from continuum_grasp.scene.polygons import (
-    IN_LINE,
     PlanePoint,
     convex_pieces,
     edge_normal,
@@ -19,9 +18,8 @@ from continuum_grasp.scene.polygons import (
     segment_distance,
     turns_of,
 )
+from continuum_grasp.scene.value import SAME
 
-ALIKE = 1e-9
-"""Distance between the centers of arcs that are one, per extent of the part [1]: rounding of numbers."""
 _DIRECTIONS = 256
 """Directions among which the nearest supporting line of a superellipse is sought: those of an exponent of 12 turn by
 a tenth of a radian at its corners."""
@@ -111,7 +109,7 @@ class OffsetPolygon(Part):
         ring = [*self.vertices, self.vertices[0]]
         edges = zip(pairwise(ring), self.bends or [(0.0, 0.0)] * len(self.vertices), strict=True)
         faces = [face for (a, b), bend in edges for face in faces_between(a, b, *bend)]
-        return joined(faces, ALIKE * self.extent) if self.bends else tuple(faces)
+        return joined(faces, SAME * self.extent) if self.bends else tuple(faces)
 
     @property
     def circle(self) -> tuple[PlanePoint, float] | None:
@@ -168,7 +166,7 @@ class OffsetPolygon(Part):
         # On the rounding of a corner no edge is nearer than its ends.
         turns = (after.normal - before.normal - before.turn for before, after in pairwise((*self.faces, self.faces[0])))
         ends = zip(self.faces, turns, strict=True) if len(self.vertices) > 1 else [(self.faces[0], math.pi)]
-        corners = [face.end for face, turn in ends if math.remainder(turn, math.tau) > IN_LINE]
+        corners = [face.end for face, turn in ends if math.remainder(turn, math.tau) > SAME]
         if corners and min(math.dist(point, corner) for corner in corners) <= self.radius + tolerance:
             return 1.0 / self.radius if self.radius > 0.0 else math.inf
         arcs = [face for face in self.faces if face.turn > 0.0 and face.radius > 0.0]
@@ -199,7 +197,7 @@ class OffsetPolygon(Part):
             near.append((off, (point[0] - x) * math.cos(normal) + (point[1] - y) * math.sin(normal)))
         away = min(near)[0]
         # At a corner both sides say together where a point is: one alone does not, where it is acute.
-        height = sum(above for off, above in near if off <= away + IN_LINE * self.extent)
+        height = sum(above for off, above in near if off <= away + SAME * self.extent)
         return math.copysign(away, height) - self.radius
 
 

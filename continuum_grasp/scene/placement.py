@@ -18,7 +18,7 @@ from continuum_grasp.scene.objects.shapes import MemberPlace, ObjectBody
 from continuum_grasp.scene.parts import OffsetPolygon
 from continuum_grasp.scene.polygons import PlanePoint
 from continuum_grasp.scene.supports import Peg, Place, Support, Wall
-from continuum_grasp.scene.value import SAME, Value
+from continuum_grasp.scene.value import PARALLEL, SAME, Value
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.objects import GraspObject
@@ -31,8 +31,6 @@ _STEP = 1e-6
 """Shift, as a part of the object's size, by which the slope of a gap is measured [1]."""
 _STEPS = 50
 """Steps of Newton's method; gaps to walls take one, to a peg as many as the nearest place on the object changes."""
-_PARALLEL = 1e-6
-"""Sine of the angle between two surfaces below which they leave the object free to slide [1]."""
 
 
 class Supported(Value):
@@ -211,6 +209,6 @@ def _shift(gaps: Sequence[float], slopes: Sequence[tuple[float, float]]) -> tupl
         return -gaps[0] * a / size, -gaps[0] * b / size
     ((c, d),) = other
     area = a * d - b * c
-    if abs(area) < _PARALLEL:
+    if abs(area) < PARALLEL:
         raise ValueError("object.against: the two supports face alike: between them the object is free to slide")
     return (b * gaps[1] - d * gaps[0]) / area, (c * gaps[0] - a * gaps[1]) / area

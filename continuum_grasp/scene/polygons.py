@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import TypeAlias
 
+from continuum_grasp.scene.value import SAME
+
 PlanePoint: TypeAlias = tuple[float, float]
-IN_LINE = 1e-9
-"""Turn of the normal at a corner [rad] up to which its edges are in line: below, rounding decides its sign."""
 
 
 def edge_normal(a: PlanePoint, b: PlanePoint) -> float:
@@ -24,7 +24,7 @@ def turns_of(vertices: Sequence[PlanePoint]) -> tuple[PlanePoint, ...]:
         low = edge_normal(before, here)
         turn = (edge_normal(here, after) - low) % math.tau
         # The ends of a segment turn by half a turn, but for rounding.
-        turns.append((low, turn if turn < math.pi + IN_LINE else turn - math.tau))
+        turns.append((low, turn if turn < math.pi + SAME else turn - math.tau))
     return tuple(turns)
 
 
@@ -68,7 +68,7 @@ def polygon_centroid(vertices: tuple[PlanePoint, ...]) -> PlanePoint:
 def corners_of(vertices: Sequence[PlanePoint]) -> tuple[PlanePoint, ...]:
     """The corners of a simple polygon counter-clockwise, without those in line with their neighbors."""
     ring = tuple(vertices) if polygon_moments(vertices)[0] > 0.0 else tuple(vertices[::-1])
-    return tuple(corner for corner, (_, turn) in zip(ring, turns_of(ring), strict=True) if abs(turn) > IN_LINE)
+    return tuple(corner for corner, (_, turn) in zip(ring, turns_of(ring), strict=True) if abs(turn) > SAME)
 
 
 def check_simple(vertices: Sequence[PlanePoint], key: str = "vertices") -> None:
@@ -101,7 +101,7 @@ def convex_pieces(vertices: tuple[PlanePoint, ...]) -> list[tuple[PlanePoint, ..
         polygon, other = owner[a, b], owner[b, a]
         k, j = polygon.index(b), other.index(a)
         whole = (*polygon[k:], *polygon[:k], *other[j + 1 :], *other[:j])[:-1]
-        if all(turn > IN_LINE for _, turn in turns_of(whole)):
+        if all(turn > SAME for _, turn in turns_of(whole)):
             owner |= dict.fromkeys(pairwise([*whole, whole[0]]), whole)
             del owner[a, b], owner[b, a]
     return list(dict.fromkeys(owner.values()))

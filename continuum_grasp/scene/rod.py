@@ -90,8 +90,6 @@ _LEAST_GAP = 1e-6
 """Least distance between jumps, and between samples, per length [1]: a panel of quadrature of its own is between."""
 _LEAST_THICKNESS = 1e-3
 """Least thickness per that of the base [1]: towards a tip that is a point the curvature has no bound."""
-_LEAST_STIFFNESS = 1e-12
-"""Least bending stiffness per that of the base [1]: of a cone at the least thickness."""
 
 
 class Rod(Section):
@@ -222,9 +220,10 @@ class Rod(Section):
                     f"{key}: a thickness of {thickness:g} m is less than {_LEAST_THICKNESS:g} of that of the base, "
                     f"{thickest:g} m: at a point the curvature has no bound; cut the tip off"
                 )
-            if stiffness < _LEAST_STIFFNESS * stiffest:
+            of_cone = _LEAST_THICKNESS**4
+            if stiffness < of_cone * stiffest:
                 raise ValueError(
-                    f"{key}: a bending stiffness of {stiffness:.3g} N m2 is less than {_LEAST_STIFFNESS:g} of that of "
+                    f"{key}: a bending stiffness of {stiffness:.3g} N m2 is less than {of_cone:g} of that of "
                     f"the base, {stiffest:g} N m2"
                 )
 
@@ -310,6 +309,15 @@ class Rod(Section):
         uniform one.
         """
         return math.sqrt(self.mass * self.length**3 / self.stiffness)
+
+    @property
+    def slow_time(self) -> float:
+        """Time in which what happens is slow for the finger [s]: some periods of its sway, 0.5 s of the hand finger.
+
+        A command that takes as long does not make it swing, and after it a setpoint is met, or a bound left.
+        """
+        # 6.5: natural times, 3.6 periods of a uniform rod
+        return 6.5 * self.natural_time
 
     @property
     def least_force(self) -> float:

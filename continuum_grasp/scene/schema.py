@@ -7,6 +7,7 @@ import json
 from typing import Any
 
 from continuum_grasp.base import InputError
+from continuum_grasp.scene.assembly import VERSION
 from continuum_grasp.scene.config_kinds import kinds
 from continuum_grasp.scene.shape import alternatives
 from continuum_grasp.scene.units import QUANTITIES, to_si
@@ -17,7 +18,7 @@ DEFINITIONS = "definitions.json"
 _Node = dict[str, Any]
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _SUFFIX = "Changes"
-_VERSION = {"const": 1, "description": "Format of this file."}
+_VERSION_KEY = {"const": VERSION, "description": "Format of this file."}
 _GRASP = {"type": "string", "description": "Path of a grasp file, relative to this file."}
 
 
@@ -32,7 +33,7 @@ def json_schema(kind: str) -> _Node:
             _give_examples(key)
     if kind == "finger":
         schema["properties"] = {
-            "schema_version": _VERSION,
+            "schema_version": _VERSION_KEY,
             "extends": {
                 "type": "string",
                 "description": "Path of another finger file that this one changes.",
@@ -50,7 +51,7 @@ def json_schema(kind: str) -> _Node:
         if "finger" in schema["properties"]:
             _take_files(schema, "GraspFinger" if kind == "grasp" else "Finger", definitions)
     # Of files alone: values that are made in Python need none.
-    schema["properties"]["schema_version"] = _VERSION
+    schema["properties"]["schema_version"] = _VERSION_KEY
     schema["required"].insert(0, "schema_version")
     return {
         "$schema": _DIALECT,

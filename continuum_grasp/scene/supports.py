@@ -12,6 +12,8 @@ from continuum_grasp.scene.parts import OffsetPolygon
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Angle, Distance, Friction, Position, Value
 
+TOUCHING = 1e-6
+"""Gap, per size of the object, up to which an object at rest lies against a support [1]."""
 _Choice = Literal["on", "off", "auto"]
 
 

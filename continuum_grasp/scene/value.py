@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.assembly import Overrides
     from continuum_grasp.scene.document import Document, KeyPath
 
+PARALLEL = 1e-6
+"""Sine of an angle below which two directions, or those of two surfaces, count as parallel [1]."""
 SAME = 1e-9
 """Distance per length up to which two positions are the same, and difference up to which two ratios are [1]: above the
 rounding of sums of lengths."""

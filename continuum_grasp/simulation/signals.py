@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import ForceLoad, Load, Samples, Scene, VectorSamples
+from continuum_grasp.scene import SAME, ForceLoad, Load, Samples, Scene, VectorSamples
 
 Value = float | tuple[float, float] | Samples | VectorSamples
 
@@ -127,8 +127,7 @@ class Signals:
 
     def knots(self, start: float, end: float) -> list[float]:
         """Instants [s] inside a span at which inputs or loads have a knot of their samples."""
-        # 1e-9: share of the span that rounding of its ends may be
-        least = 1e-9 * (end - start)
+        least = SAME * (end - start)  # rounding of its ends
         times = {t for value in self._sampled for t in value.times}
         return sorted(t for t in times if start + least < t < end - least)
 
@@ -139,7 +138,7 @@ class Signals:
         drive = [tension for tension, tendon in pulled if step <= 0.1 * (tendon.time_constant or 0.0)]
         felt = [value for value in self._sampled if not any(value is tension for tension in drive)]
         shortest = min((gap for value in felt for gap in _changes(value, duration)), default=math.inf)
-        if not shortest < step * (1 - 1e-9):
+        if not shortest < step * (1 - SAME):
             return ()
         return (
             f"an input or load changes within {shortest:.3g} s, which steps of {step:.3g} s follow with an error of "

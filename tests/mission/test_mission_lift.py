@@ -14,7 +14,7 @@ import pytest
 from continuum_grasp.addons.mission import check_mission, on_pads, run_mission, run_trials
 from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.addons.mission.lift import LiftCheck
-from continuum_grasp.addons.mission.plan import BLIND, LETS_GO, PhasePlan
+from continuum_grasp.addons.mission.plan import Bearing, LiftDecision, PhasePlan
 from continuum_grasp.addons.mission.plant import Timetable
 from continuum_grasp.base import SolverError
 from continuum_grasp.control import Anomaly, CommandStatus, Health, Sight, Trip
@@ -98,7 +98,7 @@ def test_fingers_let_go_at_once_where_one_is_blind_before_the_lift(since, blind,
     assert all("lift" not in dict(map(reversed, plan.events)) for plan in plans)
     assert (60.0 in limits) == (since + later > 160)  # those of `confirm`
     assert limits[-1] == 0.0
-    assert (plans[0].decision, plans[blind].bears) == (LETS_GO, BLIND)
+    assert (plans[0].decision, plans[blind].bears) == (LiftDecision.LETS_GO, Bearing.BLIND)
     assert f"nothing was measured, and what {names[blind]} bears is not known" in check.refused.text
     assert [span.name for span in check.timetable.spans][-2:] == ["release", "end"]
     assert check.timetable.span("release").start == pytest.approx(STEP * begun[names[0]])

@@ -10,10 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.scene import Finger, Profile
-
-_SAME = 1e-9
-"""Distance per length up to which two positions are the same [1]: above the rounding of sums of lengths."""
+from continuum_grasp.scene import SAME, Finger, Profile
 
 
 @dataclass(frozen=True)
@@ -155,8 +152,8 @@ def _edges(profile: Profile, count: int, marks: Sequence[float]) -> Array:
     That is the number of waves of bending along the rod; a uniform one gets equal lengths.
     """
     length = profile.length
-    inside = sorted({at for at in marks if _SAME * length < at < (1.0 - _SAME) * length})
-    bounds = [0.0, *(b for a, b in pairwise([0.0, *inside]) if b - a > _SAME * length), length]
+    inside = sorted({at for at in marks if SAME * length < at < (1.0 - SAME) * length})
+    bounds = [0.0, *(b for a, b in pairwise([0.0, *inside]) if b - a > SAME * length), length]
     if count < len(bounds) - 1:
         raise InputError(
             f"expected {len(bounds) - 1} at least, one for each part between the places where the bending moment jumps "

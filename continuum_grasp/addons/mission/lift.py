@@ -13,16 +13,10 @@ import numpy as np
 from continuum_grasp.addons.mission.assignment import Assignment
 from continuum_grasp.addons.mission.budget import certified_contact
 from continuum_grasp.addons.mission.plan import (
-    BEARS,
-    BLIND,
-    DOUBTS,
-    LACKS,
-    LETS_GO,
     NOTICED,
-    SETS_DOWN,
-    UNKNOWN,
-    USUAL,
-    WAITS,
+    Bearing,
+    Grip,
+    LiftDecision,
     PhasePlan,
     certified_forces,
 )
@@ -187,10 +181,10 @@ class LiftCheck:
     def _firmest(self, t: float) -> int:
         """The firmest grip of all fingers, which each takes over; notes what made it so."""
         plan = max(self._plans, key=lambda candidate: candidate.grip)
-        if plan.grip != USUAL and self.slipped is None:
+        if plan.grip != Grip.USUAL and self.slipped is None:
             more = 0.0 if self._of[0].standing else min(reserve(assignment) for assignment in self._of)
             self.slipped = Slipped(t, NOTICED[plan.noticed], max(plan.lost, 0.0), more)
-        if plan.grip == SETS_DOWN and self.slipped is not None and math.isinf(self.slipped.down):
+        if plan.grip == Grip.SETS_DOWN and self.slipped is not None and math.isinf(self.slipped.down):
             self.slipped = replace(self.slipped, down=t)
             self.timetable.set_down(t)
         return plan.grip
@@ -198,7 +192,8 @@ class LiftCheck:
     def _others(self) -> int:
         """Report of the others to the first finger, which decides for all: what they estimated a period before."""
         others = [plan.bears for plan in self._plans[1:]]
-        return next((word for word in (BLIND, UNKNOWN, LACKS, DOUBTS) if word in others), BEARS)
+        first_of = (Bearing.BLIND, Bearing.UNKNOWN, Bearing.LACKS, Bearing.DOUBTS)
+        return next((word for word in first_of if word in others), Bearing.BEARS)
 
     def _waited(self, finger: int, t: float, command: Any) -> None:
         """Note what was decided, and for which forces."""
@@ -206,13 +201,14 @@ class LiftCheck:
             return
         self._seen[finger] = command
         decision = self._plans[0].decision
-        self._over = decision != WAITS and finger == 0
-        if self._over and decision == LETS_GO:
-            lacking = () if BLIND in [plan.bears for plan in self._plans] else self._lacking()
+        self._over = decision != LiftDecision.WAITS and finger == 0
+        if self._over and decision == LiftDecision.LETS_GO:
+            lacking = () if Bearing.BLIND in [plan.bears for plan in self._plans] else self._lacking()
             self.refused = NotLifted(t, lacking, self._cause(), known=not self._doubts())
-        elif self._over and DOUBTS in [plan.bears for plan in self._plans]:
+        elif self._over and Bearing.DOUBTS in [plan.bears for plan in self._plans]:
             self.doubted = Doubted(t, self._doubts())
-        self.timetable.resume(t if self._over else self.timetable.latest, "release" if decision == LETS_GO else "lift")
+        following = "release" if decision == LiftDecision.LETS_GO else "lift"
+        self.timetable.resume(t if self._over else self.timetable.latest, following)
 
     def _lacking(self) -> tuple[Shortfall, ...]:
         lacking = list[Shortfall]()

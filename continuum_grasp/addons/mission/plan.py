@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Callable, Sequence
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -23,25 +24,61 @@ from continuum_grasp.control import (
 
 _FOLLOWED = {"posture": ("bending_",), "force": ("contact_force",), "gap": ("gap_",), "angle": ("gap_", "object_angle")}
 """Quantities that the controller may follow in a phase, and how the names of their setpoints begin."""
-_NOMINAL, _SQUEEZES, _HOLDS = range(3)
-"""Limits of the command in a phase, as in ``c/mission.h``."""
-WAITS, LIFTS, LETS_GO = range(3)
-"""Decisions before the lift, as in ``c/mission.h``."""
-UNKNOWN, BEARS, LACKS, DOUBTS, BLIND = range(5)
-"""Forces at the contacts of a finger, by the estimate; of one that was blind before the lift, whatever they are."""
-USUAL, FIRM, SETS_DOWN = range(3)
-"""Grip of what is held."""
 NOTICED = ("", "sinks", "parts", "reported")
 """Reasons of a firm grip: the object sinks, a contact parts, another finger or the caller says so."""
-_DUE, _BY_FORCES, _RELEASE, _ABORT, _SQUEEZE = -1, -2, -3, -4, -5
-"""Calls of ``c/mission_python.c``."""
+
+
+class CommandLimits(IntEnum):
+    """Limits of the command in a phase, as in ``c/mission.h``."""
+
+    NOMINAL = 0
+    SQUEEZES = 1
+    HOLDS = 2
+
+
+class LiftDecision(IntEnum):
+    """Decisions before the lift, as in ``c/mission.h``."""
+
+    WAITS = 0
+    LIFTS = 1
+    LETS_GO = 2
+
+
+class Bearing(IntEnum):
+    """Forces at the contacts of a finger, by the estimate; of one that was blind before the lift, whatever they are."""
+
+    UNKNOWN = 0
+    BEARS = 1
+    LACKS = 2
+    DOUBTS = 3
+    BLIND = 4
+
+
+class Grip(IntEnum):
+    """Grip of what is held, as in ``c/mission.h``."""
+
+    USUAL = 0
+    FIRM = 1
+    SETS_DOWN = 2
+
+
+class PhaseCall(IntEnum):
+    """Calls of ``c/mission_python.c``; others are phases by number."""
+
+    DUE = -1
+    BY_FORCES = -2
+    RELEASE = -3
+    ABORT = -4
+    SQUEEZE = -5
+
+
 _BEGINS = {
-    **dict.fromkeys(("approach", "release", "leave last"), ("posture", _NOMINAL)),
-    "settle": ("force", _NOMINAL),
-    "confirm": ("force", _SQUEEZES),
-    "lift": ("force", _HOLDS),
-    **dict.fromkeys(("touch", "leave"), ("gap", _NOMINAL)),
-    "turn": ("angle", _NOMINAL),
+    **dict.fromkeys(("approach", "release", "leave last"), ("posture", CommandLimits.NOMINAL)),
+    "settle": ("force", CommandLimits.NOMINAL),
+    "confirm": ("force", CommandLimits.SQUEEZES),
+    "lift": ("force", CommandLimits.HOLDS),
+    **dict.fromkeys(("touch", "leave"), ("gap", CommandLimits.NOMINAL)),
+    "turn": ("angle", CommandLimits.NOMINAL),
 }
 """Quantity that is followed from a phase on, and limits of the command; other phases leave both as they are."""
 
@@ -77,7 +114,7 @@ def mission_settings(
         # Asked once more at the latest instant.
         "length": [patience + period if s.name == "confirm" else s.end - s.start for s in phases],
         "follows": [-1 if b is None else follows.index(b[0]) for b in begins],
-        "limits": [_NOMINAL if b is None else b[1] for b in begins],
+        "limits": [CommandLimits.NOMINAL if b is None else b[1] for b in begins],
         **{name: names.index(name) for name in ("confirm", "lower", "release")},
         "holds_on": int(holds_on),
         "leads": int(leads),
@@ -163,9 +200,9 @@ class PhasePlan:
         certified: Array,
         *,
         leads: bool = True,
-        reported: Callable[[], int] = lambda: BEARS,
+        reported: Callable[[], int] = lambda: Bearing.BEARS,
         waits: Callable[[float, Any], None] = lambda t, command: None,
-        grips: Callable[[float], int] = lambda t: USUAL,
+        grips: Callable[[float], int] = lambda t: Grip.USUAL,
     ) -> None:
         sizes, settings = mission_settings(table, stages, certified, leads=leads)
         self._watches = bool(settings["watches"])
@@ -179,7 +216,10 @@ class PhasePlan:
         parts |= {"weights": sizes["NR"]}
         parts |= {"u_min": sizes["NU"], "u_max": sizes["NU"]}
         self._c = Compiled.of_mission(sizes, settings, inputs, parts)
-        self.decision, self.bears, self.grip, self.noticed, self.lost, self._asks = WAITS, UNKNOWN, USUAL, 0, 0.0, False
+        self.decision: int = LiftDecision.WAITS
+        self.bears: int = Bearing.UNKNOWN
+        self.grip: int = Grip.USUAL
+        self.noticed, self.lost, self._asks = 0, 0.0, False
 
     @property
     def phase(self) -> str:
@@ -193,12 +233,12 @@ class PhasePlan:
     def advance(self, t: float, controller: Any, plant: Any, command: Any) -> bool:
         """Begin what is due at an instant [s], by the last command; False after the last phase."""
         decided, seen = self.decision, (self._reported(), int(command.sight))
-        goes_on = self._step(t, controller, plant.command, _DUE, 0.0, *seen, self._height(plant))
+        goes_on = self._step(t, controller, plant.command, PhaseCall.DUE, 0.0, *seen, self._height(plant))
         waits = self.current == self._confirm
         if self._asks:  # for forces, which take longest
-            goes_on = self._step(t, controller, plant.command, _BY_FORCES, command.contact_forces.force, *seen)
+            goes_on = self._step(t, controller, plant.command, PhaseCall.BY_FORCES, command.contact_forces.force, *seen)
             if not waits and (firmest := self._grips(t)) > self.grip:
-                what = _RELEASE if firmest == SETS_DOWN else _SQUEEZE
+                what = PhaseCall.RELEASE if firmest == Grip.SETS_DOWN else PhaseCall.SQUEEZE
                 self._step(t, controller, plant.command, what)
         if waits or self.decision != decided:
             self._waits(t, command)
@@ -209,7 +249,7 @@ class PhasePlan:
 
     def release(self, t: float, controller: Any, plant: Any, *, at_once: bool = False) -> None:
         """Let the object go: lowered first where it may hang, or ``at_once``."""
-        self._step(t, controller, plant.command, _ABORT if at_once else _RELEASE)
+        self._step(t, controller, plant.command, PhaseCall.ABORT if at_once else PhaseCall.RELEASE)
 
     def _step(
         self,
@@ -229,7 +269,7 @@ class PhasePlan:
         output = c.output.copy()
         phase, changed, decision, bears, grip, noticed, asks = (int(number) for number in output[:7])
         passed = range(self.current + 1, phase + 1) if what < 0 else [phase]
-        if what <= _RELEASE or decision == LETS_GO != self.decision:
+        if what <= PhaseCall.RELEASE or decision == LiftDecision.LETS_GO != self.decision:
             passed = passed[-1:]
         self.events += [(t, self.names[k]) for k in passed]
         self.current = phase

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from continuum_grasp.addons.planning.goal import MET, PRESSES
 from continuum_grasp.addons.planning.guess import Path
 from continuum_grasp.addons.planning.problem import PlanProblem
 from continuum_grasp.base import Array
@@ -108,8 +109,7 @@ def does_not_press(problem: PlanProblem, attempt: Attempt) -> bool:
     force, path = problem.motion.scene.goal.contact_force, problem.path(attempt.x)
     if force is None or not any(force.value):
         return False
-    # 0.1: share of a force from which on a contact presses
-    return bool(np.all(_pressed(problem.motion.prediction, path) < 0.1 * np.max(force.value)))
+    return bool(np.all(_pressed(problem.motion.prediction, path) < PRESSES * np.max(force.value)))
 
 
 def _pressed(model: Prediction, path: Path) -> Array:
@@ -136,8 +136,7 @@ def _outside(problem: PlanProblem, attempt: Attempt) -> dict[str, str]:
     """State bounds that are left, with their amounts, and in words when."""
     left = {}
     for block, violation in zip(problem.assembly.blocks, problem.violations(attempt), strict=True):
-        # 1e-5: excess of a bound, in units of the problem, that counts as none
-        if block.key.startswith("bounds.") and violation.scaled > 1e-5:
+        if block.key.startswith("bounds.") and violation.scaled > MET:
             count, size = block.rows.shape
             time = (violation.index // size + 1) / count * problem.path(attempt.x).duration
             amount = f"{violation.amount:.3g} {violation.unit}"

@@ -27,9 +27,6 @@ LEFT = 1e-3
 """Share of a bound's scale by which a plan may leave it between the places where the problem has it."""
 _FINER_OFF = 0.01
 """Deviation of tip or object on a finer model, per finger length, from which on there is a warning."""
-_AFTER = 6.5
-"""Natural times of the finger after the end in which it is seen whether bounds still hold [1]: 0.5 s of the hand
-finger."""
 _STAYS = 1.3
 """Natural times of the finger after the end in which one that is held must stay where it is [1]: ten times as long as
 it settles."""
@@ -263,7 +260,7 @@ def _left_after_the_end(motion: PlannedMotion, plan: MotionPlan, last: Array) ->
     if scene.goal.end == "held" or scene.load_varies:
         return ""
     interval = plan.duration / (len(plan.t) - 1)
-    after = _AFTER * scene.finger.rod.natural_time
+    after = scene.finger.rod.slow_time
     u = np.tile(plan.u[-1], (math.ceil(after / interval) + 1, 1))
     path = Path(np.zeros((len(u), 0)), u, (len(u) - 1) * interval)
     try:

@@ -15,7 +15,10 @@ from continuum_grasp.nlp import Violation
 from continuum_grasp.scene import Reach
 
 MET = 1e-5
-"""Error of a goal, per its scale, with which it counts as reached where it has no weight [1]."""
+"""Error of a goal, per its scale, with which it counts as reached where it has no weight, and excess of a bound, in
+units of the problem, that counts as none [1]."""
+PRESSES = 0.1
+"""Share of a force from which on a contact presses [1]."""
 _PLAYED = 10.0
 """Error with which a goal without a weight counts as reached in a fine simulation, per its size and per
 ``check.tolerance`` [1]: of points, whose size is a tenth of the finger's length, as far as the tip may depart."""

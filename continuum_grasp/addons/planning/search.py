@@ -21,7 +21,7 @@ from continuum_grasp.addons.planning.fine import (
     places,
     simulated,
 )
-from continuum_grasp.addons.planning.goal import MET
+from continuum_grasp.addons.planning.goal import MET, PRESSES
 from continuum_grasp.addons.planning.guess import Path, Posture, final_postures, first_state_of_plan, smooth_path
 from continuum_grasp.addons.planning.motion import PlannedMotion
 from continuum_grasp.addons.planning.problem import OneWay, PlanProblem
@@ -90,9 +90,8 @@ class PlanSearch:
         self.diagnosis: Diagnosis | None = None
         self.interrupted, self.can_press = False, False
         self.motion = PlannedMotion(scene)
-        # 1e-5: violation below which constraints count as satisfied where inputs alone are unknowns: a micrometer of a
-        # finger of 1 m, and rates of 1e-5 of their range
-        self.feasible = 1e-5 if scene.transcription == "single_shooting" else FEASIBLE
+        # Where inputs alone are unknowns as of a goal: a micrometer on 1 m, and rates of 1e-5 of their range.
+        self.feasible = MET if scene.transcription == "single_shooting" else FEASIBLE
         self.x0, self.first = first_state_of_plan(scene, self.motion.prediction)
         self.problem = self._usual = PlanProblem(self.motion, self.x0)
         """Problem of the best attempt, or of the last one."""
@@ -413,8 +412,7 @@ class PlanSearch:
         model, count = self.motion.prediction, len(x)
         p = np.tile(self.motion.numbers([1.0])[:, : model.np], (count, 1))
         force, gap = (np.array(f.map(count)(x.T, u.T, p.T)).T for f in (model.contact_force, model.gap))
-        # 0.1: share of a force from which on a contact presses
-        loose = force < 0.1 * aim
+        loose = force < PRESSES * aim
         apart = (np.maximum(gap, 0.0) * loose).sum(axis=1).tolist()
         off = np.linalg.norm(force - aim, axis=1).tolist()
         ends = zip(loose.sum(axis=1).tolist(), apart, off, range(first, first + count), strict=True)

@@ -9,13 +9,10 @@ import numpy as np
 
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.scene import doubt
+from continuum_grasp.scene import SAME, doubt
 
 _SHAPES = 8
 """Shapes at which it is tested [1]; one is enough, since a straight finger shows no stiffness."""
-_ZERO = 1e-9
-"""Singular value that counts as zero, as a share of the greatest, and part of a vector of length 1 [1]: rounding leaves
-1e-16, and the least of shipped loops is 7e-8 (configs/mpc/spirob.yaml)."""
 _AT_REST = ("missing_tip_moment", "unknown_tip_", "bending_stiffness_error", "tip_offset_error")
 """Beginnings of the names of disturbances that a finger at rest, without contact, shows."""
 
@@ -90,4 +87,5 @@ def _tells(rows: Array, nx: int) -> bool:
         scaled = scaled / np.where(size > 0.0, size, 1.0)
     _, sizes, vectors = np.linalg.svd(scaled)
     sizes = np.concatenate([sizes, np.zeros(vectors.shape[0] - sizes.size)])
-    return bool(np.all(np.abs(vectors[sizes <= _ZERO * sizes[0], nx:]) <= _ZERO))
+    # Rounding leaves 1e-16 of what is zero, and the least of shipped loops is 7e-8 (configs/mpc/spirob.yaml).
+    return bool(np.all(np.abs(vectors[sizes <= SAME * sizes[0], nx:]) <= SAME))

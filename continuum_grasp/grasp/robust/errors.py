@@ -43,7 +43,7 @@ from continuum_grasp.scene import GraspScene, Robust, Shape
 
 OBJECT = len(ERRORS)
 """Columns of errors of the object, before the friction states."""
-BOUNDS = ("position", *ERRORS[2:])
+BOUNDS = ("position", *(name for name in ERRORS if name not in ("x", "y")))
 """Keys of the bounds of these errors."""
 _SHAPE = Shape(GraspScene)
 

@@ -30,7 +30,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
-from continuum_grasp.model.surfaces.polygon_outline import SHARP, SMOOTH, PolygonOutline, outermost
+from continuum_grasp.model.surfaces.polygon_outline import SHARP, PolygonOutline, outermost
 from continuum_grasp.model.surfaces.surface import (
     Feature,
     Nearest,
@@ -40,7 +40,7 @@ from continuum_grasp.model.surfaces.surface import (
     chosen,
     length,
 )
-from continuum_grasp.scene import Face, OffsetPolygon
+from continuum_grasp.scene import SAME, Face, OffsetPolygon
 
 WINDOW = 7
 """Pieces along which a contact may slide in one run of the solver: arcs of a curve, three on either side."""
@@ -96,9 +96,9 @@ def pieces_of(part: OffsetPolygon) -> tuple[Piece, ...]:
         pieces.append(Piece(base, span, face.normal, face.turn, face.radius + radius, after))
         end_normal = face.normal + face.turn
         turn = (other.normal - end_normal) % math.tau
-        reflex = turn > math.pi + SHARP and turn < math.tau - SMOOTH
+        reflex = turn > math.pi + SHARP and turn < math.tau - SAME
         after = not reflex
-        if len(faces) > 1 and not reflex and SMOOTH < turn < math.tau - SMOOTH:
+        if len(faces) > 1 and not reflex and SAME < turn < math.tau - SAME:
             pieces.append(Piece(end, 0.0j, end_normal, turn, radius, True))
     return (replace(pieces[0], after=after), *pieces[1:])
 
@@ -212,7 +212,7 @@ class PolygonSurface(Surface[OffsetPolygon]):
     def beyond(self, part: OffsetPolygon, feature: Feature, side: int) -> tuple[Feature, tuple[float, ...]] | None:
         every, count = pieces_of(part), len(pieces_of(part))
         used = [row for row in np.reshape(feature.numbers[3:], (WINDOW, 8)).tolist() if row[1] != row[2]]
-        starts = sum(row[0] < -SMOOTH for row in used)
+        starts = sum(row[0] < -SAME for row in used)
         last = feature.piece + (len(used) - 1 - starts if side > 0 else -starts)
         other = (last + side) % count
         if not every[other if side > 0 else last % count].after:
@@ -276,7 +276,7 @@ def _corners(part: OffsetPolygon) -> list[tuple[float, float]]:
     faces = part.faces
     pairs = zip((faces[-1], *faces[:-1]), faces, strict=True)
     turns = (math.remainder(face.normal - before.normal - before.turn, math.tau) for before, face in pairs)
-    return [face.start for face, turn in zip(faces, turns, strict=True) if abs(turn) > SMOOTH]
+    return [face.start for face, turn in zip(faces, turns, strict=True) if abs(turn) > SAME]
 
 
 def _arcs(part: OffsetPolygon) -> list[Face]:

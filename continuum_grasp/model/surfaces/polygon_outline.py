@@ -10,13 +10,11 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.model.surfaces.surface import PartOutline, Walk, picked
-from continuum_grasp.scene import Face
+from continuum_grasp.scene import SAME, Face
 
 SHARP = 1e-7
 """Radius that a sharp corner has where contacts roll over it [m]: far below any real edge, and its curvature of 1e7 1/m
 is still exact beside those of fingers."""
-SMOOTH = 1e-9
-"""Turn of the normal [rad] up to which two faces meet smoothly: rounding."""
 CHORD = 0.02
 """Turn of chords in place of arcs where distances are rough [rad]: off by a sixteenth of its square, of the radius."""
 _SLOT = 1e-9
@@ -52,7 +50,7 @@ class PolygonOutline(PartOutline):
         turns = np.mod(np.roll(self._low, -1) - normals, math.tau)
         reflex = turns > math.pi + SHARP
         # A reflex corner is passed at once, and so is a smooth one.
-        turns[reflex | (turns < SMOOTH)] = 0.0
+        turns[reflex | (turns < SAME)] = 0.0
         if count == 1:
             turns, reflex = np.zeros(1), np.zeros(1, bool)
         self._normals, self._turns = normals, turns

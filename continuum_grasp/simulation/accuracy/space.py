@@ -28,7 +28,7 @@ from continuum_grasp.simulation.statics import equilibrium_of
 from continuum_grasp.simulation.trajectory import Trajectory, error_text
 from continuum_grasp.simulation.vibration import Modes, modes_of
 
-_MOST = COUNTS[-1]
+_MOST = max(COUNTS)
 """Elements of a motion up to which a tolerance is pursued [1], as those among which one is chosen."""
 _PLACES, _INSTANTS = 21, 100
 """Places along the finger and instants of a motion that are compared [1]."""
