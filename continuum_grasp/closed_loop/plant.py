@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, InputError, check_arguments, named_value
+from continuum_grasp.base import Array, InputError, check_arguments
 from continuum_grasp.closed_loop.integration import Integration
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.shared_object import SharedModel
@@ -152,10 +152,7 @@ class SharedPlant:
     def _integration(self) -> Integration:
         """Integrators of the plants, made once for each model."""
         model = self._joint or self.plants[0].model
-        method = self.plants[0].method.name
-        if method not in model.integrations:
-            model.integrations[method] = named_value(self.plants[0].model.INTEGRATION)(model, method)
-        integration: Integration = model.integrations[method]
+        integration: Integration = model.integration(self.plants[0].method.name)
         return integration
 
     def prepare(self, periods: float = math.inf) -> CodeKind:

@@ -141,8 +141,14 @@ class PlantModel(Remade):
             self.p = np.append(self.p, self._lag[0])
             self._time = self._p[-1]
         self.outside: dict[str, Callable[[Array], Array]] = {}
-        self.integrations: dict[str, Any] = {}
+        self._integrations: dict[str, Any] = {}
         self._signals = Signals(self.scene, self.system.finger_model, nw=self.system.nw)
+
+    def integration(self, method: str) -> Any:
+        """The integrator of the plant by a method, made once."""
+        if method not in self._integrations:
+            self._integrations[method] = named_value(self.INTEGRATION)(self, method)
+        return self._integrations[method]
 
     @staticmethod
     def plant_scene(scene: ControlScene) -> Scene:

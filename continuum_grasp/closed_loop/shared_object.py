@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.base import Array
+from continuum_grasp.base import Array, named_value
 from continuum_grasp.closed_loop.plant_model import PlantModel
 
 _RISE = "object_z_rate [m/s]"
@@ -30,7 +30,7 @@ class SharedModel:
 
     def __init__(self, plants: Sequence[PlantModel]) -> None:
         self.plants = tuple(plants)
-        self.integrations: dict[str, Any] = {}
+        self._integrations: dict[str, Any] = {}
         shared = [_shared(plant) if len(plants) > 1 else np.zeros(0, dtype=np.intp) for plant in plants]
         self._first, start = [plant.first_other for plant in plants], 0
         self._at = [np.zeros(plant.nx, dtype=np.intp) for plant in plants]
@@ -59,6 +59,12 @@ class SharedModel:
     def parts(self, x: Array) -> list[Array]:
         """The state of each plant in common states (..., nx)."""
         return [x[..., place] for place in self._at]
+
+    def integration(self, method: str) -> Any:
+        """The integrator of the plants by a method, made once."""
+        if method not in self._integrations:
+            self._integrations[method] = named_value(self.plants[0].INTEGRATION)(self, method)
+        return self._integrations[method]
 
     # -- what integrators need ----------------------------------------------------------------------------------------
 

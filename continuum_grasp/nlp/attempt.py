@@ -17,6 +17,10 @@ from continuum_grasp.scene import SolverOptions
 STALLED, KNOWN, SPENT, STOP_REQUESTED = "Stalled", "Known", "Budget_Spent", "User_Requested_Stop"
 """Outcomes of a run that lost its patience, that came to a known solution, whose budget was spent, and that was stopped
 in another way."""
+_VIOLATED, _SAME, _STILL = 1e-3, 0.03, 1e-3
+"""Violation from which on a run may lose its patience, and relative changes of one that stays as it is, and of one that
+stands still: where steps become so short, IPOPT is at a point that violates least nearby, or about to restore
+feasibility."""
 _WORDS = {
     "Infeasible_Problem_Detected": "the solver ended where constraints cannot be met nearby",
     "Invalid_Number_Detected": "values were not finite",
@@ -82,6 +86,30 @@ class Approach:
     warm: bool = False  # whether multipliers are known
 
 
+class Stalling:
+    """Whether a run stalls: asked with its violation after each iteration.
+
+    Violations of 1e-3 and less never do; ``patience`` and ``standstill`` are as of `Start`.
+    """
+
+    def __init__(self, patience: int | None, standstill: int | None) -> None:
+        self._patience, self._standstill = patience, standstill
+        # Iterations without a change since the violation was so much, those in a row, and the violation before.
+        self._idle, self._mark = 0, np.inf
+        self._still, self._last = 0, np.inf
+
+    def __call__(self, violation: float) -> bool:
+        change, last, self._last = abs(violation - self._last), self._last, violation
+        self._still = self._still + 1 if change < _STILL * last else 0
+        if violation < 0.5 * self._mark:
+            self._idle, self._mark = 0, violation
+        elif change < _SAME * last:
+            self._idle += 1
+        impatient = self._patience is not None and self._idle >= self._patience
+        stands = self._standstill is not None and self._still >= self._standstill
+        return violation > _VIOLATED and (impatient or stands)
+
+
 @dataclass(frozen=True, eq=False)
 class Start:
     """A point, and the numbers of the problem.
@@ -129,6 +157,12 @@ class Start:
     def approach(self) -> Approach:
         """Properties that decide on the options of a solver."""
         return Approach(self.option_set, self.barrier, self.multipliers is not None)
+
+    def stalling(self) -> Stalling | None:
+        """What says of a run from here whether it stalls; None where it never does."""
+        if self.patience is None and self.standstill is None:
+            return None
+        return Stalling(self.patience, self.standstill)
 
     def violation(self, x: Array, g: Array) -> float:
         """Largest amount by which a point leaves a bound of an unknown or of a constraint; infinite if not finite."""

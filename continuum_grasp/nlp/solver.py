@@ -32,10 +32,6 @@ from continuum_grasp.nlp.problem import NLP
 
 CLOSE = 1e-3
 """Distance of every unknown from a known solution at which a run ends there [units of the problem]."""
-_VIOLATED, _SAME, _STILL = 1e-3, 0.03, 1e-3
-"""Violation from which on a run may lose its patience, and relative changes of one that stays as it is, and of one that
-stands still: where steps become so short, IPOPT is at a point that violates least nearby, or about to restore
-feasibility."""
 _UNKNOWNS, _CONSTRAINTS = map(ca.nlpsol_out().index, ("x", "g"))
 """Places of unknowns and constraints among what CasADi passes to a callback, in the order of its outputs."""
 _ACCEPTABLE = 100.0
@@ -196,8 +192,7 @@ class _Stop(ca.Callback):
     def begin(self, start: Start, until: Budget) -> None:
         """Count calls and iterations from zero."""
         self.start, self.until, self.calls = start, until, 0
-        # Iterations without a change since the violation was so much, those in a row, and the violation before.
-        self._idle, self._mark, self._still, self._last = 0, np.inf, 0, np.inf
+        self._stalls = start.stalling()
         self.outcome = ""  # where a start ends it
         self._known = np.array(start.known).reshape(-1, start.x.size)
 
@@ -213,7 +208,7 @@ class _Stop(ca.Callback):
     def eval_buffer(self, point: Any, stop: Any) -> int:
         self.calls += 1
         self.until.left -= 1
-        if self.start.patience is not None or self.start.standstill is not None:
+        if self._stalls is not None:
             g = np.frombuffer(point[_CONSTRAINTS])
             violation = float(np.maximum(self.start.lower - g, g - self.start.upper).max(initial=0.0))
             self.outcome = STALLED if self._stalls(violation) else ""
@@ -221,13 +216,3 @@ class _Stop(ca.Callback):
             self.outcome = KNOWN
         np.frombuffer(stop[0])[0] = interrupt_pressed() or self.until.over or bool(self.outcome)
         return 0
-
-    def _stalls(self, violation: float) -> bool:
-        change, last, self._last = abs(violation - self._last), self._last, violation
-        self._still = self._still + 1 if change < _STILL * last else 0
-        if violation < 0.5 * self._mark:
-            self._idle, self._mark = 0, violation
-        elif change < _SAME * last:
-            self._idle += 1
-        counts = (self._idle, self.start.patience), (self._still, self.start.standstill)
-        return violation > _VIOLATED and any(limit is not None and count >= limit for count, limit in counts)

@@ -1,7 +1,4 @@
-"""Plants that are chains of guides, against closed forms; from inside: single steps of a chain, without a loop.
-
-Plants that are chains of guides: against chains of the tests, closed forms, balances and plants of elements.
-"""
+"""Plants that are chains of guides: against chains of the tests, closed forms, balances and plants of elements."""
 
 from __future__ import annotations
 
@@ -10,8 +7,6 @@ import pytest
 from numpy.polynomial import Polynomial
 
 import continuum_grasp as cg
-from continuum_grasp.addons.chains.guides.integration import ChainIntegration
-from continuum_grasp.addons.chains.links import Links
 from continuum_grasp.closed_loop import Plant, PlantModel
 from continuum_grasp.scene import ControlScene
 from tests.tendon_cases import LENGTH, OFFSET, PASSIVE, ROD, STIFFNESS
@@ -40,7 +35,7 @@ class Chain:
 
     def __init__(self, finger, guides, **further):
         self.model = PlantModel(scene(finger, {"guides": guides, "axial_stiffness": 1e4}, **further))
-        self.steps, self.x, self.n = ChainIntegration(self.model), self.model.start, guides
+        self.steps, self.x, self.n = self.model.integration("guides"), self.model.start, guides
 
     def go(self, u, step=1.0, count=1):
         self.x = self.steps.advance(self.x, np.asarray(u, dtype=float), 0.0, step, count)[-1]
@@ -132,7 +127,7 @@ def test_a_tapered_chain_has_the_integrals_of_its_rod():
     section = {"to": length, "diameter": [wide, narrow]}
     rod = {"length": length, "youngs_modulus": young, "density": density, "sections": [section]}
     finger = cg.Finger(rod=rod, half_thickness=6e-3, tendons={"offset": 5e-3, "max_tension": 60.0})
-    links = Links.of(finger, n, even=True)
+    links = PlantModel(scene(finger, {"guides": n, "axial_stiffness": 1e4})).chain.links
     slope = (wide - narrow) / length
     compliance = 64.0 / (np.pi * young) * (narrow**-3 - wide**-3) / (3.0 * slope)
     assert np.sum(1.0 / links.stiffness) == pytest.approx(compliance, rel=1e-10)
@@ -277,7 +272,7 @@ def wound(guides, friction, finger=STILL, tendons=single, **drive):
     made.model = PlantModel(
         scene({**finger, "damping": damping, "tendons": given}, {"guides": guides}, controller=asked)
     )
-    made.steps, made.x, made.n = ChainIntegration(made.model), made.model.start, guides
+    made.steps, made.x, made.n = made.model.integration("guides"), made.model.start, guides
     return made
 
 

@@ -1,4 +1,4 @@
-"""The verdict of a grasp search counts work, the clock is an emergency stop; from inside: runs are counted."""
+"""The verdict of a grasp search counts work, the clock is an emergency stop."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 from grasp_scenes import INTO_PLANE, make_scene
 
 from continuum_grasp.grasp import GraspStatus, optimize_grasp
+from continuum_grasp.nlp import Solver
 from continuum_grasp.scene import GraspSolver
 from tests.marks import few
 
@@ -72,17 +73,15 @@ def test_a_budget_that_is_too_small_is_no_verdict_and_repeats():
 
 def jump_after(monkeypatch, run):
     """Let the emergency stop come with the so-many-th run of the solver."""
-    from continuum_grasp.grasp.problem.solver_run import GraspSolverRun
+    count, whole = [0], Solver.solve
 
-    count, whole = [0], GraspSolverRun.run
-
-    def counted(self, scene, start, budget, **options):
+    def counted(self, problem, start, until):
         count[0] += 1
         if count[0] == run:
-            budget.until = -1.0
-        return whole(self, scene, start, budget, **options)
+            until.until = -1.0
+        return whole(self, problem, start, until)
 
-    monkeypatch.setattr(GraspSolverRun, "run", counted)
+    monkeypatch.setattr(Solver, "solve", counted)
 
 
 @pytest.mark.parametrize("run", [1, 3])

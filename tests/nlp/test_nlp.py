@@ -1,6 +1,4 @@
-"""Every solver on problems with known solutions; from inside: the rule that stops IPOPT gets violations made here.
-
-Every solver on problems with known solutions; budget, deadline and Ctrl-C stop each of them.
+"""Every solver on problems with known solutions; budget, deadline and Ctrl-C stop each of them.
 
 Problems and solutions: W. Hock, K. Schittkowski, Test Examples for Nonlinear Programming Codes, Springer 1981,
 doi:10.1007/978-3-642-48320-2, by their numbers there.
@@ -33,7 +31,6 @@ from continuum_grasp.nlp import (
     SolverStatus,
     Start,
 )
-from continuum_grasp.nlp.solver import _Stop
 from continuum_grasp.scene import GraspSolver
 
 METHODS = get_args(GraspSolver.model_fields["method"].annotation)
@@ -163,10 +160,9 @@ def test_more_equations_than_unknowns_print_nothing(method, capfd):
     ],
 )
 def test_so_many_iterations_may_leave_the_violation_until_it_is_halved_or_in_a_row(ends, violations, stalls):
-    problem, start, _ = problem_71()
-    stop = _Stop(problem)
-    stop.begin(replace(start, **ends), Budget())
-    assert [stop._stalls(violation) for violation in violations][-1] is stalls
+    _, start, _ = problem_71()
+    stalling = replace(start, **ends).stalling()
+    assert [stalling(violation) for violation in violations][-1] is stalls
 
 
 @pytest.mark.parametrize("ends", [{"patience": 3}, {"standstill": 1}])
@@ -214,20 +210,20 @@ def test_the_deadline_ends_it(method):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_ctrl_c_ends_it_after_the_iteration(method, monkeypatch):
+def test_ctrl_c_ends_it_after_the_iteration(method):
+    """It is pressed while the third iteration is taken from the budget."""
     problem, start, _ = problem_71()
-    count, whole = [0], _Stop.eval_buffer
 
-    def pressing(self, *arguments):
-        count[0] += 1
-        if count[0] == 3:
-            os.kill(os.getpid(), signal.SIGINT)
-        return whole(self, *arguments)
+    class Pressing(Budget):
+        def __setattr__(self, name, value):
+            super().__setattr__(name, value)
+            if (name, value) == ("left", 97):
+                os.kill(os.getpid(), signal.SIGINT)
 
-    monkeypatch.setattr(_Stop, "eval_buffer", pressing)
+    budget = Pressing(left=100)
     with pytest.raises(KeyboardInterrupt):
-        solved(method, problem, start)
-    assert count[0] == 3
+        solved(method, problem, start, budget)
+    assert budget.left == 97
 
 
 def problem_by_hand():
