@@ -238,7 +238,8 @@ def _watch(heard: int) -> None:
     while True:
         if signal.SIGINT not in os.read(heard, 64):
             continue
-        began, reported = time.monotonic(), False
+        began = time.monotonic()
+        reported = False
         # Its handler runs when the main thread is back in Python: then the press is raised, or held by a block.
         while _handled < began - _SAME_PRESS or _noted is not None:
             waited = time.monotonic() - began

@@ -59,10 +59,12 @@ def new(
     from continuum_grasp.examples import copy_example, copy_notebooks, example
 
     if notebooks:
-        files, command = copy_notebooks(folder), tool_words("jupyterlab", "notebooks", folder=folder)
+        files = copy_notebooks(folder)
+        command = tool_words("jupyterlab", "notebooks", folder=folder)
         output.say("Notebooks, and what they read:\n")
     else:
-        files, command = copy_example(name, folder), _command(example(name), folder)
+        files = copy_example(name, folder)
+        command = _command(example(name), folder)
         output.say(f"{name}: {example(name).summary}\n")
     for file in files:
         output.say(f"  {file}")

@@ -120,7 +120,8 @@ def _try_out(scene: MissionScene, jobs: int | None, output: Output) -> None:
     except Interrupted as error:
         if not error.result:
             raise
-        outcomes, stopped = error.result, error
+        outcomes = error.result
+        stopped = error
     summary = outcomes.summary
     files = output.save(outcomes)
     output.pairs(summary.pairs())

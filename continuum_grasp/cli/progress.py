@@ -45,16 +45,21 @@ def shown(progress: Progress) -> Iterator[None]:
 
 def _lines(progress: Progress, done: threading.Event) -> None:
     """A line at first, with each tenth of the work, and after a while without one."""
-    tenth, last, wait = -1, -_SILENCE, _PATIENCE
+    tenth = -1
+    last = -_SILENCE
+    wait = _PATIENCE
     # When a share was known, and that: work may go on from an earlier run, or begin once more.
     first: tuple[float, float] | None = None
     while not done.wait(wait):
-        wait, now, share = 1.0, time.monotonic() - progress.start, progress.share
+        wait = 1.0
+        now = time.monotonic() - progress.start
+        share = progress.share
         if first and share is not None and share < first[1]:
             tenth, first = -1, None
         if now - last < _SILENCE and int(10.0 * (share or 0.0)) <= tenth:
             continue
-        tenth, last = int(10.0 * (share or 0.0)), now
+        tenth = int(10.0 * (share or 0.0))
+        last = now
         known, left = "", ""
         if share is not None:
             first = first or (now, share)
@@ -91,7 +96,8 @@ def _compiling_shown() -> Iterator[None]:
         def emit(self, record: logging.LogRecord) -> None:
             _say(record.getMessage())
 
-    log, lines = logging.getLogger("continuum_grasp"), Lines(logging.INFO)
+    log = logging.getLogger("continuum_grasp")
+    lines = Lines(logging.INFO)
     level = log.level
     log.addHandler(lines)
     log.setLevel(logging.INFO)

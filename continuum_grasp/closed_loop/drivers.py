@@ -96,7 +96,8 @@ class SerialBoard:
             import serial
         except ImportError:
             raise InputError(f"a serial board needs pyserial: {install_line('serial')}") from None
-        self._readings, self._sent = CheckedArgument("readings", readings).whole(), 0
+        self._readings = CheckedArgument("readings", readings).whole()
+        self._sent = 0
         self._rest, self._number = b"", -1
         self.damaged = self.missed = 0
         try:
@@ -121,7 +122,8 @@ class SerialBoard:
                 self.damaged += 1
                 continue
             self.missed += max(0, number - self._number - 1) if self._number >= 0 else 0
-            self._number, measurement = number, np.array(values)
+            self._number = number
+            measurement = np.array(values)
         return measurement
 
     def write(self, command: Command) -> None:

@@ -200,7 +200,8 @@ def _first(controller: Controller, start: ArrayLike | Command | None) -> Array:
         controller.reset()
         return rest
     if isinstance(start, Command):
-        x, u = start.estimate.x, start.u.copy()
+        x = start.estimate.x
+        u = start.u.copy()
         if x.size != controller.prediction.nx or u.size != rest.size:
             raise InputError("the controller before has another model: give the input that acts", key="start")
     else:
@@ -215,7 +216,8 @@ class _Loop:
 
     def __init__(self, controller: Controller, driver: Driver, first: Array, soft: float, watchdog: float) -> None:
         self.controller, self.driver = controller, driver
-        scene, names = controller.scene, (controller.measurement_names, controller.stages.u_names)
+        scene = controller.scene
+        names = (controller.measurement_names, controller.stages.u_names)
         wired = Wiring.of(scene.mounting, *names, "mounting")
         self._wired = None if scene.mounting is None else wired
         self._rest, (low, high) = np.array(scene.rest_input), np.array(scene.input_limits)
@@ -232,11 +234,14 @@ class _Loop:
         self.arm: Callable[[bool], object] = lambda on: None
 
     def run(self, cycles: int, spin: float) -> None:
-        controller, period = self.controller, self.controller.period
+        controller = self.controller
+        period = self.controller.period
         idle = getattr(self.driver, "idle", None)
         # A period ahead, so that the first cycle is not late by what was done until here.
         start = time.perf_counter() + period
-        cycle, late, heard = 0, False, start
+        cycle = 0
+        late = False
+        heard = start
         while cycle < cycles:
             release = start + cycle * period
             began = wait_until(release, spin)
@@ -244,7 +249,8 @@ class _Loop:
             heard = began if measured is not None and np.isfinite(measured).any() else heard
             now = time.perf_counter()
             if now - heard > self._watchdog:
-                self.ended, self.cause = "silent", f"nothing was read for {now - heard:.2g} s"
+                self.ended = "silent"
+                self.cause = f"nothing was read for {now - heard:.2g} s"
                 return
             blended = self._command is not None and not np.array_equal(self._command.u, self._last)
             applied = self._last if blended else None
@@ -261,7 +267,8 @@ class _Loop:
             self.health[Health(command.health)] += 1
             self._record(measured)
             if command.health is Health.TRIPPED:
-                self.ended, self.cause = "tripped", command.health_text
+                self.ended = "tripped"
+                self.cause = command.health_text
                 # 1e-3: distance of a command from that at rest, per its range, at which a tripped loop ends
                 if np.all(np.abs(self._last - self._rest) <= 1e-3 * self._range):
                     return
@@ -299,7 +306,8 @@ class _Loop:
 
     def ramp(self) -> None:
         """Go from the last command to the input at rest, period by period, also where the driver fails again."""
-        period, first = self.controller.period, self._last
+        period = self.controller.period
+        first = self._last
         command = self._command or self.controller.step(None, late=True)
         whole = self.controller.parts.calls.ramp
         count = max(1, math.ceil(whole * float(np.max(np.abs(first - self._rest) / self._range)) / period))
@@ -313,7 +321,8 @@ class _Loop:
             time.sleep(period)
 
     def found(self, granted: tuple[str, ...]) -> HardwareRun:
-        controller, count = self.controller, len(self.u)
+        controller = self.controller
+        count = len(self.u)
         lacking = max(0, 2 - count)  # a log has two rows at least
         u, y = np.array([*self.u, *[self._last] * lacking]), np.array([*self.y, *[self._none] * lacking])
         t = np.asarray(controller.period * np.arange(len(u)), dtype=float)

@@ -43,7 +43,8 @@ class Integration(Remade):
 
     def _steps(self, x: Array, u: Array, start: float, step: float, count: int) -> tuple[Array, int, str]:
         """States, how many after the first are good, and what is said where the next one is not."""
-        model, steady = self._model, self._model.steady
+        model = self._model
+        steady = self._model.steady
         # At the start, the middle and the end of each step, where the methods evaluate forces.
         rows = model.forces(start + np.arange(1 if steady else 2 * count + 1) * (0.5 * step))
         begin = np.ascontiguousarray(x, dtype=float)[None]

@@ -68,7 +68,8 @@ class Plant:
         self._believed = Wiring.of(scene.mounting, *names, "mounting")
         self._real = Wiring.of(scene.bench_mounting, *names, "plant.mounting")
         self._wired = scene.mounting != scene.bench_mounting
-        self.x, self.t = self.model.start.copy(), 0.0
+        self.x = self.model.start.copy()
+        self.t = 0.0
         # What measurements may still show: instants, states, and the inputs that led to them.
         self._past_t = np.zeros(1)
         self._past_x = self.x[None]
@@ -174,7 +175,8 @@ class SharedPlant:
 
         The plants stay as they are.
         """
-        first, joint = self.plants[0], self._joint
+        first = self.plants[0]
+        joint = self._joint
         u = [plant.acting(command) for plant, command in zip(self.plants, u, strict=True)]
         timing = start, first.period, finer * first.method.substeps
         if joint is None:
@@ -217,7 +219,8 @@ def _nearest_state(plant: PlantModel, prediction: Prediction) -> ca.SX:
     Angles of sections are affine in the bending coordinates, so that coordinates and rates are linear least squares
     of them; friction states of tendons are means over their cells, all other states (drive, object) the plant's.
     """
-    n, length = prediction.system.n, plant.scene.finger.rod.length
+    n = prediction.system.n
+    length = plant.scene.finger.rod.length
     edges = np.cumsum([0.0, *prediction.system.finger_model.lengths])
     # 4: sections of each element of the controller's model whose angles are compared: more than the two bending
     # coordinates of a clothoid, so that the least squares average over the element

@@ -110,7 +110,8 @@ class PlantModel(Remade):
     ) -> None:
         self.control, self.scene = scene, self.plant_scene(scene) if given is None else given
         varies = given is None and scene.object_moves
-        finger, self._order = self.scene.finger, scene.plant_order
+        finger = self.scene.finger
+        self._order = scene.plant_order
         self._lag = _lag_of(scene, self.scene)
         self._lags = 0 if self._lag is None else len(self._lag)
         varied_lag = _LAG in parameters and not finger.winches and self._lag is not None
@@ -259,7 +260,8 @@ class PlantModel(Remade):
 
     def friction_along(self, tendon: int, start: float, end: float) -> ca.SX:
         """Direction of friction on a tendon between two positions [m], on average: 1 where it slides to the base."""
-        made, names = self.system.finger_model.structure, self.named_states
+        made = self.system.finger_model.structure
+        names = self.named_states
         for number, cells in enumerate(made.cell_sets):
             if tendon not in cells.tendons:
                 continue
@@ -421,7 +423,8 @@ class PlantModel(Remade):
 
     def start_of(self, scene: Scene) -> Array:
         """State at time zero (nx) of a scene that differs from that of this plant by values of parameters."""
-        model, pose = self.system.finger_model, list(scene.start_pose) or None
+        model = self.system.finger_model
+        pose = list(scene.start_pose) or None
         drive_states = np.zeros(self.nx - self.system.nx)
         drive_states[: self._lags] = self.rest_input[: self._lags]
         return np.concatenate([self._begun(scene, initial_state(scene, model), pose), drive_states])
@@ -485,7 +488,8 @@ class PlantModel(Remade):
 
     def sensor_expressions(self, measured: Measured, prediction: Prediction) -> dict[str, dict[str, ca.SX]]:
         """Expression of each number that an estimator measures, by its name and unit, by sensor."""
-        finger, values = self.scene.finger, ca.vertsplit(self.tensions)
+        finger = self.scene.finger
+        values = ca.vertsplit(self.tensions)
         names = [f"tension_{k + 1} [N]" for k in range(len(values))] if finger.winches else self.u_names[: len(values)]
         tensions = dict(zip(names, values, strict=True))
         motors = self.system.finger_model.structure.motors
@@ -498,8 +502,10 @@ class PlantModel(Remade):
 
     def steps_for(self, period: float) -> tuple[str, int, float]:
         """Method, steps per period and fastest rate, by that of some shapes at rest, contacts and damping."""
-        system, w = self.elements, self.forces(0.0)[0]
-        radius, longest = 0.0, system.finger_model.structure.partial_step
+        system = self.elements
+        w = self.forces(0.0)[0]
+        radius = 0.0
+        longest = system.finger_model.structure.partial_step
         for q in system.finger_model.sample_shapes(self.start[: system.n])[:_SHAPES]:
             x = self.start.copy()
             x[: system.n] = q

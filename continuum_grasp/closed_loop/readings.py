@@ -94,7 +94,8 @@ class Readings:
 
     def bounds(self, x: Array, u: Array, w: Array, held: Array, period: float) -> list[Bound]:
         """By how much each bound is exceeded at K instants; zones themselves, without the clearance asked for."""
-        scene, bounds = self._scene, self._scene.controller.bounds
+        scene = self._scene
+        bounds = self._scene.controller.bounds
         unit = split_unit(self._stages.u_names[0]).unit
         beyond = np.maximum(u - self._stages.u_max, self._stages.u_min - u).max(axis=1)
         span = float(np.max(self._stages.u_max - self._stages.u_min))

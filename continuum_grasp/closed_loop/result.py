@@ -227,7 +227,8 @@ class ControlRun(MotionResult):
 
     def metrics(self) -> Metrics:
         """Compute tracking error, effort, violations, times and counts."""
-        error, u = self.tracked - self.r, self.u
+        error = self.tracked - self.r
+        u = self.u
         names = [split_unit(name).name for name in self.r_names]
         inputs = [names.index(name) for name in (split_unit(name).name for name in self.u_names) if name in names]
         away = error[:-1, inputs] if inputs else u - np.array(self.scene.rest_input)
@@ -303,7 +304,8 @@ class ControlRun(MotionResult):
     @cached_property
     def incidents(self) -> tuple[tuple[float, str, str], ...]:
         """Time [s], health and text of each change of the health to something that is not ok."""
-        incidents, before = [], "ok"
+        incidents = []
+        before = "ok"
         for t, health, text in zip(self.t, self.health, self.health_texts, strict=False):
             if health not in (before, "ok"):
                 incidents.append((float(t), health, text))

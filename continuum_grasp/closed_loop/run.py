@@ -223,8 +223,11 @@ def _loop(
 def _result(loop: FingerLoop, first: tuple[float, Array], steps: list[_Step], finished: bool) -> ControlRun:
     """Collect what was recorded since the ``first`` instant and state, and read off the plant what was tracked."""
     scene, control, plant, rows, phases = loop
-    model, stages, count = control.prediction, control.stages, len(steps)
-    commands, rest = [step.command for step in steps], plant.model.rest_input
+    model = control.prediction
+    stages = control.stages
+    count = len(steps)
+    commands = [step.command for step in steps]
+    rest = plant.model.rest_input
     t = np.asarray(first[0] + plant.period * np.arange(count + 1), dtype=float)
     x = np.array([first[1], *[step.x for step in steps]])
     u = np.array([c.u for c in commands]).reshape(count, stages.nu)
@@ -320,7 +323,8 @@ def _plant_errors(shared: SharedPlant, runs: Sequence[ControlRun]) -> list[float
         shared.moved([run.x[k] for run in runs], [run.u[k] for run in runs], float(runs[0].t[k]), finer=2)
         for k in chosen
     ]
-    after, errors = chosen + 1, []
+    after = chosen + 1
+    errors = []
     for number, run in enumerate(runs):
         states = [moved[number][-1] for moved in finer]
         w = run.readings.plant.forces(run.t[after])

@@ -32,7 +32,8 @@ class SharedModel:
         self.plants = tuple(plants)
         self._integrations: dict[str, Any] = {}
         shared = [_shared(plant) if len(plants) > 1 else np.zeros(0, dtype=np.intp) for plant in plants]
-        self._first, start = [plant.first_other for plant in plants], 0
+        self._first = [plant.first_other for plant in plants]
+        start = 0
         self._at = [np.zeros(plant.nx, dtype=np.intp) for plant in plants]
         ends = [
             (0, plant.system.n, 2 * plant.system.n, at, plant.nx) for plant, at in zip(plants, self._first, strict=True)

@@ -161,7 +161,8 @@ class RtiSolver(CompiledController):
     def _guessed(self, guess: Mapping[str, ArrayLike], before: Array) -> tuple[Array, Array]:
         """States and inputs over the horizon, each stage after the other."""
         s = self.stages
-        x, u = np.zeros((s.stages + 1, s.nx)), np.tile(self.safe, (s.stages, 1))
+        x = np.zeros((s.stages + 1, s.nx))
+        u = np.tile(self.safe, (s.stages, 1))
         courses = {split_unit(name).name: x[:, k] for k, name in enumerate(s.x_names[: s.nd])}
         courses |= {split_unit(name).name: u[:, k] for k, name in enumerate(s.u_names)}
         for name, value in guess.items():

@@ -116,7 +116,8 @@ def _around(rows: Sequence[Array], low: Array, high: Array, rng: np.random.Gener
 
 
 def _by_field(output: Argument, off: Array, greatest: Array) -> tuple[OutputError, ...]:
-    errors, at = [], 0
+    errors = []
+    at = 0
     for field in output.fields:
         here = slice(at, at + field.size)
         bound = to_digits(_MARGIN * float(off[here].max()), 2, math.ceil)  # upwards: it is to remain a bound

@@ -97,13 +97,16 @@ def wasm_exports(contents: Contents) -> list[str]:
 
 def wasm_files(contents: Contents) -> dict[str, str]:
     """Script, wrapper and test for WebAssembly, by path."""
-    prefix, calls, stateful = contents.subject.prefix, contents.calls, contents.stateful
+    prefix = contents.subject.prefix
+    calls = contents.calls
+    stateful = contents.stateful
     used = [_use_of_call(contents, call) for call in calls[:1]]
     used += [contents.fill("wasm/use_stateful.mjs", owner=f.types[0], output=f.output) for f in stateful]
     if calls:
         example = f"const {{ code, {calls[0].output.name} }} = finger.{calls[0].name}({_arguments(calls[0])});"
     else:
-        last, owner = stateful[-1], stateful[-1].types[0]
+        last = stateful[-1]
+        owner = stateful[-1].types[0]
         example = f"const {owner} = finger.new_{owner}();\n//   const {{ code, {last.output} }} = {owner}.step("
         example += f"{', '.join(last.inputs)});"
     more = {
@@ -124,7 +127,8 @@ def _arguments(call: Call) -> str:
 
 
 def _use_of_call(contents: Contents, call: Call) -> str:
-    first, arguments = call.inputs[0], _arguments(call)
+    first = call.inputs[0]
+    arguments = _arguments(call)
     spoilt = f'{{ ...finger.begin("{first.kind.name}"), {first.fields[0].name}: NaN }}' if first.is_struct else "NaN"
     words = {
         "name": call.name,

@@ -149,7 +149,8 @@ class Kernel:
 
     def c_source(self, prefix: str, real: CReal) -> str:
         """C in single assignments."""
-        f, kind = self._function, f"{prefix}_real"
+        f = self._function
+        kind = f"{prefix}_real"
         # By places of CasADi's work vector, which are used again: each holds the name that was written to it last.
         values: dict[int, str] = {}
         loads: dict[tuple[int, int], str] = {}

@@ -88,7 +88,8 @@ def _declared(call: Call, prefix: str) -> list[str]:
 def _prototype(call: Call, prefix: str) -> str:
     """C declaration of a public function, without the semicolon."""
     arguments = [*_declared(call, prefix), f"{prefix}_{call.output.kind.name} *{call.output.name}"]
-    head, lines = f"int {prefix}_{call.name}(", [""]
+    head = f"int {prefix}_{call.name}("
+    lines = [""]
     mark = len(f"{prefix.upper()}_API ")
     for k, declared in enumerate(arguments):
         text = declared + (", " if k < len(arguments) - 1 else ")")
@@ -165,7 +166,9 @@ def _internal_header(contents: Contents) -> str:
 
 
 def _kernels_source(contents: Contents) -> str:
-    kernels, prefix, real = contents.kernels, contents.subject.prefix, contents.subject.real
+    kernels = contents.kernels
+    prefix = contents.subject.prefix
+    real = contents.subject.real
     # Copies of sin and the like are static in each file that calls them: no further symbols, and the compiler inlines.
     body = Kernel.all_c_source(kernels, prefix, real)
     # The mark of the header, by which CUDA compiles the kernels for the device.
@@ -197,7 +200,8 @@ def _layer_source(contents: Contents) -> str:
 
 def library_files(contents: Contents) -> dict[str, str]:
     """The library, and the header of its check program; adds the hash of what it computes to the words."""
-    prefix, sources = contents.subject.prefix, contents.sources
+    prefix = contents.subject.prefix
+    sources = contents.sources
     kernels, layer = _kernels_source(contents), _layer_source(contents)
     computed = "".join([kernels, layer, *(text for path, text in sorted(sources.items()) if path.endswith(".c"))])
     counts = "".join(f"{name} {value}\n" for part in contents.parts for name, value in part.constants.items())
@@ -225,7 +229,8 @@ def add_sizes(contents: Contents) -> None:
 
 def _function(contents: Contents, call: Call) -> str:
     """A public function behind one that reads and checks everything it is given."""
-    subject, prefix = contents.subject, contents.subject.prefix
+    subject = contents.subject
+    prefix = contents.subject.prefix
     arrays = [a for a in subject.passed_to(call) if a.is_struct]
     numbers = [
         (a, *map(subject.real.literal, (a.fields[0].low, a.fields[0].high))) for a in call.inputs if not a.is_struct

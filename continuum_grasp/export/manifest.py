@@ -35,7 +35,9 @@ def manifest(
     configuration: Mapping[str, Any] | None,
 ) -> dict[str, Any]:
     """Content of the manifest of a package, as plain values."""
-    subject, model, words = contents.subject, contents.subject.finger, contents.words
+    subject = contents.subject
+    model = contents.subject.finger
+    words = contents.words
     return {
         "name": subject.prefix,
         "versions": {"continuum_grasp": __version__, "casadi": str(ca.CasadiMeta.version())},
@@ -212,7 +214,8 @@ def write_package(folder: Path, others: Mapping[str, str], values: dict[str, Any
     file that an export was interrupted at, or that ends before the end of its text, is replaced.
     """
     check_folder(folder, "export")
-    files, earlier = {**others, MANIFEST: manifest_text(values)}, _earlier(folder)
+    files = {**others, MANIFEST: manifest_text(values)}
+    earlier = _earlier(folder)
     for name, text in files.items():
         path = folder / name
         begun = path.is_file() and text.encode().startswith(path.read_bytes())

@@ -250,7 +250,8 @@ def subject_of(source: ModelSource, names: Sequence[str], kind: CReal, options: 
         _SOLVERS.check(source, of={"ranges": bool(options.ranges)})
         return Subject(prefix, kind, loop=Loop.of_solver(source.loop, kind))
     # Estimator and controller have the object in a model of their own.
-    alone, ranges = set(OF_LOOPS).issuperset(names), options.ranges or {}
+    alone = set(OF_LOOPS).issuperset(names)
+    ranges = options.ranges or {}
     around = None if alone else source.surroundings
     subject = Subject.of(source.finger, prefix, kind, ranges, around, longest=longest, count=count)
     loop_parts = [name for name in names if name in OF_LOOPS]

@@ -70,7 +70,8 @@ class ModelFields:
         Bends reach as far as the ranges of ``parameters`` let them.
         """
         model = self.finger
-        reach, states = _reach(model, parameters), identifiers(model.friction_names)
+        reach = _reach(model, parameters)
+        states = identifiers(model.friction_names)
         stiffness = _greatest(parameters, "bending_stiffness", model.finger.rod.stiffness)
         # E I / L times an angle is the moment that bends the whole rod by it.
         usual_moment = stiffness * max(model.ranges) / model.finger.rod.length
@@ -133,7 +134,8 @@ def _usual_drive(model: FingerModel, name: str) -> float | None:
     match = re.fullmatch(_DRIVE, name)
     if match is None:
         return None
-    kind, number = match[1], int(match[2]) - 1
+    kind = match[1]
+    number = int(match[2]) - 1
     if kind in ("tension", "pressure"):
         least, greatest, channel, arm = _pulled(model, match)
         usual_moment = model.finger.rod.stiffness * max(model.ranges) / model.finger.rod.length
@@ -234,7 +236,9 @@ class JointRange:
         ``pressed`` is the greatest depth of contacts [m].
         """
         limits: dict[str, tuple[float, float]] = {}
-        use, text, notes = None, "", dict[str, str]()
+        use = None
+        text = ""
+        notes = dict[str, str]()
         if model.structure.winches:
             use, text, notes = _of_tensions(model, equations)
         elif model.structure.matched:

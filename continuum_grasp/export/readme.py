@@ -22,7 +22,8 @@ _COMMENT_OR_FUNCTION = r"^/\* (?P<comment>.*?) ?\*/|^(?:#define |(?:\w+_API )?(?
 
 def functions_of(header: str, prefix: str) -> dict[str, str]:
     """Functions that a header declares, with the comment above each; those behind a macro by the macro's name."""
-    functions, comment = dict[str, str](), ""
+    functions = dict[str, str]()
+    comment = ""
     for match in re.finditer(_COMMENT_OR_FUNCTION.format(p=prefix), header, re.MULTILINE | re.DOTALL):
         if match["name"] is None:
             comment = " ".join(match["comment"].split())
@@ -34,7 +35,8 @@ def functions_of(header: str, prefix: str) -> dict[str, str]:
 def readme(contents: Contents, report: Report, *, header: str, source: str, wasm: bool) -> str:
     """Text of the README of a package with a header."""
     subject, stateful = contents.subject, contents.stateful
-    finger, names = subject.finger, {part.name for part in contents.parts}
+    finger = subject.finger
+    names = {part.name for part in contents.parts}
     note = "" if finger is None else moment_note(subject)
     both = list[Call | Stateful]([*contents.calls, *stateful])
     prefix = subject.prefix
@@ -137,7 +139,8 @@ def _phase_rows(loop: Loop) -> list[tuple[str, str, str, str, str]]:
 
 def _stateful(contents: Contents, stack: int) -> str:
     """Text on needs and work of estimator, controller and mission; ``stack`` is what was measured [bytes], or 0."""
-    loop, words = contents.subject.loop, contents.words
+    loop = contents.subject.loop
+    words = contents.words
     if loop is None or not contents.stateful:
         return ""
     usual, first = _times(loop.calls.sqp_iterations), _times(loop.calls.start_iterations)

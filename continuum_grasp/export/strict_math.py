@@ -181,7 +181,8 @@ def _turn(x: Array, n: SimpleNamespace, quarters: int) -> Array:
 
 
 def _sqrt(x: Array, n: SimpleNamespace) -> Array:
-    bits, small = n.real.bits, x < n.least
+    bits = n.real.bits
+    small = x < n.least
     scaled = np.where(small, x * n.up, x)
     y = (bits(n.guess) - (scaled.view(bits) >> bits(1))).view(n.real.dtype)
     for _ in range(n.newton):
@@ -248,7 +249,8 @@ def _cosh(x: Array, n: SimpleNamespace) -> Array:
 
 def _atan2(y: Array, x: Array, n: SimpleNamespace) -> Array:
     a, b = np.abs(y), np.abs(x)
-    none, steep = (a == 0) & (b == 0), a > b
+    none = (a == 0) & (b == 0)
+    steep = a > b
     ratio = np.where(steep, b, a) / np.where(none, n.one, np.where(steep, a, b))
     turned = ratio > n.tan_eighth
     ratio = np.where(turned, (ratio - n.one) / (ratio + n.one), ratio)

@@ -84,7 +84,8 @@ class Subject:
         moving = touching or model
         model_ranges = {name: pair for name, pair in ranges.items() if name != CONTACT_FORCE or touching is None}
         fields = ModelFields(moving)
-        parameters, forces = fields.parameters(model_ranges), fields.forces()
+        parameters = fields.parameters(model_ranges)
+        forces = fields.forces()
         states = fields.states(parameters)
         equations = Equations(moving.structure)
         pressed = 0.0 if touching is None else contact_depth(touching, ranges.get(CONTACT_FORCE))
@@ -321,7 +322,8 @@ def _greatest_rates(
                         "the linearized motion is not finite at a corner of the parameters' ranges", state=x
                     )
                 radii = [float(np.abs(np.linalg.eigvals(slope)).max()) for slope in slopes]
-                radius, resolved = max(radius, *radii), max(resolved, radii[0])
+                radius = max(radius, *radii)
+                resolved = max(resolved, radii[0])
                 if touching is not None:
                     # 0.125: product of a sub-step and the fastest oscillation on a contact's spring up to which what
                     # lands on it is followed: the tip of a finger of 0.18 m that swings against a disc is then off by
@@ -343,7 +345,9 @@ def _slopes(moving: FingerModel | System, x: Array, u: Array, p: Array, pressed:
 
 def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Array]]:
     """States of drives and of friction, and inputs, among which the stiffest are, in a shape."""
-    tendons, structure, u = model.finger.tendon_list, model.structure, np.zeros(model.nu)
+    tendons = model.finger.tendon_list
+    structure = model.structure
+    u = np.zeros(model.nu)
     count = len(model.friction_names)
     drives = [[0.0] * (model.nx - 2 * model.n - count)]
     if structure.own_tendons:

@@ -78,7 +78,8 @@ class SweptKernel(Kernel):
         return arguments | ({"spin": f"spins[{made.links}]"} if key == "tip" else {})
 
     def _loop(self, prefix: str, real: CReal) -> str:
-        made, sizes = self._made, dict[str, int]()
+        made = self._made
+        sizes = dict[str, int]()
         for of in self._sizes.values():
             sizes |= of
         calls = {key: part.call(prefix, **self._arguments(key)) for key, part in self._parts.items()}
@@ -112,7 +113,8 @@ class SweptKernel(Kernel):
     def evaluate(self, real: CReal, **rows: Array) -> dict[str, Array]:
         """Evaluate as the C does, to the last bit; see ``Kernel``."""
         made, t = self._made, real.dtype
-        n, links = made.unknowns, range(made.links)
+        n = made.unknowns
+        links = range(made.links)
         x = np.asarray(rows["x"], dtype=t)
         count = len(x)
 

@@ -100,7 +100,8 @@ _SHARE = 0.25
 
 def example_files(contents: Contents, target: str) -> dict[str, str]:
     """Examples by path; those that step in time, and those that control, only where the package does."""
-    subject, names = contents.subject, {part.name for part in contents.parts}
+    subject = contents.subject
+    names = {part.name for part in contents.parts}
     core = _core(target) or ("cortex-m4f" if subject.real.name == "float" else "cortex-m7")
     files = {name: contents.fill(name, core=core) for name in (f"examples/baremetal/{name}" for name in _BARE_METAL)}
     if "step" in names:
@@ -117,7 +118,8 @@ def example_files(contents: Contents, target: str) -> dict[str, str]:
 
 def _step_words(subject: Subject) -> dict[str, object]:
     real = subject.real
-    state, first = subject.state.fields, subject.input.fields[0]
+    state = subject.state.fields
+    first = subject.input.fields[0]
     return {
         "start": [*map(real.literal, subject.start)] if subject.touching is not None else [],
         "h": real.literal(subject.accurate_step),

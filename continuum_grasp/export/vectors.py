@@ -71,13 +71,15 @@ def press(subject: Subject, arguments: Sequence[Argument], rows: Array, rng: np.
     system = subject.touching
     if system is None or not system.touch_names or "object_x" not in names:
         return rows
-    arrays, count = split(rows, list(arguments)), len(rows)
+    arrays = split(rows, list(arguments))
+    count = len(rows)
     whole = [arrays[key] if arrays[key].size else np.zeros((count, getattr(system, f"n{key}"))) for key in "xuwp"]
     touch = system.touch.map(count)(*(np.asarray(array, dtype=float).T for array in whole))
     gap = np.array(touch[0]).T
     normal = np.array(touch[6]).reshape(2, count, -1)
     stations = sum(name.startswith("finger.") for name in system.touch_names)
-    station, each = rng.integers(0, stations, count), np.arange(count)
+    station = rng.integers(0, stations, count)
+    each = np.arange(count)
     depth = subject.pressed * rng.uniform(*_DEPTHS, count)
     moved = rows.copy()
     place = [names.index("object_x"), names.index("object_y")]
@@ -89,7 +91,8 @@ def press(subject: Subject, arguments: Sequence[Argument], rows: Array, rng: np.
 
 def split(rows: Array, arguments: list[Argument]) -> dict[str, Array]:
     """Rows by the arrays of the arguments; empty ones for those that a function does not have."""
-    arrays, start = {}, 0
+    arrays = {}
+    start = 0
     for argument in arguments:
         arrays[argument.array] = rows[:, start : start + argument.size]
         start += argument.size
@@ -137,7 +140,8 @@ def _sample(subject: Subject, arguments: list[Argument], seed: int) -> Array:
 
 def _bad(real: CReal, arguments: list[Argument], row: int) -> list[Bad]:
     """Cases in which each number is not finite, below its range, or above it."""
-    bad, first = [], 0
+    bad = []
+    first = 0
     for argument in arguments:
         ranges = [replace(f, low=-np.inf, high=np.inf) if argument.drawn else f for f in argument.fields]
         bad += bad_entries(real, ranges, row, first, argument.code)
@@ -218,7 +222,8 @@ def check_source(contents: Contents, vectors: Sequence[Vectors]) -> str:
 
 
 def _table(vectors: Vectors, real: CReal) -> dict[str, object]:
-    inputs, good = vectors.inputs, np.isfinite(vectors.inputs)
+    inputs = vectors.inputs
+    good = np.isfinite(vectors.inputs)
     spoilt = [(int(k), int(j), _bits(inputs[k, j], real), 0) for k, j in np.argwhere(~good)]
     numbers = {
         "inputs": np.where(good, inputs, 0),

@@ -81,7 +81,8 @@ def _bound(scene: GraspScene, limit: float) -> float:
     need, contacts = _load(scene), _contacts(scene)
     used = np.isin(np.arange(6), scene.balances).astype(float)
     y = need / float(need @ need)
-    least, value = math.inf, 0.0
+    least = math.inf
+    value = 0.0
     cuts: list[list[Array]] = [[] for _ in contacts]
     for _ in range(_ROUNDS):
         bounds = [contact.most(y) for contact in contacts]

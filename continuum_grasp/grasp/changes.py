@@ -61,7 +61,8 @@ def with_finer_outline(
     """The result with what a polygon nearer to the drawing changes, next to this grasp; where none is there, by a
     ``search``, since contacts do not slide far over corners.
     """
-    scene, here = _redrawn(result.scene), result.arrays
+    scene = _redrawn(result.scene)
+    here = result.arrays
     solved = _solve_again(scene, result, budget)
     if isinstance(solved, str):
         found = search(scene)
@@ -108,7 +109,9 @@ def resolve_elements(
     reference = _solve_again(_fine(scene), first, budget)
     if isinstance(reference, str):
         return first.scene, f"the fine model: {reference}, so no tolerance can be checked", None
-    note, change, chosen = "", None, first.scene
+    note = ""
+    change = None
+    chosen = first.scene
     for count in range(1, FINE):
         chosen = with_elements(scene, count)
         solved = _solve_again(chosen, first, budget)
@@ -167,7 +170,8 @@ def sensitivities(scene: GraspScene, tried: Tried) -> tuple[Sensitivity, ...]:
     They hold as long as the same limits stay active. The pose is that of the object with its supports, moved against
     all fingers' bases together; bases that are free do not move.
     """
-    attempt, problem = tried.attempt, tried.solver.problem
+    attempt = tried.attempt
+    problem = tried.solver.problem
     # At an optimum the objective changes with a number as the Lagrangian does: unknowns and multipliers stand still.
     slope = np.asarray(tried.solver.nlp.slope(attempt.x, attempt.numbers, 1.0, attempt.multipliers.constraints)).ravel()
     units = 1.0 / tension_weight(scene) if scene.objective == "least_tension" else 1.0
@@ -184,7 +188,8 @@ def sensitivities(scene: GraspScene, tried: Tried) -> tuple[Sensitivity, ...]:
 
 def _by_mass(scene: GraspScene, tried: Tried) -> Array:
     """Derivative of the problem's numbers by the object's mass [1/kg]."""
-    attempt, problem = tried.attempt, tried.solver.problem
+    attempt = tried.attempt
+    problem = tried.solver.problem
     # They are smooth in it, so that a difference of 1e-6 is good to six digits.
     mass = 1e-6 * scene.object.mass
     heavier = scene.object.model_copy(update={"mass": scene.object.mass + mass})

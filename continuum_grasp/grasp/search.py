@@ -103,7 +103,8 @@ class GraspSearch:
         """
         if not self.budget.over:
             self.settled = self.settle(self._maps)
-        most, solved = self._effort.settled, 0
+        most = self._effort.settled
+        solved = 0
         for candidate in [each for each in self.settled if each.holds]:
             if solved == most:
                 break
@@ -285,7 +286,8 @@ class GraspSearch:
         **options: Any,
     ) -> Tried | None:
         """Solve from a start and verify what is new; None where there are no numbers to verify."""
-        own, solver = solver is None, solver or self.solver(start)
+        own = solver is None
+        solver = solver or self.solver(start)
         fresh = "x0" not in options
         known = {t.attempt: t for t in self.tried if t.solver is solver and t.attempt.converged and fresh}
         attempt = solver.run(self.scene, start, self.budget, options_at=options_at, known=list(known), **options)
@@ -327,7 +329,9 @@ class GraspSearch:
     @property
     def _standing(self) -> str:
         """The best so far, what was tried, and how much longer it may take."""
-        best, left, spent = self.best, self.budget.left, sum(tried.attempt.iterations for tried in self.tried)
+        best = self.best
+        left = self.budget.left
+        spent = sum(tried.attempt.iterations for tried in self.tried)
         held = "no grasp yet" if best is None else f"{amount_text(self._tension(best), 'N', '.4g')} so far"
         seconds = max(left, 0.0) * sum(tried.attempt.seconds for tried in self.tried) / max(spent, 1)
         seconds = max(0.0, min(seconds, self.budget.until - time.monotonic()))

@@ -121,7 +121,8 @@ class FingerShape:
 @lru_cache(maxsize=64)
 def skin(thickness: Curve) -> Curve:
     """Half thickness [m] whose kinks and jumps are rounded by cubics, with a continuous slope."""
-    length, corners = thickness.edges[-1], []
+    length = thickness.edges[-1]
+    corners = []
     for k, at in enumerate(thickness.edges[1:-1], 1):
         before = thickness.local(k - 1, at)
         after = thickness.local(k, at)
@@ -134,7 +135,8 @@ def skin(thickness: Curve) -> Curve:
     if not corners:
         return thickness
     widths = {k: width for k, _, width in corners}
-    edges, pieces = [0.0], []
+    edges = [0.0]
+    pieces = []
     for k, (a, b) in enumerate(zip(thickness.edges[:-1], thickness.edges[1:], strict=True)):
         start = a + widths.get(k, 0.0)
         end = b - widths.get(k + 1, 0.0)

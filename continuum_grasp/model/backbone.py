@@ -62,7 +62,8 @@ class _Uniform(Panel):
         super().__init__(*place)
 
     def up_to(self, s: Scalar | None) -> tuple[Scalar, ca.SX, Scalar]:
-        nodes, bend = ca.SX(ca.DM(self.rule.nodes)), self.link.bend
+        nodes = ca.SX(ca.DM(self.rule.nodes))
+        bend = self.link.bend
         if s is None:
             return self.length, ca.SX(bend(nodes)), bend(1.0)
         reach = ca.fmin(ca.fmax((s - self.start) / self.length, 0.0), 1.0)
@@ -96,16 +97,21 @@ class Backbone:
         self.p = equations.p if p is None else p
         self.elements: list[list[Panel]] = []
         start: Scalar = ca.SX(0.0)
-        point, angle = column(equations._par.vector("base_position")), equations._par["base_angle"]
+        point = column(equations._par.vector("base_position"))
+        angle = equations._par["base_angle"]
         for k, h in enumerate(self.lengths):
             self.elements.append(self._panels(k, start, point, angle))
             last = self.elements[-1][-1]
-            start, point, angle = start + h, last.end, last.end_angle
+            start = start + h
+            point = last.end
+            angle = last.end_angle
 
     def _panels(self, k: int, start: Scalar, point: ca.SX, angle: Scalar) -> list[Panel]:
         """Panels of an element, from its first section on."""
-        link, made = self._eq.chain.links[k].link, self._eq.structure
-        reach, accuracy = made.ranges[k], made.accuracy or made.family.default_accuracy
+        link = self._eq.chain.links[k].link
+        made = self._eq.structure
+        reach = made.ranges[k]
+        accuracy = made.accuracy or made.family.default_accuracy
         if isinstance(link, CollocatedLink):
             rule = link.rule
         else:
@@ -135,14 +141,13 @@ class Backbone:
         """``(q, u, p)``: at ``count`` Gauss nodes of each element, M in all, positions (2, M), tangents (2, M) and
         lengths (M,) that they stand for; beyond each of them the length (M,) and the integral of positions (2, M).
         """
-        rule, panels = collocation(count), [panel for element in self.elements for panel in element]
-        nodes, points, tangents, weights, integral = (
-            rule.nodes,
-            list[ca.SX](),
-            list[ca.SX](),
-            list[ca.SX](),
-            list[ca.SX](),
-        )
+        rule = collocation(count)
+        panels = [panel for element in self.elements for panel in element]
+        nodes = rule.nodes
+        points = list[ca.SX]()
+        tangents = list[ca.SX]()
+        weights = list[ca.SX]()
+        integral = list[ca.SX]()
         first = ca.SX.zeros(2)
         for panel in panels:
             here = cast(_Uniform, panel).at(nodes[None])
@@ -171,7 +176,9 @@ class Backbone:
         """``(q, u, p)``: world positions (2, K) of places on every element, ``count`` at most, and where along the
         finger these are (K,); and the elements that they are on.
         """
-        even, points, places = (np.arange(count) + 0.5) / count, [], []
+        even = (np.arange(count) + 0.5) / count
+        points = []
+        places = []
         for k, element in enumerate(self.elements):
             points.append(self._at(k, even[None]))
             places += [element[0].start + share * self.lengths[k] for share in even.tolist()]
@@ -187,11 +194,13 @@ class Backbone:
 
     def line(self, count: int) -> ca.Function:
         """``(q, u, p)``: evenly along the finger where, world position (2,) and angle of sections: (4, count)."""
-        eq, s = self._eq, ca.SX.sym("s")
+        eq = self._eq
+        s = ca.SX.sym("s")
         point, angle = self._section(s, self.elements)
         place = ca.Function("place", [s, eq.q, eq.u, self.p], [ca.cse(ca.vertcat(s, point, angle))])
         # Mapped, not unrolled: the expression of one place serves all.
-        along, mapped = ca.DM(np.linspace(0.0, 1.0, count)).T, place.map(count, [False, True, True, True], [False])
+        along = ca.DM(np.linspace(0.0, 1.0, count)).T
+        mapped = place.map(count, [False, True, True, True], [False])
         state = [ca.MX.sym(name, symbol.numel()) for name, symbol in (("q", eq.q), ("u", eq.u), ("p", self.p))]
         return ca.Function("line", state, [mapped(along, *state)])
 
@@ -229,7 +238,8 @@ class Backbone:
         ``m`` (2, masses) are masses and where they are, beside those of the finger; ``history`` is that of
         `FingerModel`, empty without friction.
         """
-        eq, m = self._eq, ca.SX.sym("m", 2, masses)
+        eq = self._eq
+        m = ca.SX.sym("m", 2, masses)
         force = self._resisting() - ca.gradient(self._work(m), eq.q)
         force += column(eq.resting.sections.force("friction")[: eq.q.numel()])
         return self._function("missing", [eq.w, m, eq.history], [force])
@@ -244,7 +254,9 @@ class Backbone:
     @cached_property
     def mean_shares(self) -> ca.Function:
         """``(q, u, history, p)``: mean along the finger of the tension of each tendon, per that at the base."""
-        eq, nominal, shares = self._eq, self._eq.structure.lengths, list[Scalar]()
+        eq = self._eq
+        nominal = self._eq.structure.lengths
+        shares = list[Scalar]()
         for cells, passed in zip(eq.structure.tendon_sets, eq.resting.tendons.shares, strict=True):
             spans = [cell.length / nominal[cell.element] * eq.lengths[cell.element] for cell in cells.cells]
             for mean in passed.mean:
@@ -254,7 +266,9 @@ class Backbone:
 
     def _work(self, masses: ca.SX) -> ca.SX:
         """Work of loads and weight, whose gradient are their generalized forces."""
-        eq, made, work = self._eq, self._eq.structure, ca.SX(0.0)
+        eq = self._eq
+        made = self._eq.structure
+        work = ca.SX(0.0)
         ends, angles = self._ends, self._angles
         places = [place_at(at, made.lengths).link for at in made.contacts] + [made.tip.link] * made.tip_force
         for k, element in enumerate(places):

@@ -53,7 +53,8 @@ class _Part(Panel):
         super().__init__(*place)
 
     def up_to(self, s: Scalar | None) -> tuple[Scalar, ca.SX, Scalar]:
-        width, curvature = self.length, self._backbone.curvature
+        width = self.length
+        curvature = self._backbone.curvature
         if s is not None:
             width = ca.fmin(ca.fmax(s, self.start), self.start + self.length) - self.start
         places = [self.start + width * u for u in self.rule.nodes.tolist()]
@@ -81,14 +82,13 @@ class GradedBackbone(Backbone):
     """
 
     def __init__(self, made: Structure, spec: CurvesSpec) -> None:
-        count, self._matched = len(made.lengths), made.matched
+        count = len(made.lengths)
+        self._matched = made.matched
         sizes = {"lengths": count, "curves": spec.size, "scales": count + 1, "known": count + 1}
         symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
-        self.curves, self._scales, self._known = (
-            spec.expressions(symbols["curves"]),
-            symbols["scales"],
-            symbols["known"],
-        )
+        self.curves = spec.expressions(symbols["curves"])
+        self._scales = symbols["scales"]
+        self._known = symbols["known"]
         lengths = ca.vertsplit(symbols["lengths"])
         self.ends = [ca.SX(0.0), *accumulate(lengths)]
         varies = any(curve.name == "stiffness" and curve.degree for curve in spec.curves)
@@ -101,7 +101,8 @@ class GradedBackbone(Backbone):
 
     def _along(self, made: Structure) -> Structure:
         """The structure, whose laws see the curves."""
-        structure, count = copy(made), len(made.lengths)
+        structure = copy(made)
+        count = len(made.lengths)
         structure.tendon_sets = tuple(
             replace(cells, cells=tuple(self._cells(len(cells.cells) // count))) for cells in made.tendon_sets
         )
@@ -113,7 +114,8 @@ class GradedBackbone(Backbone):
     @cached_property
     def nodal(self) -> list[ca.SX]:
         """Moments r at the nodes."""
-        moments, couple = self._scales[: self._eq.q.numel()] * self._eq.q, self._eq.u[-1]
+        moments = self._scales[: self._eq.q.numel()] * self._eq.q
+        couple = self._eq.u[-1]
         if not self._matched:
             return list(ca.vertsplit(moments))
         return [*ca.vertsplit(moments - self._known[:-1] * self._pulls), couple]
@@ -140,7 +142,8 @@ class GradedBackbone(Backbone):
 
     def _nodes(self, a: Any, b: Any) -> list[tuple[Callable[[str], ca.SX], ca.SX, ca.SX]]:
         """Gauss nodes between two places of an element: values of the curves there, places, and weights."""
-        rule, nodes = list(zip(self._rule.nodes.tolist(), self._rule.weights.tolist(), strict=True)), []
+        rule = list(zip(self._rule.nodes.tolist(), self._rule.weights.tolist(), strict=True))
+        nodes = []
         for part, (low, high) in enumerate(pairwise(self._edges(a, b))):
             places = [(low + (high - low) * u, (high - low) * weight) for u, weight in rule]
             nodes += [(self.curves.on(part, s), s, weight) for s, weight in places]
@@ -170,7 +173,8 @@ class GradedBackbone(Backbone):
         """
         total = ca.SX.zeros(3, 3)
         for value, s, weight in self._nodes(a, b):
-            shape, hats = value("channel"), self._hats(k, s) / value("stiffness")
+            shape = value("channel")
+            hats = self._hats(k, s) / value("stiffness")
             integrand = weight * ca.vertcat(hats, value("rest"))
             total += ca.horzcat(ca.if_else(shape != 0.0, integrand, 0.0), shape * integrand, shape * integrand * s)
         return total
@@ -196,9 +200,11 @@ class GradedBackbone(Backbone):
 
     def _ports(self, count: int) -> list[Port]:
         """Ports at which the laws of the sections see the curvature above rest, so many on each element."""
-        ports, base = [], self.curves.at(0.0)("stiffness")
+        ports = []
+        base = self.curves.at(0.0)("stiffness")
         for k, a, b in self._bounds(count):
-            turn, even = ca.SX.zeros(2), ca.SX(0.0)
+            turn = ca.SX.zeros(2)
+            even = ca.SX(0.0)
             for value, s, weight in self._nodes(a, b):
                 turn += weight * (self._hats(k, s) / value("stiffness"))
                 even += weight * (base / value("stiffness"))
@@ -237,7 +243,9 @@ class GradedBackbone(Backbone):
 
     def fixed_places(self, count: int) -> tuple[ca.Function, list[int]]:
         """Some of the Gauss nodes, which cost nothing."""
-        points, places, owners = list[ca.SX](), list[Scalar](), list[int]()
+        points = list[ca.SX]()
+        places = list[Scalar]()
+        owners = list[int]()
         for k, element in enumerate(self.elements):
             at = ca.horzsplit(ca.horzcat(*(cast(_Part, part).points for part in element)))
             nodes = [s for _, s, _ in self._nodes(*self.ends[k : k + 2])]
@@ -250,8 +258,11 @@ class GradedBackbone(Backbone):
 
     @cached_property
     def curvatures(self) -> ca.Function:
-        strained, at = "depth" in self.curves.names, self.curves.at
-        f, sides, strains = ca.SX.sym("f", len(self.elements) * strained), list[list[ca.SX]](), list[ca.SX]()
+        strained = "depth" in self.curves.names
+        at = self.curves.at
+        f = ca.SX.sym("f", len(self.elements) * strained)
+        sides = list[list[ca.SX]]()
+        strains = list[ca.SX]()
         for k, (a, b) in enumerate(pairwise(self.ends)):
             sides.append([self.curvature(k, a, at(a, tip_side=True)), self.curvature(k, b, at(b))])
             if strained:

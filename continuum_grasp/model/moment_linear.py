@@ -40,10 +40,12 @@ class Clothoid(CollocatedLink):
         # The mean curvature between two nodes is that at the middle, and the rule is symmetric: products are shared.
         rise = self._rise * fraction
         reach = fraction * self._length
-        middle, lean = reach * (self._local[0] + 0.5 * rise), reach * rise
+        middle = reach * (self._local[0] + 0.5 * rise)
+        lean = reach * rise
         angles = []
         for step, offset in zip(self.rule.steps.tolist(), self.rule.offsets.tolist(), strict=True):
-            bend, shift = step * middle, abs(offset) * lean
+            bend = step * middle
+            shift = abs(offset) * lean
             angles.append(bend + shift if offset > 0.0 else bend - shift)
         return angles
 
@@ -70,7 +72,8 @@ class MomentLinearFamily(Family):
         self._at_nodes = mesh.stiffness(ends)
         self._moments = [moment(ends) for moment in mesh.moments]
         # Moments that are more than their values at the nodes.
-        known, every = mesh.moments if mesh.known else (), range(self.elements)
+        known = mesh.moments if mesh.known else ()
+        every = range(self.elements)
         self._left = [k for k, moment in enumerate(known) if any(self._rest_of(moment, j) for j in every)]
         elements = [self._shapes(k) for k in range(self.elements)]
         self._elements, self._are_clothoids = [shapes for shapes, _ in elements], [uniform for _, uniform in elements]
@@ -93,12 +96,14 @@ class MomentLinearFamily(Family):
         # Behind a jump of the stiffness the curvature at the start is not that of the node.
         same = first == last == mesh.constant(mesh.stiffness, element)
         if not left and same and all(mesh.constant(curve, element) is not None for curve in curves):
-            one, hats = Curve.along(mesh.ends[-1], 1.0), ((1.0, 0.0), (0.0, 1.0))
+            one = Curve.along(mesh.ends[-1], 1.0)
+            hats = ((1.0, 0.0), (0.0, 1.0))
             return CurvatureShapes(start, end, one, mesh.rest, mesh.panels(element), hats, (None, None), one, one), True
         base = float(self._at_nodes[0])
         taken = [(-base * float(m[element]), -base * float(m[element + 1])) for m in (self._moments[k] for k in left)]
         moments = [mesh.moments[k] for k in left]
-        parts, values = mesh.panels(element, *curves, *moments), ((first, 0.0), (0.0, last), *taken)
+        parts = mesh.panels(element, *curves, *moments)
+        values = ((first, 0.0), (0.0, last), *taken)
         beside = (None, None, *(moment.scaled(base) for moment in moments))
         densities = mesh.linear_density, mesh.rotary_inertia
         return CurvatureShapes(start, end, mesh.stiffness, mesh.rest, parts, values, beside, *densities), False
@@ -153,7 +158,9 @@ class MomentLinearFamily(Family):
         return np.concatenate([nodes, np.zeros(len(self._left))])
 
     def link(self, element: int, local: Sequence[Scalar], rod: RodProperties, end_mass: float) -> CollocatedLink:
-        mesh, reach, accuracy = self.mesh, self.mesh.ranges[element], self.accuracy or self.default_accuracy
+        mesh = self.mesh
+        reach = self.mesh.ranges[element]
+        accuracy = self.accuracy or self.default_accuracy
         made, uniform = self._elements[element], self._are_clothoids[element]
         if uniform and reach <= ONE_TURN:
             rule = collocation(node_count(reach, accuracy))

@@ -64,7 +64,8 @@ class Curves:
     """The curves along a finger as expressions of the position, per its length."""
 
     def __init__(self, spec: CurvesSpec, numbers: ca.SX) -> None:
-        self.spec, start = spec, 0
+        self.spec = spec
+        start = 0
         self._breaks: dict[str, list[ca.SX]] = {}
         for group, count in spec.edges.items():
             self._breaks[group] = [numbers[start + k] for k in range(count)]

@@ -95,14 +95,19 @@ class Stalling:
     def __init__(self, patience: int | None, standstill: int | None) -> None:
         self._patience, self._standstill = patience, standstill
         # Iterations without a change since the violation was so much, those in a row, and the violation before.
-        self._idle, self._mark = 0, np.inf
-        self._still, self._last = 0, np.inf
+        self._idle = 0
+        self._mark = np.inf
+        self._still = 0
+        self._last = np.inf
 
     def __call__(self, violation: float) -> bool:
-        change, last, self._last = abs(violation - self._last), self._last, violation
+        change = abs(violation - self._last)
+        last = self._last
+        self._last = violation
         self._still = self._still + 1 if change < _STILL * last else 0
         if violation < 0.5 * self._mark:
-            self._idle, self._mark = 0, violation
+            self._idle = 0
+            self._mark = violation
         elif change < _SAME * last:
             self._idle += 1
         impatient = self._patience is not None and self._idle >= self._patience

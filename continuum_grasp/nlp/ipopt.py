@@ -36,7 +36,8 @@ class Ipopt(Solver):
 
     def options(self, problem: NLP, approach: Approach) -> dict[str, Any]:
         """See `Solver`."""
-        settings, tuning = self.settings, dict(self.settings.tuning.get("ipopt", {}))
+        settings = self.settings
+        tuning = dict(self.settings.tuning.get("ipopt", {}))
         near = tuning.pop("near", _NEAR)
         options = {
             "print_level": 0,

@@ -99,7 +99,9 @@ class NLP:
         by_f, by_g = _scales(self, start)
         _, gradient = (np.array(v).ravel() for v in self.functions["grad_f"](x, start.p))
         value, jacobian = self.functions["jac_g"](x, start.p)
-        g, forces, bounds = np.array(value).ravel(), multipliers.constraints, multipliers.bounds
+        g = np.array(value).ravel()
+        forces = multipliers.constraints
+        bounds = multipliers.bounds
         slope = gradient + np.array(jacobian.T @ forces).ravel() + bounds
         fixed = start.low == start.high  # no condition: the multiplier is whatever balances
         low, high = np.concatenate([start.low, start.lower]), np.concatenate([start.high, start.upper])

@@ -135,12 +135,14 @@ class Solver(ABC):
         outcome = stop.outcome or str(stats["return_status"])
         if outcome == STOP_REQUESTED:
             outcome = until.outcome_of_stop
-        multipliers, violation = Multipliers(bound_forces, forces), start.violation(x, g)
+        multipliers = Multipliers(bound_forces, forces)
+        violation = start.violation(x, g)
         # Where constraints are violated, the other conditions say nothing.
         near = violation <= _ACCEPTABLE * self.settings.constraint_tolerance
         error = problem.optimality_error(start, x, multipliers) if near else np.inf
         status = self._status(SolverStatus.of(outcome), error, violation)
-        seconds, objective = time.perf_counter() - began, float(solution["f"])
+        seconds = time.perf_counter() - began
+        objective = float(solution["f"])
         return Attempt(status, outcome, x, g, objective, multipliers, iterations, seconds, violation, error)
 
     def _status(self, reported: SolverStatus, error: float, violation: float) -> SolverStatus:
@@ -191,7 +193,9 @@ class _Stop(ca.Callback):
 
     def begin(self, start: Start, until: Budget) -> None:
         """Count calls and iterations from zero."""
-        self.start, self.until, self.calls = start, until, 0
+        self.start = start
+        self.until = until
+        self.calls = 0
         self._stalls = start.stalling()
         self.outcome = ""  # where a start ends it
         self._known = np.array(start.known).reshape(-1, start.x.size)

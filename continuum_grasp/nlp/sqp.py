@@ -68,6 +68,7 @@ def _derivatives(problem: NLP) -> dict[str, Any]:
     slopes = ca.Function("nlp_jac_fg", [x, p], values, ["x", "p"], ["f", "grad_f_x", "g", "jac_g_x"])
     if not problem.semidefinite:
         return {"jac_fg": slopes, "hessian_approximation": "limited-memory"}
-    symbols, names = [x, p, lam_f, lam_g], ["x", "p", "lam_f", "lam_g"]
+    symbols = [x, p, lam_f, lam_g]
+    names = ["x", "p", "lam_f", "lam_g"]
     hessian = ca.triu2symm(functions["hess_lag"](*symbols))
     return {"jac_fg": slopes, "hess_lag": ca.Function("nlp_hess_l", symbols, [hessian], names, ["hess_gamma_x_x"])}

@@ -28,7 +28,8 @@ _SHAPES = 9
 
 def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     """Draw the path of the tip in the plane with its setpoints, some shapes of the finger and what must be avoided."""
-    tip, wanted = np.asarray(run.tip), run.tip_reference
+    tip = np.asarray(run.tip)
+    wanted = run.tip_reference
     shapes = run.backbone(np.unique(np.linspace(0, len(tip) - 1, _SHAPES).astype(int)), points=60)
     outlines = bodies.outlines_at(run, [0, -1])
     points = [shapes, tip, *([] if wanted is None else [wanted]), *bodies.zone_points(run.scene), *chain(*outlines)]

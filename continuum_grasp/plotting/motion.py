@@ -55,7 +55,8 @@ def draw_snapshots(
     seen: Sequence[NDArray[Any]] = (),
 ) -> Axes:
     """Draw `plot_snapshots` and what is ``beside`` them; ``seen`` are further points to show."""
-    t, scene = np.asarray(motion.t), motion.scene
+    t = np.asarray(motion.t)
+    scene = motion.scene
     indices = _along_the_way(motion, times) if isinstance(times, int) else _nearest(t, times)
     shapes = np.asarray(motion.backbone(indices, points=bodies.backbone_points(scene.finger)))
     outlines = bodies.outlines_at(motion, indices)
@@ -167,7 +168,8 @@ def _box(points: Sequence[NDArray[Any]], arrows: ForceArrows) -> Box:
 
 def plot_shape(equilibrium: Equilibrium, *, ax: Axes | None = None) -> Axes:
     """Draw a finger at rest, with clamp, point masses and forces to scale."""
-    finger, forces = equilibrium.model.finger, equilibrium.forces
+    finger = equilibrium.model.finger
+    forces = equilibrium.forces
     shape = np.asarray(equilibrium.backbone(bodies.backbone_points(finger)))
     masses = bodies.masses_of(finger)
     outlines = _thickness(finger, shape[None])

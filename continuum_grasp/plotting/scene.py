@@ -127,7 +127,8 @@ def _object(ax: Axes, view: SceneView) -> list[Label]:
     """Draw what is chosen of positions, and the center of mass; returns labels of object and ranges."""
     from matplotlib.patches import Polygon
 
-    labels, body = [], view.object
+    labels = []
+    body = view.object
     for name, (low, high) in view.ranges.items():
         frame = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
         ax.add_patch(

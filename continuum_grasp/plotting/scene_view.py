@@ -135,7 +135,8 @@ class SceneView:
 
     def _acting(self, load: Any) -> AppliedLoad | None:
         """Effect of a load where it is greatest; None where it is zero, as one that data replace."""
-        at, turn = self.on("finger", [load.at])[0], 0.0
+        at = self.on("finger", [load.at])[0]
+        turn = 0.0
         if load.kind == "moment":
             values = np.atleast_1d(getattr(load.moment, "values", load.moment))
             moment = float(values[np.abs(values).argmax()])

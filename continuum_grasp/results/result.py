@@ -207,7 +207,8 @@ class Result(Summarized):
             raise InputError(f"no such picture of this result: {picture!r}; there are {known}", key="picture")
         chosen = drawable[picture] if picture is not None else next(iter(drawable.values()))
         if ax is not None:
-            takes, several = "ax" in _options_of(chosen), isinstance(ax, list | tuple) or hasattr(ax, "flat")
+            takes = "ax" in _options_of(chosen)
+            several = isinstance(ax, list | tuple) or hasattr(ax, "flat")
             if chosen.panels and not (takes and several):
                 instead = "leave ax out" + (", or give a list of axes" if takes else "")
                 raise InputError(f"{chosen.name} has panels in a figure of its own: {instead}", key="ax")
@@ -219,7 +220,8 @@ class Result(Summarized):
         return self._drawn(chosen, options)
 
     def _drawn(self, picture: Picture, options: Mapping[str, Any]) -> Any:
-        maker, taken = named_value(picture.maker), _options_of(picture)
+        maker = named_value(picture.maker)
+        taken = _options_of(picture)
         arguments = {**picture.options, **options}
         needed = [
             name for name, parameter in taken.items() if parameter.default is parameter.empty and name not in arguments

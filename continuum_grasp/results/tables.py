@@ -30,7 +30,8 @@ def package(name: str) -> Any:
 def to_xarray(result: Any) -> xarray.Dataset:
     """See `Result.to_xarray`."""
     xr = package("xarray")
-    arrays, coordinates = _arrays(result), {}
+    arrays = _arrays(result)
+    coordinates = {}
     sizes = {name: size for stored, value in arrays for name, size in zip(stored.dimensions, value.shape, strict=True)}
     for name, size in sizes.items():
         dimension = _dimension(result, name)
@@ -62,13 +63,16 @@ def to_pandas(result: Any, dimension: str | None = None) -> pandas.DataFrame:
         raise InputError(f"expected one of {', '.join(known)}, got {dimension!r}", key="dimension")
     rows = known[0] if dimension is None else dimension
     columns: dict[str, Array] = {}
-    units, descriptions, count = {}, {}, 0
+    units = {}
+    descriptions = {}
+    count = 0
     for stored, value in arrays:
         if rows not in stored.dimensions or _is_label(result, stored):
             count = value.shape[stored.dimensions.index(rows)] if rows in stored.dimensions else count
             continue
         along = np.moveaxis(value, stored.dimensions.index(rows), 0)
-        count, others = len(along), [name for name in stored.dimensions if name != rows]
+        count = len(along)
+        others = [name for name in stored.dimensions if name != rows]
         other_entries = [_entries(result, name, size) for name, size in zip(others, along.shape[1:], strict=True)]
         for place, entries in zip(np.ndindex(*along.shape[1:]), product(*other_entries), strict=True):
             name = ".".join([stored.name, *(label for label, _ in entries)])
@@ -137,7 +141,8 @@ def pareto(x: Array, y: Array, x_greatest: bool = False, y_greatest: bool = Fals
     """
     # Sorted by x, a point belongs to the front where its y is less than that of all before it.
     a, b = (-x if x_greatest else x), (-y if y_greatest else y)
-    front, least = [], np.inf
+    front = []
+    least = np.inf
     for k in np.lexsort((np.arange(len(a)), b, a)):
         if b[k] < least:
             front.append(k)

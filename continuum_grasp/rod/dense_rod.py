@@ -32,7 +32,8 @@ class DenseRod:
         marks: Sequence[float] | None = None,
     ) -> None:
         pose = (*finger.base.position, finger.base.angle) if base is None else base
-        self.start, self.start_angle = np.asarray(pose[:2], dtype=float), float(pose[2])
+        self.start = np.asarray(pose[:2], dtype=float)
+        self.start_angle = float(pose[2])
         self.joints = np.asarray(joints, dtype=float)
         marks = [mass.at for mass in finger.masses] if marks is None else marks
         inner = [at for at in (*marks, *finger_breaks(finger)) if at < self.joints[-1]]

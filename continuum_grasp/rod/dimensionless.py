@@ -104,11 +104,13 @@ class RodProblem:
         cable that is wound up [m]; with ``released`` tendons with friction slid back from further bends; ``marks`` are
         further places [m] at which panels are to end.
         """
-        profile, length = finger.profile, finger.profile.length
+        profile = finger.profile
+        length = finger.profile.length
         mesh = PanelMesh(panel_edges((0.0, *profile.breaks, length), length / _PANELS), _NODES)
         stiffness = length / float(mesh.weights @ (1.0 / profile.bending_stiffness(mesh.nodes)))
         mass = float(mesh.weights @ profile.linear_density(mesh.nodes))
-        force, moment = length**2 / stiffness, length / stiffness
+        force = length**2 / stiffness
+        moment = length / stiffness
         tendons = _tendons(
             finger, tensions, wound, pressures or [0.0] * len(finger.chambers), moment, -1.0 if released else 1.0
         )
@@ -156,7 +158,8 @@ class FastenedMass:
 
 def bodies(finger: Finger) -> list[FastenedMass]:
     """Point masses and the body at the tip."""
-    point_masses, tip = [FastenedMass(point.at, point.mass) for point in finger.masses], finger.tip_body
+    point_masses = [FastenedMass(point.at, point.mass) for point in finger.masses]
+    tip = finger.tip_body
     if tip is not None:
         point_masses.append(
             FastenedMass(finger.profile.length, tip.mass, complex(*tip.center_of_mass), tip.rotary_inertia)
@@ -181,7 +184,8 @@ def _tendons(
     for channel in finger.channels:
         free = 0.0
         for k, (arm, tendon) in enumerate(zip(channel.arms, finger.tendon_list, strict=False)):
-            friction, tension = math.copysign(tendon.friction, arm) * way, 0.0 if tensions is None else tensions[k]
+            friction = math.copysign(tendon.friction, arm) * way
+            tension = 0.0 if tensions is None else tensions[k]
             if arm == 0.0:
                 continue
             if wound is not None and tendon.axial_stiffness is not None and tendon.series_stiffness is not None:
@@ -239,7 +243,9 @@ def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
             (following if load.follows else dead).append((load.at, complex(*_at_zero(load.force))))
         else:
             couples.append((load.at, _at_zero(load.moment)[0]))
-    actuation, tensions, wound = scene.actuation, None, None
+    actuation = scene.actuation
+    tensions = None
+    wound = None
     inputs = {} if actuation is None else actuation.given
     commands = {key: [_at_zero(value)[0] for value in values] for key, values in inputs.items()}
     if drives := scene.finger.winches:

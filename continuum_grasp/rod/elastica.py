@@ -234,7 +234,8 @@ def _find(equations: RodEquations, guess: Guess | None, descends: bool, side: in
             return _follow(equations, start, loads=False)
         return start, iterations
     # Along the loads from the rest shape; where that path is lost or ends unstable, down the energy.
-    start, iterations = equations.rest, 0
+    start = equations.rest
+    iterations = 0
     try:
         start, iterations = _follow(equations, start, loads=True)
     except SolverError:

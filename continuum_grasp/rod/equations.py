@@ -52,7 +52,8 @@ class RodEquations:
 
     def __init__(self, problem: RodProblem, mesh: PanelMesh) -> None:
         self.problem, self.mesh = problem, mesh
-        s, place = mesh.nodes, problem.length * mesh.nodes
+        s = mesh.nodes
+        place = problem.length * mesh.nodes
         self.bending_stiffness: Array = problem.profile.bending_stiffness(place) / problem.stiffness
         self.rest: Array = problem.length * problem.profile.rest_curvature(place)
         density = problem.profile.linear_density(place)
@@ -128,8 +129,11 @@ class RodEquations:
     def balance(self, curvature: Array, share: float = 1.0) -> Balance:
         """Missing moment under a share of all loads and the actuation."""
         mesh, problem = self.mesh, self.problem
-        tangent, force = self.tangents(curvature), self._force.copy()
-        turning, swung, levered = [], [], np.zeros(mesh.size)
+        tangent = self.tangents(curvature)
+        force = self._force.copy()
+        turning = []
+        swung = []
+        levered = np.zeros(mesh.size)
         for at, body in problem.following:
             inside = mesh.nodes < at
             row = mesh.weights * inside
@@ -191,7 +195,9 @@ class RodEquations:
 
     def _tension(self, tendon: TendonMoment, curvature: Array, share: Array, rate: Array | None) -> tuple[float, Array]:
         """Tension [N] of a tendon that is wound up, and its derivative."""
-        mesh, length, cable = self.mesh, self.problem.length, tendon.cable
+        mesh = self.mesh
+        length = self.problem.length
+        cable = tendon.cable
         if cable is None:
             raise TypeError("the tension of this tendon is given")
         drawn = cable.arm * mesh.weights * tendon.shape(length * mesh.nodes)
@@ -218,14 +224,18 @@ class RodEquations:
     def _elastic(self, curvature: Array) -> tuple[Array, Array, Array]:
         """Elastic energy per length at the nodes, and its first and second derivative: moment and stiffness."""
         bent = curvature - self.rest
-        energy, moment, stiffness = 0.5 * bent**2, bent, np.ones(bent.shape)
+        energy = 0.5 * bent**2
+        moment = bent
+        stiffness = np.ones(bent.shape)
         for sign in self._signs if self._added else ():
             # 0.005: curvature about that at which links touch, per it, over which the stop's law is rounded off: as the
             # finger model does. A law that is rounded off over 0.02 has the tip off by 3e-3 of the length where all
             # links touch.
-            beyond, width = sign * curvature - self._limit, 0.005 * self._limit
+            beyond = sign * curvature - self._limit
+            width = 0.005 * self._limit
             root = np.sqrt(beyond**2 + width**2)
-            touching, rate = 0.5 * (beyond + root), 0.5 * (1.0 + beyond / root)
+            touching = 0.5 * (beyond + root)
+            rate = 0.5 * (1.0 + beyond / root)
             energy = energy + 0.5 * self._added * touching**2
             moment = moment + sign * self._added * touching * rate
             stiffness = stiffness + self._added * (rate**2 + touching * 0.5 * width**2 / root**3)
@@ -260,7 +270,8 @@ class RodEquations:
             if tendon.friction == 0.0 and tendon.cable is None:
                 work += (mesh.weights * drive) @ curvature
             elif tendon.friction == 0.0 and tendon.cable is not None:
-                cable, shape = tendon.cable, tendon.shape(problem.length * mesh.nodes)
+                cable = tendon.cable
+                shape = tendon.shape(problem.length * mesh.nodes)
                 longer = _soft(cable.wound - cable.arm * float((mesh.weights * shape) @ curvature), cable.onset)[2]
                 per_joule = problem.length / problem.stiffness
                 work -= per_joule * longer / (cable.series + problem.length * cable.elongation * cable.to)

@@ -47,7 +47,9 @@ def newton(equations: RodEquations, start: Array, *, limit: int = 40) -> tuple[A
             share *= 0.5
         if share < 1e-3:
             break
-        curvature, balance, last = trial, after, turn < _CLOSE
+        curvature = trial
+        balance = after
+        last = turn < _CLOSE
     size = equations.norm(balance.missing)
     raise SolverError(
         "no equilibrium of the rod found",
@@ -73,7 +75,9 @@ def follow(equations: RodEquations, start: Array, *, loads: bool, folds: bool = 
         return Balance(full.missing - (1.0 - share) * offset, full.slope, offset)
 
     weights = equations.metric
-    x, share, size = start, 0.0, 0.3
+    x = start
+    share = 0.0
+    size = 0.3
     direction, rate = _tangent(at(x, share), weights, np.zeros_like(x), 1.0)
     # 600: steps of a path: three times those of a following force of 1,000 EI / L^2 at the tip
     for steps in range(1, 600 + 1):
@@ -155,7 +159,9 @@ def _correct(
         if not np.isfinite(length) or length > 0.5 * size or length > 0.5 * before:
             # What is left may be rounding.
             return (y, reached, balance, k) if length < 1e-9 else None
-        y, reached, before = y + change[:-1], reached + float(change[-1]), length
+        y = y + change[:-1]
+        reached = reached + float(change[-1])
+        before = length
         if length < 1e-6 * max(size, 1e-3):
             return y, reached, at(y, reached), k + 1
     return None
@@ -172,7 +178,8 @@ def descend(equations: RodEquations, start: Array, side: int) -> tuple[Array, in
     ``side`` is that to which a saddle is left: the sense in which its weakest direction turns the tip. Returns a
     curvature near a minimum, and the number of steps.
     """
-    curvature, energy = start, equations.energy(start)
+    curvature = start
+    energy = equations.energy(start)
     root = np.sqrt(equations.metric)  # into the metric of ``stiffness``, and back
     kicked = False
     # 300: steps of a descent, each by 0.7 rad or less

@@ -64,11 +64,14 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
 
 def mass_matrix(finger: Finger, equations: RodEquations, curvature: Array) -> Array:
     """Twice the kinetic energy of rates of curvature (per L) at the nodes."""
-    mesh, profile, length = equations.mesh, finger.profile, equations.problem.length
+    mesh = equations.mesh
+    profile = finger.profile
+    length = equations.problem.length
     place = length * mesh.nodes
     # A change of curvature turns what lies beyond: tangents move by i t times the angle, points by its integral.
     turning = 1j * equations.tangents(curvature)[:, None] * mesh.forward
-    moving, weights = mesh.forward @ turning, mesh.weights[:, None]
+    moving = mesh.forward @ turning
+    weights = mesh.weights[:, None]
     linear = profile.linear_density(place)[:, None] * length**3
     rotary = profile.rotary_inertia(place)[:, None] * length
     mass = (moving.conj().T @ (linear * weights * moving)).real

@@ -44,7 +44,8 @@ def _reference(count: int) -> tuple[Array, Array, Array, Array]:
 
 def _integrals(local: Array, count: int) -> Array:
     """Integrals (..., count) of the Legendre polynomials from -1: (P_(k+1) - P_(k-1)) / (2 k + 1), and u + 1 of P_0."""
-    basis, degree = legendre.legvander(local, count), np.arange(1, count)
+    basis = legendre.legvander(local, count)
+    degree = np.arange(1, count)
     higher = (basis[..., 2:] - basis[..., :-2]) / (2 * degree + 1)
     return np.concatenate([(local + 1.0)[..., None], higher], axis=-1)
 

@@ -111,7 +111,8 @@ class FingerSetup:
     @property
     def max_tension(self) -> float:
         """Greatest tension that a tendon bears and that its own motor pulls up [N]."""
-        law, limit = self.drive, self.tendons.max_tension
+        law = self.drive
+        limit = self.tendons.max_tension
         return limit if law is None or law.pulley else min(limit, law.greatest)
 
     @property
@@ -140,7 +141,8 @@ class FingerSetup:
     @cached_property
     def stiffness(self) -> float:
         """E I of the uniform rod whose tip a couple turns as far [N m2]: the harmonic mean, a scale of moments."""
-        profile, curve = self.finger.profile, self.finger.profile.bending_stiffness
+        profile = self.finger.profile
+        curve = self.finger.profile.bending_stiffness
         if curve.constant is not None:
             return curve.constant
         return profile.length / float(profile.moments(lambda s: 1.0 / curve(s), (0.0, profile.length))[0, 0])
@@ -187,6 +189,7 @@ class FingerSetup:
 
 def _is_graded(finger: GraspFinger) -> bool:
     """Whether something of a finger that matters to grasps changes along it."""
-    profile, shapes = finger.profile, [channel.shape for channel in finger.channels]
+    profile = finger.profile
+    shapes = [channel.shape for channel in finger.channels]
     curves = (profile.rest_curvature, profile.half_thickness, profile.half_depth, *shapes)
     return not profile.uniform or any(curve is not None and curve.constant is None for curve in curves)

@@ -122,7 +122,8 @@ class GraspScene(Configuration, Supported):
     @cached_property
     def setups(self) -> tuple[FingerSetup, ...]:
         """The fingers with everything resolved."""
-        fingers, defaults = self.named_fingers, (self.contacts, self.fidelity)
+        fingers = self.named_fingers
+        defaults = (self.contacts, self.fidelity)
         releases = self.friction_states == "any"
         return tuple(FingerSetup.of(name, finger, *defaults, releases=releases) for name, finger in fingers.items())
 
@@ -136,7 +137,8 @@ class GraspScene(Configuration, Supported):
     @property
     def state_columns(self) -> dict[str, slice]:
         """Columns of each finger's friction states among all those that must not matter; empty where none do."""
-        columns, start = dict[str, slice](), 0
+        columns = dict[str, slice]()
+        start = 0
         for setup in self.setups if self.friction_states == "any" else ():
             if setup.friction_states:
                 columns[setup.name] = slice(start, start + setup.friction_states)
@@ -283,7 +285,8 @@ class GraspScene(Configuration, Supported):
                 )
 
     def _check_supports(self) -> None:
-        near, fixed = self.touching_gap, self.object.free is None
+        near = self.touching_gap
+        fixed = self.object.free is None
         # Below, a drawing of this size (twice the object's at most) does not say whether it touches.
         nearly = max(2.0 * SHARE * self.object.size, self.object.deviation)
         where, advice = ("and fixed", "; object.against places it") if fixed else ("wherever it may be", "")
@@ -312,7 +315,8 @@ def check_name(name: str) -> None:
 
 def check_finger(setup: FingerSetup, where: str, of_all: Fidelity) -> None:
     """Refuse, by `ValueError`, a finger at ``where`` that grasps cannot take; its fidelity may be that ``of_all``."""
-    finger, length = setup.finger, setup.finger.rod.length
+    finger = setup.finger
+    length = setup.finger.rod.length
     fidelity = finger.fidelity or of_all
     if finger.tendons is None:
         raise ValueError(f"{where}.tendons is needed: the tendon tension is what is sought")

@@ -169,18 +169,23 @@ def _within_disc(points: Array, support: PlaneSupport) -> Array:
     """
     import numpy as np
 
-    center, normal, radius = np.array(support.point), np.array(support.normal), support.radius
+    center = np.array(support.point)
+    normal = np.array(support.normal)
+    radius = support.radius
     # Two axes of the plane: the axis of the hand's that is farthest from the normal gives the first.
     first = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
     axes = np.stack([first / np.linalg.norm(first), np.cross(normal, first) / np.linalg.norm(first)])
-    flat, heights = (points - center) @ axes.T, (points - center) @ normal
+    flat = (points - center) @ axes.T
+    heights = (points - center) @ normal
     if len(points) > 2:  # in the order of the outline
         around = flat - flat.mean(axis=0)
         flat = flat[np.argsort(np.arctan2(around[:, 1], around[:, 0]))]
     found = [corner for corner in flat if math.hypot(*corner) <= radius * (1.0 + TOUCHING)]
     for start, end in zip(flat, np.roll(flat, -1, axis=0), strict=True):
         span = end - start
-        a, b, c = span @ span, start @ span, start @ start - radius**2
+        a = span @ span
+        b = start @ span
+        c = start @ start - radius**2
         if a > 0.0 and b * b - a * c > 0.0:
             shares = (-b + math.sqrt(b * b - a * c) * np.array([-1.0, 1.0])) / a
             found += [start + share * span for share in shares if 0.0 <= share <= 1.0]
@@ -196,7 +201,8 @@ def _within_disc(points: Array, support: PlaneSupport) -> Array:
 
 def check_support(body: SolidBody, support: PlaneSupport) -> None:
     """Refuse, by `ValueError`, an object in a support, or one that should touch it and does not."""
-    gap, near = gap_of(body, support), TOUCHING * body.size
+    gap = gap_of(body, support)
+    near = TOUCHING * body.size
     advice = f"set object.against: {support.name}, or move object.position by {_shift(support, -gap)}"
     if gap < -near:
         raise ValueError(f"{support.key}: the object is {-1e3 * gap:.4g} mm inside it: {advice}")

@@ -160,7 +160,8 @@ class DataTable:
         if si == "s" and (seconds := self._dates(heading)) is not None:
             return seconds - zero
         at = self.index(heading)
-        heading_unit, stated = self.units[at], unit
+        heading_unit = self.units[at]
+        stated = unit
         if si == "N":
             heading_unit, unit = (_WEIGHTS.get(text or "", text) for text in (heading_unit, unit))
         if unit is not None and heading_unit is not None and unit != heading_unit:
@@ -212,7 +213,8 @@ class DataTable:
         steps = np.diff(values)
         back = np.flatnonzero(steps <= 0.0 if strict else steps < 0.0)
         if back.size:
-            k, at = int(back[0]), self.index(heading)
+            k = int(back[0])
+            at = self.index(heading)
             message = f"column {self.headings[at]}: {values[k + 1]:g} s is not after {values[k]:g} s"
             raise self.error(f"{message}; expected instants of one run, in their order", at, int(rows[k + 1]))
 

@@ -171,7 +171,8 @@ def _headings(rows: Sequence[Sequence[str]]) -> tuple[int, Sequence[str]]:
         tracks = [word for word in first if word]
         if len(tracks) < 2:
             return 2, second
-        names, last = list[str](), ""
+        names = list[str]()
+        last = ""
         for k, cell in enumerate(second):
             last = first[k] if k < len(first) and first[k] else last
             names.append(cell if cell == "t" else f"{last}_{cell}")

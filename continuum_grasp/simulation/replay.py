@@ -30,7 +30,9 @@ def scene_under(
     before the motion. Output steps are the intervals, which are equal. ``plant`` is what moves, where that is not the
     finger of the scene.
     """
-    plain, finger, instants = plant or scene.simulated, scene.finger, np.asarray(t, dtype=float)
+    plain = plant or scene.simulated
+    finger = scene.finger
+    instants = np.asarray(t, dtype=float)
     duration = float(instants[-1] - instants[0])
     count = len(instants) - 1
     if not count:

@@ -66,14 +66,18 @@ class _Run:
     """A simulation run."""
 
     def __init__(self, scene: Scene, time: Timing, model: FingerModel, progress: Progress | None) -> None:
-        self._scene, self._time, self._model, self._p = scene, time, model, np.array(model.p_nominal)
+        self._scene = scene
+        self._time = time
+        self._model = model
+        self._p = np.array(model.p_nominal)
         self._stepper = Stepper(scene, time, model, progress or (lambda share: None))
         self._system, self._core, self._signals = self._stepper.system, self._stepper.core, self._stepper.signals
         self._implicit_substeps = 1
 
     def trajectory(self) -> Trajectory:
         """Integrate and check."""
-        started, took = perf_counter(), 0.0
+        started = perf_counter()
+        took = 0.0
         x0 = initial_state(self._scene, self._stepper.moving)
         plan: SteppingPlan | None = self._choose(x0)
         while plan is not None:
@@ -105,8 +109,10 @@ class _Run:
             if lost[0] == 0:
                 message = f"the initial shape bends an element {use[0].max():.3g} times its range: {advice}"
                 raise InputError(message, key="initial")
-            result, use = self._result(states[: lost[0]]), use[: lost[0]]
-            k, last = int(np.argmax(use[-1])), result.x[-1]
+            result = self._result(states[: lost[0]])
+            use = use[: lost[0]]
+            k = int(np.argmax(use[-1]))
+            last = result.x[-1]
             beyond = NumericalError(
                 f"element {k + 1} is about to bend beyond {LOST:g} times its declared range of "
                 f"{self._model.ranges[k]:.3g} rad after t = {result.t[-1]:g} s (state {last.tolist()}), where the "
@@ -129,9 +135,12 @@ class _Run:
         status = "finished" if error is None else "stopped"
         jumps = self._signals.warnings(self._time.step / used.substeps, self._time.duration)
         jumps = () if used.method == "reference" else jumps  # which starts anew at every knot
-        at_start, limits = _start_warnings(self._scene, self._model), self._model.limit_warnings(use, result.t)
+        at_start = _start_warnings(self._scene, self._model)
+        limits = self._model.limit_warnings(use, result.t)
         inexact = self._error_warnings(used, motion)
-        body, poses, contacts = self._scene.object, result.object_pose, result.contacts
+        body = self._scene.object
+        poses = result.object_pose
+        contacts = result.contacts
         overlap = ""
         if body is not None and poses is not None and contacts is not None:
             half = self._model.finger.profile.half_thickness
@@ -191,7 +200,8 @@ class _Run:
             finer = self._planned(plan.method, plan.radius) if self._implicit_substeps <= _MOST_IMPLICIT else None
             return finer, error
         # The motion may have reached stiffer shapes than those about the start: look again where it was.
-        n, some = self._model.n, states[:: max(1, len(states) // 12)]
+        n = self._model.n
+        some = states[:: max(1, len(states) // 12)]
         radius = max(plan.radius, self._radius(some[:, :n], some[:, n : 2 * n]))
         if self._system is not None:
             at = np.arange(len(states)) * self._time.step
@@ -221,20 +231,24 @@ class _Run:
         wanted, limit = (
             (self._wanted(radius), _MOST_SUBSTEPS) if explicit else (self._implicit_substeps, _MOST_IMPLICIT)
         )
-        made, u, w = self._model.structure, self._signals.u(0.0)[0], self._signals.w(0.0)[0, : self._model.nw]
+        made = self._model.structure
+        u = self._signals.u(0.0)[0]
+        w = self._signals.w(0.0)[0, : self._model.nw]
         if INTEGRATORS[method].partial and (made.own_tendons or self._model.friction_names):
             # What drives and friction add must be stable in steps of twice the length too, which are compared with.
             # Quadratic damping is left out: steps from rest overshoot by it, which is bounded, and nothing grows.
             finger = self._scene.finger.replaced(damping=self._scene.finger.damping.replaced(quadratic=0.0))
             linear = FingerModel(self._scene.replaced(finger=finger)) if made.has_law("damping") else self._model
-            core, straight = Core(linear, compiled=False), np.zeros(self._model.n)
+            core = Core(linear, compiled=False)
+            straight = np.zeros(self._model.n)
             while wanted < limit and grows(core, method, straight, u, w, self._p, 2.0 * self._time.step / wanted):
                 wanted *= 2
         return self._controlled(SteppingPlan(method, min(wanted, limit), radius))
 
     def _controlled(self, plan: SteppingPlan, final: bool = False) -> SteppingPlan:
         """The plan with longer steps to compare with and, where the tolerance is pursued, the error to give up at."""
-        auto, steps = self._time.method == "auto", self._stepper.steps
+        auto = self._time.method == "auto"
+        steps = self._stepper.steps
         # Steps of twice the length must fit into the motion, or nothing is compared.
         if auto and steps == 1 and plan.substeps % 2:
             plan = replace(plan, substeps=plan.substeps + 1)
@@ -257,7 +271,8 @@ class _Run:
 
     def _finer(self, plan: SteppingPlan, motion: Motion) -> SteppingPlan:
         """Sub-steps that should keep the tolerance, or as many as are taken at the most."""
-        done, steps = len(motion.states) - 1, self._stepper.steps
+        done = len(motion.states) - 1
+        steps = self._stepper.steps
         # What is given up at its first look begins faster than it may go on.
         begun = done <= plan.every and done < steps
         taken, share = (plan.start.substeps, 1.0) if begun else (plan.substeps, done / steps)
@@ -272,7 +287,8 @@ class _Run:
 
     def _error_warnings(self, plan: SteppingPlan, motion: Motion) -> tuple[str, ...]:
         """Warnings about a time error beyond the tolerance."""
-        error, tolerance = motion.time_error, self._time.tolerance
+        error = motion.time_error
+        tolerance = self._time.tolerance
         if error <= tolerance or plan.method == "reference" or motion.error is not None:
             return ()
         step = self._time.step / plan.substeps
@@ -294,7 +310,9 @@ class _Run:
         sane = np.all(np.isfinite(shapes) & np.isfinite(rates), axis=1)
         finite, moving = shapes[sane], rates[sane]
         # Of later instants the start, the straight finger and two random shapes: eigenvalues take their time.
-        core, signals, radius = Core(self._model, compiled=False), self._signals, 0.0
+        core = Core(self._model, compiled=False)
+        signals = self._signals
+        radius = 0.0
         for k, t in enumerate(signals.instants(self._time.duration)):
             some, qd = (finite, moving) if k == 0 else (finite[:4], moving[:4])
             w = signals.w(t)[0, : self._model.nw]

@@ -38,7 +38,8 @@ class SlackTime:
 
 def slack_times(finger: Finger, t: ArrayLike, tensions: ArrayLike) -> list[SlackTime]:
     """Times in which tendons are slack, by tendon and instant, of tensions (T, tendons) [N] at the drives."""
-    instants, times = np.asarray(t, dtype=float), list[SlackTime]()
+    instants = np.asarray(t, dtype=float)
+    times = list[SlackTime]()
     for k, tension in enumerate(np.asarray(tensions, dtype=float).T):
         slack = np.concatenate([[False], tension < least_pull(finger.tendon_list[k]), [False]])
         starts, stops = np.flatnonzero(np.diff(slack.astype(int)) > 0), np.flatnonzero(np.diff(slack.astype(int)) < 0)
@@ -87,7 +88,8 @@ def tension_warnings(finger: Finger, t: NDArray[np.float64], tensions: NDArray[n
     """Warnings about tensions (T, tendons) [N] that winches and motors leave to the motion."""
     if tensions is None or not finger.winches:
         return ()
-    warnings, times = [], slack_times(finger, t, tensions)
+    warnings = []
+    times = slack_times(finger, t, tensions)
     for k, tendon in enumerate(finger.tendon_list):
         tension = tensions[:, k]
         high = np.flatnonzero(tension > tendon.max_tension)

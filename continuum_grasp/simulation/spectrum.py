@@ -27,7 +27,8 @@ def contact_frequency(core: Core, states: Array, u: Array, w: Array, p: Array) -
     for x in np.atleast_2d(states):
         still = _at_rest(system, x)
         gap = core.touch(still, u, w, p)[0]
-        closed, opened = gap + _full(system), -np.abs(gap) - 1.0
+        closed = gap + _full(system)
+        opened = -np.abs(gap) - 1.0
         slopes = [core.pressed_linearization(still, u, w, p, press) for press in (closed, opened)]
         frequencies.append(system.spring_frequency(slopes[0] - slopes[1]))
     return max(frequencies)
@@ -77,7 +78,8 @@ def _full(system: System) -> float:
 
 def _at_rest(system: System, x: Array) -> Array:
     """The state without velocities: contacts that close would be damped by those that they do not close with."""
-    still, n = x.copy(), system.n
+    still = x.copy()
+    n = system.n
     still[n : 2 * n] = 0.0
     pose = system.object_states
     still[pose.stop : system.friction_states.start] = 0.0
@@ -113,7 +115,8 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array, qd: Arra
 
     def slopes() -> Iterator[Array]:
         for shape, rates in zip(np.atleast_2d(q), moving, strict=True):
-            mass, stiffness = core.mass_matrix(shape, u, p), core.statics(shape, u, w, p)[1]
+            mass = core.mass_matrix(shape, u, p)
+            stiffness = core.statics(shape, u, w, p)[1]
             usable = np.all(np.isfinite(mass)) and np.linalg.cond(mass) * np.finfo(float).eps <= 1.0
             damping = damping_matrix(core, shape, u, p, rates)
             yield slope_matrix(mass, stiffness, damping) if usable else np.full_like(mass, np.inf)
@@ -133,7 +136,8 @@ def _radius(slopes: Iterable[Array]) -> float:
 
 def _states(model: FingerModel, shape: Array, rates: Array, u: Array) -> list[Array]:
     """States of a shape, by its drives and friction."""
-    states, drives = len(model.friction_names), [model.drives_at(shape, u)]
+    states = len(model.friction_names)
+    drives = [model.drives_at(shape, u)]
     if model.structure.winches:
         # 1/4: tension of tendons that pull, per the natural one: what is stiff about them does not depend on it
         finger = model.finger

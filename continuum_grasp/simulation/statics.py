@@ -155,7 +155,9 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
     names = tuple(dict.fromkeys((*scene.parameters, "gravity")))
     model = FingerModel(scene, parameters=names, input_rates=False)
     signals = Signals(scene, model)
-    u, w, p = signals.u(0.0)[0], signals.w(0.0)[0], np.array(model.p_nominal)
+    u = signals.u(0.0)[0]
+    w = signals.w(0.0)[0]
+    p = np.array(model.p_nominal)
     gravity = [k for k, label in enumerate(model.p_names) if label.startswith("gravity_")]
     path: list[RestingShape] = []
     states = np.zeros(len(model.friction_names))

@@ -151,7 +151,8 @@ class Stepper:
 
     def run(self, x0: Array, plan: SteppingPlan) -> Motion:
         """Integrate until the end, an error, Ctrl-C, or a time error beyond the plan's tolerance."""
-        parts, differences = [x0[None]], _Differences(plan)
+        parts = [x0[None]]
+        differences = _Differences(plan)
         error: Stop | None
         try:
             error = self._advance(parts, differences, plan)
@@ -165,10 +166,13 @@ class Stepper:
 
     def _advance(self, parts: list[Array], differences: _Differences, plan: SteppingPlan) -> NumericalError | None:
         """Add the states after the last one and their differences, and say what stopped them."""
-        substeps, h, start = plan.substeps, self._time.step, 0
+        substeps = plan.substeps
+        h = self._time.step
+        start = 0
         wanted = _CHUNK if math.isinf(plan.tolerance) else max(_LEAST_CHUNK, self.steps * substeps // _LOOKS)
         # 100: instants of a chunk that are compared: positions cost as much as a sub-step
-        ends, looked = [parts[0][0]] * (1 + len(plan.ratios)), 100 * (_LOOKS if math.isinf(plan.tolerance) else 1)
+        ends = [parts[0][0]] * (1 + len(plan.ratios))
+        looked = 100 * (_LOOKS if math.isinf(plan.tolerance) else 1)
         while start < self.steps:
             now = plan if start else plan.start
             # Chunks end where steps of all lengths do; the first is as short as can be, to find out how fast it begins.
@@ -202,13 +206,15 @@ class Stepper:
         """States at every output step by the steps, and at the shared ones by longer ones; the finite ones of them."""
         if plan.method == "reference":
             # 100.0: factor on the tolerances of the variable-step integrator with which its error is measured
-            pairs, model = zip(ends, (1.0, 100.0), strict=False), self.core.model
+            pairs = zip(ends, (1.0, 100.0), strict=False)
+            model = self.core.model
             t: Array = (start + np.arange(count + 1, dtype=float)) * self._time.step
             runs = [_integrate_reference(model, x, t, self.signals, looser) for x, looser in pairs]
             self._failure = runs[0][1]
             return [states for states, _ in runs]
         u, w = self._inputs(start * self._time.step, count, plan)
-        ratios, h = (1, *plan.ratios)[: len(ends)], self._time.step / plan.substeps
+        ratios = (1, *plan.ratios)[: len(ends)]
+        h = self._time.step / plan.substeps
         run = self.core.rollouts(plan.method)
         p = np.array(self.core.model.p_nominal, dtype=float)
         states, valid = run.levels(np.array(ends), ratios, plan.every, count, plan.substeps, h, u, w, p)
@@ -289,7 +295,8 @@ def _between(rows: Array, every: int, count: int) -> Array:
     """Rows at every so many instants as ``count`` rows, linear in between, the last one held."""
     if every == 1:
         return rows
-    at, known = np.arange(count), np.arange(len(rows)) * every
+    at = np.arange(count)
+    known = np.arange(len(rows)) * every
     return np.stack([np.interp(at, known, column) for column in rows.T], axis=1)
 
 
@@ -311,7 +318,8 @@ def _integrate_reference(
     states[0] = x0
     with interrupts_held(quietly=True) as pressed:
         for k, (begin, end) in enumerate(pairwise(t.tolist())):
-            x, reason = states[k], "the state is not finite"
+            x = states[k]
+            reason = "the state is not finite"
             for a, b in pairwise([begin, *signals.knots(begin, end), end]):
                 at = a + (b - a) * _NODES
                 if signals.jumps:
@@ -320,7 +328,8 @@ def _integrate_reference(
                 try:
                     x = np.array(integrator(x0=x, p=rows)["xf"]).ravel()
                 except RuntimeError as error:
-                    x, reason = x * np.nan, f"the reference integrator failed: {str(error).splitlines()[-1]}"
+                    x = x * np.nan
+                    reason = f"the reference integrator failed: {str(error).splitlines()[-1]}"
                     break
             states[k + 1] = x
             if pressed():  # CasADi's integrators would report it as a failure of the motion
@@ -332,7 +341,9 @@ def _integrate_reference(
 
 def _reference_part(model: FingerModel | System, looser: float) -> ca.Function:
     """CVODES over a part without knots, by its length [s] and the inputs and forces at its nodes as parameters."""
-    x, part, count = ca.MX.sym("x", model.nx), ca.MX.sym("t"), len(_NODES)
+    x = ca.MX.sym("x", model.nx)
+    part = ca.MX.sym("t")
+    count = len(_NODES)
     given = ca.MX.sym("given", 1 + count * (model.nu + model.nw))
     length, *blocks = ca.vertsplit(given, [0, *np.cumsum([1, *[model.nu] * count, *[model.nw] * count]).tolist()])
     # Lagrange polynomials, which are the pieces of samples themselves.

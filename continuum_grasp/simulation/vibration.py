@@ -128,7 +128,8 @@ def modes_of(scene: Scene, *, about: Equilibrium | None = None, points: int = 61
     """Find the modes of a scene without ``fidelity.tolerance``; see `continuum_grasp.modes`."""
     rest = equilibrium_of(scene) if about is None else about
     model, q, u, p = rest.model, rest.q, rest.u, rest.p
-    core, small = Core(model, compiled=False), small_motions(rest)
+    core = Core(model, compiled=False)
+    small = small_motions(rest)
     values, right, left = _eigen(small.mass, small.stiffness)
     pulsations = _pulsations(values)
     ratios = np.full(len(values), np.nan)
@@ -179,7 +180,8 @@ def _eigen(mass: Array, stiffness: Array) -> tuple[NDArray[Any], NDArray[Any], N
         return values, (root.T @ vectors).T, (root.T @ vectors).T
     values, vectors = np.linalg.eig(scaled)
     order = np.argsort(values.real)
-    values, vectors = values[order], vectors[:, order]
+    values = values[order]
+    vectors = vectors[:, order]
     return values, (root.T @ vectors).T, np.linalg.inv(vectors) @ root
 
 
@@ -200,8 +202,10 @@ class SmallMotions:
 
 def small_motions(equilibrium: Equilibrium) -> SmallMotions:
     model, q, u, w, p = equilibrium.model, equilibrium.q, equilibrium.u, equilibrium.w, equilibrium.p
-    core, n = Core(model, compiled=False), model.n
-    mass, damping = core.mass_matrix(q, u, p), damping_matrix(core, q, u, p)
+    core = Core(model, compiled=False)
+    n = model.n
+    mass = core.mass_matrix(q, u, p)
+    damping = damping_matrix(core, q, u, p)
     friction = equilibrium.friction_states
     if not model.structure.winches:
         # Friction acts as it does at rest.
@@ -224,13 +228,15 @@ def small_motions(equilibrium: Equilibrium) -> SmallMotions:
 
 def _glued(model: FingerModel, rest: Equilibrium, x: Array) -> Array:
     """Stiffness of tendons in tension: of those with friction as if they were glued to the finger all along."""
-    made, total = model.structure, np.zeros((model.n, model.n))
+    made = model.structure
+    total = np.zeros((model.n, model.n))
     tensions = np.array(model.tensions()(x, rest.u, rest.p)[0]).ravel()
     frictional = {tendon for cells in made.cell_sets for tendon in cells.tendons}
     for k, (tendon, tension) in enumerate(zip(model.finger.tendon_list, tensions, strict=True)):
         if tension < least_pull(tendon) or tendon.axial_stiffness is None:
             continue
-        shape, arm = made.own_tendons[k].shape, made.own_tendons[k].arms[k]
+        shape = made.own_tendons[k].shape
+        arm = made.own_tendons[k].arms[k]
         drawn = np.zeros(model.n)
         for element in range(len(made.lengths)):
             local = list(made.family.local(element))
@@ -246,10 +252,12 @@ def _glued(model: FingerModel, rest: Equilibrium, x: Array) -> Array:
 
 def _held(model: FingerModel, p: Array) -> Array:
     """Stiffness that laws of the sections add while nothing slides or relaxes."""
-    made, total = model.structure, np.zeros((model.n, model.n))
+    made = model.structure
+    total = np.zeros((model.n, model.n))
     for law in made.laws:
         held = float(ca.Function("held", [made.parameters.symbol], [ca.SX(law.held)])(p))
         for port in law.ports if held else ():
-            local, shapes = list(made.family.local(port.element)), np.array(port.shapes, dtype=float)
+            local = list(made.family.local(port.element))
+            shapes = np.array(port.shapes, dtype=float)
             total[np.ix_(local, local)] += held * port.measure * np.outer(shapes, shapes)
     return total

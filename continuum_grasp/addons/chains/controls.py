@@ -111,7 +111,9 @@ def _inputs(scene: Scene) -> list[Control]:
 
 def _tendons(scene: Scene) -> list[Control]:
     """Tendons whose tensions are commanded, or those of winches that follow lengths."""
-    finger, actuation, controls = scene.finger, scene.actuation, list[Control]()
+    finger = scene.finger
+    actuation = scene.actuation
+    controls = list[Control]()
     pulley = len(finger.winches) < len(finger.tendon_list)
     lengths = (0.0,) * len(finger.winches) if actuation is None else actuation.values
     tensions = None if actuation is None else actuation.tensions

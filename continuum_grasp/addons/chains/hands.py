@@ -87,7 +87,8 @@ def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
     """The model of a grasp that was found."""
     if not result.arrays:
         raise InputError(f"there is no grasp to be exported: {result.message}")
-    scene, solid = result.scene, result.scene.object
+    scene = result.scene
+    solid = result.scene.object
     chains = [HandFingerChain(result, k, hinges) for k in range(len(scene.setups))]
     paces = [_pace(chain, solid.weighed) for chain in chains]
     swings = zip(chains, paces, strict=True)
@@ -166,7 +167,8 @@ def _support(support: Any, length: float, edge: float) -> dict[str, str]:
 
 def _inertial(result: Any) -> dict[str, str]:
     """Mass of the object, and its inertia about the center of mass."""
-    solid, inertia = result.scene.object, solid_inertia(result)
+    solid = result.scene.object
+    inertia = solid_inertia(result)
     order = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)
     return {
         "pos": numbers(*solid.local_com),
@@ -189,7 +191,8 @@ def _keyframes(result: Any, chains: Sequence[HandFingerChain], tensions: Sequenc
 
 def _pace(chain: HandFingerChain, load: float) -> tuple[float, float]:
     """Inertia of each hinge [kg m2], and damping of the rod per its stiffness [s]."""
-    profile, length = chain.finger.profile, chain.finger.rod.length
+    profile = chain.finger.profile
+    length = chain.finger.rod.length
     mass = max(float(chain.links.mass.sum()), _OBJECT_SHARE * load)
     stiffness = float(profile.bending_stiffness(0.0))
     own = chain.finger.damping.material / profile.own_stiffness
@@ -238,7 +241,8 @@ def _finger(chain: HandFingerChain, armature: float, damping: float, edge: float
             **touch,
             **FINGER,
         }
-        joints, inertial = [], {}
+        joints = []
+        inertial = {}
         if k >= 0:
             for kind, axis, stiffness in ((*_AXES[j], chain.stiffness[k, j]) for j in chain.order(k)):
                 joint = {"name": f"{name}_{kind}_{k + 1}", "type": "hinge", "axis": axis}

@@ -56,7 +56,8 @@ class HandFingerChain:
 
     def moments(self, angles: Array) -> Array:
         """Moments (N, 3) of weight and planned contact forces about the hinges at some angles [N m]."""
-        links, placed = self.links, list(self._placed(angles))
+        links = self.links
+        placed = list(self._placed(angles))
         places = np.array([place for place, _, _ in placed])
         forces = links.mass[:, None] * self.gravity
         at = places + (links.center - links.at)[:, None] * np.array([turn[:, 1] for _, _, turn in placed])
@@ -80,7 +81,8 @@ class HandFingerChain:
 
     def _placed(self, angles: Array) -> Iterator[tuple[Array, Array, Array]]:
         """Place (3,) of each hinge, its three axes as columns, and the axes of the link behind it."""
-        turn, place = self.frame.axes, self.frame.base + self.links.at[0] * self.frame.axes[:, 1]
+        turn = self.frame.axes
+        place = self.frame.base + self.links.at[0] * self.frame.axes[:, 1]
         for k, (row, bar) in enumerate(zip(angles, self.links.bars, strict=True)):
             axes = np.zeros((3, 3))
             for kind in self.order(k):

@@ -24,7 +24,8 @@ def solid_parts(result: Any) -> tuple[list[dict[str, str]], list[tuple[str, str]
     Boxes and cylinders of MuJoCo have sharp edges: theirs are as much smaller as their edges are round, and fingers
     touch them from as much farther.
     """
-    solid, body = result.scene.object, result.body
+    solid = result.scene.object
+    body = result.body
     if solid.shape in _PRIMITIVES:
         half, edge = body.half, body.edge
         size = {"sphere": half[:1], "ellipsoid": half, "box": half - edge, "cylinder": half[[0, 2]] - edge}[solid.shape]

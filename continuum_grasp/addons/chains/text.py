@@ -133,7 +133,8 @@ def written(
     differences: Sequence[str],
 ) -> str:
     """Text of the MJCF file of a chain in the plane."""
-    finger, tip = scene.finger, len(links.at) - 1
+    finger = scene.finger
+    tip = len(links.at) - 1
     sites: dict[int, dict[str, float]] = {}
     for control in controls:
         if control.gear is not None:
@@ -142,7 +143,8 @@ def written(
     values = [float(control(np.zeros(1))[0]) for control in controls]
     rest = [0.0] * 3 if scene.object_moves else []
     angles, rates = start
-    base, touching = finger.base, _FREE if scene.object is None else {**FINGER, **_friction(scene, None)}
+    base = finger.base
+    touching = _FREE if scene.object is None else {**FINGER, **_friction(scene, None)}
     above = {"light": 4.0 * finger.profile.length, "camera": 3.0 * finger.profile.length}
     state = {"qpos": [*angles, *rest], "qvel": [*rates, *rest], "ctrl": values}
     state["act"] = [value for control, value in zip(controls, values, strict=True) if control.lag]
@@ -242,7 +244,8 @@ def _stops(finger: Finger, links: Links) -> list[tuple[int, float, float, float]
     """Springs with a dead band, by what the stiffness grows where the links touch: hinge, stiffness, and the band."""
     if finger.stops is None or links.stop is None:
         return []
-    more, signs = finger.stops.stiffness_ratio - 1.0, finger.stops.signs
+    more = finger.stops.stiffness_ratio - 1.0
+    signs = finger.stops.signs
     # 1e3: bend of a hinge that no finger has, for the side without stops [rad]
     bands = [[sign * (bend if sign in signs else 1e3) for sign in (-1.0, 1.0)] for bend in links.stop]
     return [(k + 1, more * links.stiffness[k], low, high) for k, (low, high) in enumerate(bands)]

@@ -99,7 +99,8 @@ class HandInMujoco:
     def normal_forces(self) -> Array:
         """Normal forces (C,) near the stations of the plan [N]."""
         contacts = self.result.contacts
-        found, force = np.zeros(len(contacts)), np.zeros(6)
+        found = np.zeros(len(contacts))
+        force = np.zeros(6)
         for k, contact in enumerate(self.data.contact):
             touching = next((self.owner[geom] for geom in contact.geom if geom in self.owner), None)
             if touching is None:
@@ -121,7 +122,8 @@ class HandInMujoco:
     def hold(self, seconds: float = HOLDS) -> tuple[Array, Array]:
         """Greatest displacement [m] and turn [rad] of the object at constant tensions (2,); mean normal forces (C,)."""
         self.reset()
-        worst, forces = np.zeros(2), list[Array]()
+        worst = np.zeros(2)
+        forces = list[Array]()
         for share in self.run(seconds):
             worst = np.maximum(worst, self.away)
             if share > 1.0 - _MEAN:
@@ -145,7 +147,8 @@ class HandInMujoco:
     def turn(self, gravity: float) -> dict[str, Array]:
         """Greatest displacement [m] and turn [rad] (2,) where gravity [m/s2] acts along each axis in turn."""
         self.reset()
-        last, found = np.zeros(3), dict[str, Array]()
+        last = np.zeros(3)
+        found = dict[str, Array]()
         for name, axis in AXES.items():
             # Through a third direction where the next one is opposite.
             between = axis if last @ axis > -0.9 else np.roll(axis, 1)
@@ -189,7 +192,8 @@ def try_in_mujoco(result: Any, progress: Callable[[str], None] | None = None) ->
 
 
 def _tried(hand: HandInMujoco, say: Callable[[str], None]) -> dict[str, Any]:
-    result, limits = hand.result, np.array([MOVES, TURNS])
+    result = hand.result
+    limits = np.array([MOVES, TURNS])
     say("held for 2 s")
     worst, forces = hand.hold()
     planned = np.array([contact.normal_force for contact in result.contacts])

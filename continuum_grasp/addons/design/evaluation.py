@@ -128,7 +128,8 @@ class Evaluation:
         multipliers that leave least of it along variables within their bounds; away from an optimum that of the worst
         case.
         """
-        u, near = self.coordinates, _ACTIVE * max(abs(self.cost), 1e-9)
+        u = self.coordinates
+        near = _ACTIVE * max(abs(self.cost), 1e-9)
         costs = [row for row in self.costs if row.value >= self.cost - near]
         limits = [row for row in self.limits if row.value < _ACTIVE]
         columns = np.array([row.slope for row in costs] + [-row.slope for row in limits]).T
@@ -213,7 +214,8 @@ class DesignProblem:
     def restore(self, grasps: dict[tuple[Signs, str], CaseGrasps]) -> None:
         """Take up the grasps of a snapshot; none, to search anew."""
         self._grasps = {key: copy(case_grasps) for key, case_grasps in grasps.items()}
-        self._tangents, self._at = {}, None
+        self._tangents = {}
+        self._at = None
 
     def evaluate(self, coordinates: Array, *, search: bool = False) -> Evaluation:
         """Cost, limits and derivatives; with a full search for grasps, or from those at hand.
@@ -281,7 +283,8 @@ class DesignProblem:
 
     def _guesses(self, grasps: CaseGrasps, key: tuple[Signs, str], at: Array) -> dict[str, Array]:
         """Unknowns at another design, to first order."""
-        tangents, before = self._tangents.get(key), self._at
+        tangents = self._tangents.get(key)
+        before = self._at
         if tangents is None or before is None:
             return {}
         step = at - before
@@ -308,7 +311,8 @@ class DesignProblem:
 
     def _costs(self, cases: tuple[CaseValues, ...], chosen: list[float]) -> tuple[DesignNumber, ...]:
         """Per combination of errors, the cost of the worst case or the mean."""
-        design, costs = self.space.design, []
+        design = self.space.design
+        costs = []
         for signs in self.scenarios:
             rows = [self._row(design.minimize, case, chosen) for case in cases if case.signs == signs]
             if design.over == "worst":
@@ -323,7 +327,8 @@ class DesignProblem:
         """Distances from the limits, as parts of them; of a limit of zero, as parts of the other one, or of what the
         expression has and may change by at the first design.
         """
-        limits, n = [], len(self.space.coordinates)
+        limits = []
+        n = len(self.space.coordinates)
         for text, limit in self.space.design.limits.items():
             for case in cases:
                 row = self._row(text, case, chosen)

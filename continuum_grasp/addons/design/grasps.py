@@ -133,7 +133,8 @@ class CaseGrasps:
                 raise LostGrasp(f"{self.name}: no payload was found from the grasp of {mass:.3g} kg")
             if best is not None and grasp.quantities["payload"] < best.quantities["payload"] * (1.0 + SAME):
                 break
-            best, mass = grasp, grasp.quantities["payload"] * (1.0 + 10.0 * SAME)
+            best = grasp
+            mass = grasp.quantities["payload"] * (1.0 + 10.0 * SAME)
         if best is None:
             raise LostGrasp(f"{self.name}: no mass down to {mass:.3g} kg can be held")
         self.held = {**self.held, "payload": best}

@@ -105,7 +105,10 @@ class _Box:
     def __init__(
         self, start: Evaluation, half: float, scale: float, evaluate: Callable[[Array], Evaluation | None]
     ) -> None:
-        self.start, self.scale, self.evaluate, self.n = start, scale, evaluate, start.coordinates.size
+        self.start = start
+        self.scale = scale
+        self.evaluate = evaluate
+        self.n = start.coordinates.size
         self.low = np.maximum(start.coordinates - half, 0.0)
         self.high = np.minimum(start.coordinates + half, 1.0)
         self.bounded = len(start.costs) > 1
@@ -164,7 +167,8 @@ class _DesignSearch:
     """A search: trial designs, then rounds of improvement and full search."""
 
     def __init__(self, space: DesignSpace, progress: Callable[[float, str], None]) -> None:
-        self.space, self.options = space, space.design.solver
+        self.space = space
+        self.options = space.design.solver
         self.problem = DesignProblem(space)
         self.progress = progress
         self.tried: list[tuple[Array, float, float, int]] = []
@@ -186,7 +190,8 @@ class _DesignSearch:
             return self._result(
                 DesignStatus.NO_GRASP, f"none of the designs tried has all its grasps and numbers: {self._why}", ()
             )
-        settled, worst = False, tuple[WorstCase, ...]()
+        settled = False
+        worst = tuple[WorstCase, ...]()
         for number in range(self.options.max_rounds):
             self._round = number + 1
             self._improve()
@@ -206,7 +211,8 @@ class _DesignSearch:
         # 0.02: slope that is left at an optimum over the range of a variable, as a part of the cost
         if status is DesignStatus.OPTIMAL and best.left > 0.02 * self._scale:
             # As at a kink, beside which other grasps are best.
-            status, self._ended = DesignStatus.FEASIBLE, f"with a slope of {best.left:.3g} over the range of a variable"
+            status = DesignStatus.FEASIBLE
+            self._ended = f"with a slope of {best.left:.3g} over the range of a variable"
         if status is DesignStatus.FEASIBLE:
             message += f"; the search ended before it settled ({self._ended})"
         return self._result(status, message, worst)
@@ -221,7 +227,8 @@ class _DesignSearch:
 
     def _start(self) -> None:
         """Search the trial designs in full, and take the best."""
-        count, coordinates = self.options.starts - 1, self.space.coordinates
+        count = self.options.starts - 1
+        coordinates = self.space.coordinates
         trials = [np.array([coordinate.way.coordinate(coordinate.nominal) for coordinate in coordinates])]
         if count > 0:  # the first point of the sequence is the corner 0
             trials += list(Halton(len(coordinates), scramble=False).fast_forward(1).random(count))
@@ -322,12 +329,15 @@ class _DesignSearch:
         """Cost and limits of the best design at the worst combinations of errors: to first order, and as they are at
         the corners; none without tolerances.
         """
-        best, problem, n = self._best, self.problem, len(self.space.coordinates)
+        best = self._best
+        problem = self.problem
+        n = len(self.space.coordinates)
         if not self.space.tolerated:
             return ()
         nominal = [row for row in best.costs if not any(row.signs)]
         bound = max(row.value + float(np.abs(row.slope[n:]).sum()) for row in nominal)
-        scenarios, cases = problem.scenarios, list[WorstCase]()
+        scenarios = problem.scenarios
+        cases = list[WorstCase]()
         for signs in self._corners():
             problem.scenarios = [signs]
             try:
@@ -353,7 +363,8 @@ class _DesignSearch:
         """Take the combinations of errors with the greatest cost and the greatest violation into the search, where they
         are worse than the best design with those that are in it; whether there is one to add.
         """
-        best, known = self._best, self.problem.scenarios
+        best = self._best
+        known = self.problem.scenarios
         bad = [case for case in worst if case.signs not in known and np.isfinite(case.cost)]
         if not bad:
             return False

@@ -55,7 +55,8 @@ def _draw_grasp(ax: Axes, result: DesignResult) -> None:
 
 
 def _draw_costs(ax: Axes, result: DesignResult) -> None:
-    number, costs = np.arange(1, result.costs.size + 1), result.costs
+    number = np.arange(1, result.costs.size + 1)
+    costs = result.costs
     holds = np.isfinite(costs) & (result.violations <= 1e-6)
     trial = result.rounds == 0
     for chosen, color, text in ((trial, Color.GRAY, "full search"), (~trial, Color.BLUE, "by gradient")):

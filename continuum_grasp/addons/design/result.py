@@ -216,7 +216,8 @@ class DesignResult(Result):
         """
         if self.best is None:
             return ()
-        total, influences = self.best.slope, []
+        total = self.best.slope
+        influences = []
         for k, (coordinate, u) in enumerate(zip(self.space.coordinates, self.best.coordinates.tolist(), strict=True)):
             value = coordinate.way.value(u)
             slope = float(total[k]) / coordinate.way.slope(value)

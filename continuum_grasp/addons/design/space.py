@@ -96,7 +96,8 @@ def design_space_of(data: ConfigurationData) -> DesignSpace:
 def _coordinate(
     keys: SceneKeys[Design], key: str, variable: DesignVariable, scene: GraspScene
 ) -> VariedKey[DesignVariable]:
-    where, start = ("variables", key), variable.start
+    where = ("variables", key)
+    start = variable.start
     varied = keys.varied(where, key, variable, [variable.min, variable.max], listed=False)
     if start is None:
         start = _number(keys, where, scene, varied.path)

@@ -45,7 +45,8 @@ def controller_unit(
     alone = isinstance(scene, ControlScene)
     what = ["mpc" if alone else "mission"]
     library = Library.of(scene, what=what, prefix=identifier, finger=finger)
-    structs, loop = library.structs, library.manifest["loop"]
+    structs = library.structs
+    loop = library.manifest["loop"]
     start = "estimate" if "estimate" in structs else "measurement"
     seen, nominal = (list(loop[name].values()) for name in ("measurement_at_start", "nominal_known"))
     input_groups, states, words = _of_loop(structs, loop, preview) if alone else _of_mission(loop["mission"])

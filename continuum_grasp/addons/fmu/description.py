@@ -152,7 +152,8 @@ def base_unit(unit: str) -> dict[str, int] | None:
     Factors stand side by side; a stroke divides by the one factor, or parenthesis, behind it: ``N m2`` is
     ``{"kg": 1, "m": 3, "s": -2}``.
     """
-    exponents, at = dict[str, int](), 0
+    exponents = dict[str, int]()
+    at = 0
     while not at or at < len(unit):
         match = _FACTOR.match(unit, at)
         inner = None if match is None else _BASE.get(match[3]) if match[2] is None else base_unit(match[2])

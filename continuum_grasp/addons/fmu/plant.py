@@ -54,7 +54,8 @@ _UNIT = Consumer(
 def loop_plant_unit(scene: ControlScene, identifier: str) -> UnitContents:
     """The plant of a closed loop, with the integrator and the sub-steps that a run of the scene takes."""
     _UNIT.check(scene)
-    model, period = PlantModel(scene), scene.controller.step
+    model = PlantModel(scene)
+    period = scene.controller.step
     method = model.method_for(period)
     sensors = Sensors(scene, model, Prediction(scene), None)
     step = period / method.substeps

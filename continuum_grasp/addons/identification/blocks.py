@@ -28,7 +28,8 @@ def measured_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], len
 
     Readings without a known deviation share that of a kind.
     """
-    columns, moves = list[MeasuredColumn](), isinstance(data, TipPath)
+    columns = list[MeasuredColumn]()
+    moves = isinstance(data, TipPath)
     for reading in data.measured:
         what = reading.what if moves or reading.of_mode else reading.what.replace(" of ", " at ")
         group = what if reading.of_mode else f"{reading.kind} {'on paths' if moves else 'of poses'}"
@@ -83,7 +84,9 @@ class MeasuredBlock:
     on from there, wherever searches have been meanwhile."""
 
     def __init__(self, scene: Scene, data: Data, unknowns: Sequence[Unknown], by: Sequence[int] | None = None) -> None:
-        self.data, self.scene, self.plane = data, scene, data.plane
+        self.data = data
+        self.scene = scene
+        self.plane = data.plane
 
     @property
     def name(self) -> str:
@@ -132,7 +135,8 @@ class MeasuredBlock:
         bent = self.bent(values)
         if bent is None or all(column.place is None for column in self.measured.columns):
             return Drawn(np.zeros(0), np.zeros((0, _POINTS, 2)))
-        last, core = len(bent.q) - 1, Core(bent.model, compiled=False)
+        last = len(bent.q) - 1
+        core = Core(bent.model, compiled=False)
         chosen = np.unique(np.linspace(0, last, min(_DRAWN, last + 1)).round().astype(int))
         lines = [core.backbones(bent.q[[k]], bent.u[[k]], _POINTS, bent.p[k])[0] for k in chosen]
         return Drawn(self.measured.at[chosen], np.array(lines))

@@ -74,7 +74,9 @@ def _clock(stamps: Array, period: float) -> tuple[float, float]:
     On a circle whose turn is that time their mean is farthest from the middle (Rayleigh's test). Of the first rows this
     says it roughly, of twice as many each time ever more finely.
     """
-    rate, count, reach = 1.0 / period, _FIRST, _CLOCK / period
+    rate = 1.0 / period
+    count = _FIRST
+    reach = _CLOCK / period
     while True:
         t = stamps[:count] - stamps[0]
         fine = 0.125 / max(float(t[-1]), period)  # an eighth of a turn at the last stamp
@@ -83,7 +85,8 @@ def _clock(stamps: Array, period: float) -> tuple[float, float]:
         means = np.array([np.exp(2j * np.pi * one * t).mean() for one in rates])
         # of rates that are alike, as rows that are all an even number of periods apart have them, the first is nearest
         best = int(np.argmax(np.round(np.abs(means), 2)))
-        rate, reach = float(rates[best]), 2.0 * fine
+        rate = float(rates[best])
+        reach = 2.0 * fine
         if count >= stamps.size:
             break
         count *= 2

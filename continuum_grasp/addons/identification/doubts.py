@@ -66,7 +66,8 @@ def doubts(problem: FitProblem, solution: Solution, inference: Inference, *, law
 
 def _missed(problem: FitProblem, solution: Solution, inference: Inference) -> list[str]:
     """Hold-outs that are missed by more than noise and uncertain parameters allow, even where all errors are one."""
-    messages, missed = [], solution.predictions - problem.measured
+    messages = []
+    missed = solution.predictions - problem.measured
     lost = np.isinf(inference.deviations)
     if problem.fitted.all() or inference.freedom <= 0.0:
         return []
@@ -167,7 +168,8 @@ def _sets(problem: FitProblem, weighted: Array) -> list[str]:
 
 def _correlated(problem: FitProblem, weighted: Array) -> list[str]:
     """Sets whose residuals follow one another alike: then they are the model's error rather than noise."""
-    messages, sets = [], sum(of.ordered for of in problem.sets)
+    messages = []
+    sets = sum(of.ordered for of in problem.sets)
     for of, rows in zip(problem.sets, problem.slices, strict=True):
         residuals = weighted[rows].reshape(of.values.shape)[of.fitted]
         # 30: rows from which the correlation is tested; its deviation, 1 / sqrt(rows), holds for long series
@@ -327,7 +329,8 @@ def _shapes(problem: FitProblem) -> list[tuple[int, MeasuredColumn, NDArray[np.i
 
 def _shortening(problem: FitProblem, solution: Solution) -> list[Further]:
     """Change (m,) of the shapes of fingers on tendons whose tensions shorten them as those of a section like theirs."""
-    slope, radius = np.zeros(len(problem.measured)), 0.0
+    slope = np.zeros(len(problem.measured))
+    radius = 0.0
     for k in dict.fromkeys(k for k, *_ in _shapes(problem)):
         block, part, mix = problem.parts[k]
         finger = block.scene.finger

@@ -96,11 +96,13 @@ def design_experiments(
     resolved_scene, _ = resolved(scene)
     scene = cast(IdentifyScene, resolved_scene)
     proposed, logged = _designed(scene)
-    plain, sought = plain_scene(scene), read_unknowns(scene, scene.estimate)
+    plain = plain_scene(scene)
+    sought = read_unknowns(scene, scene.estimate)
     measured, sets = _measured(scene, data, progress or (lambda share: None))
     tables = [choices_of(data_set, plain, f"data[{k}]") for k, data_set in proposed]
     blocks: list[MeasuredBlock] = [PosesBlock(poses.scene or scene, poses, sought) for *_, poses in tables]
-    motion, along = None, dict[str, Array]()
+    motion = None
+    along = dict[str, Array]()
     if logged:
         at_known = plain
         if measured:
@@ -221,7 +223,8 @@ class _Known:
 
         These are at the values that are known and some about them.
         """
-        unknowns, at = self.problem.sought, part.mix @ self.values
+        unknowns = self.problem.sought
+        at = part.mix @ self.values
         about = _ABOUT * np.array([min(unknown.sigma, unknown.typical) for unknown in unknowns])
         free = np.array([(unknown.lower, unknown.upper) for unknown in unknowns]).T
         turns = np.random.default_rng(0).choice([-1.0, 1.0], size=(_TRIED, at.size)) if at.size > 1 else [[-1.0], [1.0]]

@@ -97,7 +97,8 @@ def identify(
     0.006
     """
     started = perf_counter()
-    report, laws = progress or (lambda share: None), tuple[LawTrial, ...]()
+    report = progress or (lambda share: None)
+    laws = tuple[LawTrial, ...]()
     known, beside = scene_of(scene), folder_of(scene)
     if parameters is None and isinstance(known, IdentifyScene) and known.laws:
         names = [law.name for law in known.laws]

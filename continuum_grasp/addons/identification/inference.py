@@ -65,13 +65,15 @@ def infer(
     """
     from scipy.special import stdtrit
 
-    count, rows = jacobian.shape[1], len(jacobian)
+    count = jacobian.shape[1]
+    rows = len(jacobian)
     sizes = np.array([unknown.typical for unknown in unknowns])
     # with fewer rows than parameters, the full basis has the directions that no row sees
     _, singular, directions = np.linalg.svd(jacobian * sizes, full_matrices=rows < count)
     singular = np.append(singular, np.zeros(count - len(singular)))
     blind = singular <= _BLIND * max(float(singular[0]), _TINY)
-    seen, unseen = directions[~blind], directions[blind]
+    seen = directions[~blind]
+    unseen = directions[blind]
     lost = np.any(np.abs(unseen) > _PART, axis=0)
     covariance = np.full((count, count), np.inf)
     spread = np.full(count, np.inf)
@@ -79,7 +81,9 @@ def infer(
     # the pseudo-inverse of J^T J: a direction that is not seen has no finite variance, and is reported as such
     inverse = seen.T @ (seen / singular[~blind, None] ** 2)
     if residuals is None:
-        independent, scattered, freedom = math.inf, inverse, math.inf
+        independent = math.inf
+        scattered = inverse
+        freedom = math.inf
     else:
         independent, scattered, freedom = _independent(jacobian * sizes, residuals, inverse, series)
     if freedom > 0:
@@ -201,7 +205,8 @@ def correlated(residuals: Array) -> tuple[int, float]:
     Spans double in length (G. Box and D. Pierce, 1970, test one): of a part that is slow and 0.3 of the noise, single
     lags show 0.08 alone.
     """
-    count, variances = len(residuals), np.mean(residuals**2, axis=0)
+    count = len(residuals)
+    variances = np.mean(residuals**2, axis=0)
     own = np.einsum("kii->ki", _autocovariance(residuals))[:, variances > 0.0] / variances[variances > 0.0]
     last, surest, end = 0, 0.0, 1
     while 4 * end <= count and own.size:
@@ -287,7 +292,8 @@ def allotted(
             _, pick = best(members, total)
             counts[pick] += 1
             total = total + each[pick]
-    reached, exchanged = float(variance(total)), True
+    reached = float(variance(total))
+    exchanged = True
     while exchanged:
         exchanged = False
         for members, _ in budgets:

@@ -144,7 +144,8 @@ def _search(
         # predictions
         return np.asarray(jacobian * (lengths > 1e-10 * lengths.max(initial=0.0)))
 
-    iterations, status = start.iterations, "no step possible"
+    iterations = start.iterations
+    status = "no step possible"
     with suppress(_NoStepPossibleError):
         solution = least_squares(
             residuals,

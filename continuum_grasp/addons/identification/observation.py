@@ -67,7 +67,8 @@ _OF_MOTORS = Consumer.refusals(
 
 
 def _at_drive(model: FingerModel, reading: Reading, u: ca.SX, tensions: ca.SX, states: ca.SX) -> ca.SX:
-    number, winches = (reading.of or 1) - 1, model.structure.winches
+    number = (reading.of or 1) - 1
+    winches = model.structure.winches
     count = len(model.finger.tendon_list) if reading.quantity == "tension" else len(winches)
     if number >= count:
         what = "tendons" if reading.quantity == "tension" else "drives"
@@ -108,7 +109,8 @@ class MeasuredStart:
     def __init__(self, model: FingerModel, readings: Sequence[Reading], t: Array, z: Array, name: str) -> None:
         self._model, self._name, self._z = model, name, z
         readings = [reading for reading in readings if not reading.of_drive]
-        rod, length = model.finger.rod, model.finger.rod.length
+        rod = model.finger.rod
+        length = model.finger.rod.length
         self._reach = model.structure.family.coordinate_size(min(model.ranges), max(model.lengths))
         self._slow = length**2 * float(np.sqrt(rod.mass_per_length / rod.stiffness))
         first = np.stack([column(name, reading.values)[:START_SAMPLES] for reading in readings])

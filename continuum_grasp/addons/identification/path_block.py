@@ -84,7 +84,8 @@ class PathBlock(MeasuredBlock):
             scene = scene.model_copy(update={"finger": scene.finger.with_lags(constant)})
         self._late = targets.index(DELAY) if DELAY in targets else None
         self.model = model = FingerModel(scene, parameters=runtime_names(scene, unknowns))
-        self._signals, self._initial = Signals(scene, model), scene.initial
+        self._signals = Signals(scene, model)
+        self._initial = scene.initial
         self.kinked, self.free = bool(model.friction_names), self._signals.constant
         if self.free and self._late is not None:
             raise InputError("a delay needs commands that vary: actuation, or conditions, of the set", key=data.name)
@@ -120,7 +121,8 @@ class PathBlock(MeasuredBlock):
     def _with_slopes(self, name: str, y: ca.SX, x: ca.SX, u: ca.SX, w: ca.SX, p: ca.SX) -> ca.Function:
         """Outputs [y, Y] of [x, X], commands, w and [p, B]; X and B are the derivatives of x and p by unknowns."""
         moved, turned = (ca.SX.sym(name, size.numel(), len(self._by)) for name, size in (("X", x), ("B", p)))
-        commands, by_delay = u, ca.SX(u.numel(), len(self._by))
+        commands = u
+        by_delay = ca.SX(u.numel(), len(self._by))
         if self._late is not None:
             late = ca.SX.sym("late", u.numel())
             commands = ca.vertcat(u, late)
@@ -133,14 +135,17 @@ class PathBlock(MeasuredBlock):
 
     def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
         states, p, delay = self._moved(values, until)
-        count, instants = len(self._by), self._t.size
+        count = len(self._by)
+        instants = self._t.size
         inputs = self._commands(self._t, delay), self._signals.w(self._t), np.tile(p, (instants, 1))
         both = np.array(self._read(states.T, *(rows.T for rows in inputs))).reshape(1 + count, -1, instants)
         return both[0].T.ravel(), both[1:].transpose(2, 1, 0).reshape(both[0].size, count)
 
     def bent(self, values: Array) -> Bent:
         states, p, delay = self._moved(values)
-        model, t, p = self.model, self._t, p[: self.model.np]
+        model = self.model
+        t = self._t
+        p = p[: self.model.np]
         commands = self._commands(t, delay)[:, : model.nu]
         u = model.acting_input(states[:, : model.nx].T, commands.T, p)
         rows = np.broadcast_to(np.array(u).T, (t.size, model.nu)), np.tile(p, (t.size, 1))
@@ -165,12 +170,14 @@ class PathBlock(MeasuredBlock):
         start, slope = self._begin(values, delay, p)
         grid = self._settle(start, p)
         acting = np.concatenate([p, self._turned[:, self._by].ravel(order="F")])
-        steps, constant = grid.steps_to(until - self._begins), self._signals.constant
+        steps = grid.steps_to(until - self._begins)
+        constant = self._signals.constant
         whole = np.concatenate([start, slope[:, self._by].ravel(order="F")])[None]
         # a Runge-Kutta step takes inputs and forces at its start, middle and end
         halves: Array = np.linspace(0.0, steps * grid.spacing, 2 * steps * grid.substeps + 1) + self._begins
         at = halves[:1] if constant else halves
-        u, w = self._commands(at, delay), self._signals.w(at)
+        u = self._commands(at, delay)
+        w = self._signals.w(at)
         u, w = (values[0] if constant else values for values in (u, w))
         step = grid.spacing / grid.substeps
         states, finished = self._run(whole, steps, grid.substeps, step, u, w, acting)
@@ -181,7 +188,9 @@ class PathBlock(MeasuredBlock):
 
     def _begin(self, values: Array, delay: float, p: Array) -> Dual:
         """State where the motion starts: drives have reached their commands, and friction is that of the shape."""
-        model, n, count = self.model, self.model.n, self._count
+        model = self.model
+        n = self.model.n
+        count = self._count
         x = np.zeros(model.nx)
         slope = np.zeros((model.nx, len(values)))
         if self.own:

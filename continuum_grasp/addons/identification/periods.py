@@ -53,7 +53,8 @@ class Periods:
         controller = Controller(scene, deadline=math.inf)
         if controller.estimation is None:
             raise InputError("a replay needs an estimator", key="estimator")
-        self.controller, self.estimation = controller, controller.estimation
+        self.controller = controller
+        self.estimation = controller.estimation
         self._names = controller.measurement_names
         inputs = tuple(ControlLog.COMMANDED + n for n in controller.stages.u_names)
         self._columns, repeated = columns_of(log, (*self._names, *inputs), controller.period)
@@ -85,7 +86,9 @@ class Periods:
 
     def _doubts(self, repeated: int) -> list[str]:
         """Periods that the log lacks, and rows of it that are not used."""
-        doubts, calls, period = list[str](), self.calls, self.controller.period
+        doubts = list[str]()
+        calls = self.calls
+        period = self.controller.period
         if repeated:
             doubts.append(f"{repeated} rows repeat the time of the row before: they are not used")
         sizes = {name: t.size for name, (t, _) in self._columns.items()}
@@ -149,7 +152,8 @@ class Periods:
 
     def noises(self) -> list[Retuned]:
         """Noise of each channel: what a parabola through neighbors leaves of four samples in a row, in the median."""
-        noises, scene = [], self.controller.scene
+        noises = []
+        scene = self.controller.scene
         for name in self._names:
             (t, values), std = self._columns[name], math.nan
             if len(t) > 8:
@@ -176,7 +180,9 @@ class Periods:
         The interval is that of a likelihood ratio, wider by how innovations follow one another alike, and a period at
         least: measurements are asked for once in each.
         """
-        period, stated, shown = self.controller.period, self.controller.scene.delay_periods, self.shown()
+        period = self.controller.period
+        stated = self.controller.scene.delay_periods
+        shown = self.shown()
         unknown = Retuned("delay", "s", period * stated, math.nan)
         trials = list[Array]()
         ages = np.arange(stated + LATER)
@@ -207,10 +213,12 @@ class Periods:
 
     def lag(self) -> list[Retuned]:
         """Time constant of drives whose inputs are measured: a critically damped lag, fitted with a delay."""
-        scene, names = self.controller.scene, self.controller.stages.u_names
+        scene = self.controller.scene
+        names = self.controller.stages.u_names
         if scene.lag is None or scene.finger.winches:
             return []
-        unknown, shown = Retuned("lag", "s", scene.lag, math.nan), self.shown()
+        unknown = Retuned("lag", "s", scene.lag, math.nan)
+        shown = self.shown()
         y, period, u = self._y, self.controller.period, _held(self.logged)
         pairs = [(u[:, k], y[:, self._names.index(name)]) for k, name in enumerate(names) if name in self._names]
         pairs = [
@@ -250,7 +258,8 @@ def _lagged(commanded: Array, period: float, time: float, at: Array) -> Array:
 
     At the periods by the filter with the same answer to steps, from there on by the solution for a held command.
     """
-    pole, ratio = math.exp(-period / time), period / time
+    pole = math.exp(-period / time)
+    ratio = period / time
     below = [1.0, -2.0 * pole, pole**2]
     value = lfilter([0.0, 1.0 - pole * (1.0 + ratio), pole * (pole - 1.0 + ratio)], below, commanded)
     rate = lfilter([0.0, pole * ratio / time, -pole * ratio / time], below, commanded)
@@ -292,7 +301,8 @@ def columns_of(
     else:
         table = DataTable.read(str(log))
         heading = "t" if "t" in table.headings else "time"
-        named, columns = table.named(), {}
+        named = table.named()
+        columns = {}
         t = table.in_si(heading, "s")
         table.check_order(t, heading, np.arange(t.size), strict=False)
         table.check_clock(t, heading, period=period)

@@ -35,7 +35,8 @@ def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
     # 95 % of normal residuals are within two deviations
     ax.axhspan(-2.0, 2.0, color=Color.BLUE, alpha=0.08, linewidth=0)
     ax.axhline(0.0, color=Color.GRAY, linewidth=0.8)
-    number, inside = np.arange(1, scaled.size + 1), fit.fitted
+    number = np.arange(1, scaled.size + 1)
+    inside = fit.fitted
     size = 22.0 if scaled.size <= _DENSE else 7.0
     ax.scatter(number[inside], scaled[inside], s=size, color=Color.BLUE, linewidth=0, label="fitted", zorder=3)
     if not inside.all():
@@ -113,7 +114,8 @@ def plot_series(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
     Hold-outs are orange. A new figure has six quantities at most: of more those that are missed by most, per the widest
     range of their unit, in the order of the tables.
     """
-    every, ranges = result.series, dict[str, float]()
+    every = result.series
+    ranges = dict[str, float]()
     for column, _, rows in every.values():
         span = max(float(np.ptp(result.measured[rows])), 1e-12)
         ranges[column.unit] = max(ranges.get(column.unit, 0.0), span)

@@ -189,7 +189,8 @@ def too_far(problem: FitProblem, values: Array, sigma: Array) -> str:
             beyond = distance - reach
             beyond -= np.maximum(_PART * finger.rod.length, _BEYOND * noise[:, here].max(axis=1))
             if beyond.max() > farthest:
-                row, farthest = int(np.argmax(beyond)), float(beyond.max())
+                row = int(np.argmax(beyond))
+                farthest = float(beyond.max())
                 label = problem.labels[part.start + row * len(of.columns) + here[0]]
                 message = (
                     f"{of.name}: {label} is {distance[row]:.3g} m from the base, where the finger is {reach:g} m long"
@@ -285,7 +286,8 @@ def _undone(
     factors = {name: factor for name, (to, factor) in slip.columns.items() if name == to}
     if not factors or factors.keys() - _MEASURED or (isinstance(data, TipPath) and data.start != "scene"):
         return block.again(sought, data=data, scene=scene)
-    changed, of = copy(block), block.measured
+    changed = copy(block)
+    of = block.measured
     changed.measured = replace(of, values=of.values * [factors.get(column.quantity, 1.0) for column in of.columns])
     return changed
 

@@ -52,9 +52,11 @@ def with_sets(sought: Sequence[Unknown], blocks: Sequence[MeasuredBlock]) -> tup
     common, vectors = ([of for of in sought if of.per in which] for which in (("all", "plane"), ("plane",)))
     free: dict[str, Any] = {"target": ALONG, "start": 0.0, "lower": -math.inf, "upper": math.inf, "per": "all"}
     parts = [of._replace(name=f"{of.name} at {at} deg", **free) for of in vectors for at in DIRECTIONS]
-    unknowns, mixes = [*common, *parts], list[Array]()
+    unknowns = [*common, *parts]
+    mixes = list[Array]()
     for block in blocks:
-        mine, first = (*sought, *block.own), len(unknowns)
+        mine = (*sought, *block.own)
+        first = len(unknowns)
         if vectors and block.plane is None:
             raise InputError(f"{vectors[0].name} is estimated per plane: state the plane of {block.name}", key="data")
         unknowns += [of._replace(name=f"{of.name} of {block.name}") for of in mine if of.per == "set"]
@@ -226,7 +228,8 @@ class FitProblem(MeasuredNumbers):
             # each group by its own residuals (iteratively reweighted): meters and radians weigh as they scatter
             new_sigma = self._new_sigma(predictions, jacobian, sigma)
             settled = np.allclose(new_sigma, sigma, rtol=1e-3, atol=0.0)
-            values, sigma = minimum.values, new_sigma
+            values = minimum.values
+            sigma = new_sigma
             progress(0.5 + 0.5 * (round_ + 1) / _ROUNDS)
             # one weight for all does not move the minimum
             if settled or len(self.groups) == 1:
@@ -274,7 +277,8 @@ class FitProblem(MeasuredNumbers):
             values = start.copy()
             values[free] = sought
             y, jacobian = self.predict(values, chosen)
-            scale, known = weights[chosen], prior(unknowns, sought)
+            scale = weights[chosen]
+            known = prior(unknowns, sought)
             missed = scale * (y - self.measured)[chosen]
             slope = scale[:, None] * jacobian[chosen][:, free]
             return np.append(missed, known[0]), np.vstack([slope, known[1]])
@@ -321,7 +325,8 @@ class FitProblem(MeasuredNumbers):
 
         Their sum is the number of parameters that the data see.
         """
-        fitted, leverage = self.fitted, np.zeros(len(sigma))
+        fitted = self.fitted
+        leverage = np.zeros(len(sigma))
         slopes = [(jacobian / sigma[:, None])[fitted], self.prior(np.zeros(len(self.unknowns)))[1]]
         basis, singular, _ = np.linalg.svd(np.vstack(slopes), full_matrices=False)
         keep = singular > 1e-10 * max(float(singular.max(initial=0.0)), 1e-300)

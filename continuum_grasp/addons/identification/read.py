@@ -135,7 +135,8 @@ def _read(data_set: DataSet, table: DataTable, scene: Scene, name: str, key: str
             sets.append(Poses(readings, under, chosen[rows], scene, called, data_set.sequence, data_set.plane))
         return sets
     time = as_column(data_set.t)
-    t, heading = _column(table, time, "s"), time.column
+    t = _column(table, time, "s")
+    heading = time.column
     table.check_clock(t, heading, "s" if time.scale != 1.0 else time.unit)
     long = isinstance(data_set, TipTrajectory) and any(isinstance(of.at, Column) for of in data_set.measured)
     groups = table.groups(heading if long else None)
@@ -236,8 +237,11 @@ class _Points:
 
     def readings(self, m: ReadingColumn, key: str) -> Iterator[Reading]:
         """Readings of a column, one for each place that it has, NaN where a group has none."""
-        table, data_set, length = self.table, self.one, self.scene.finger.rod.length
-        quantity, sign = m.quantity, 1.0
+        table = self.table
+        data_set = self.one
+        length = self.scene.finger.rod.length
+        quantity = m.quantity
+        sign = 1.0
         if quantity in ("x", "y"):
             axis = data_set.axes["xy".index(quantity)]
             quantity = "x" if axis[-1] == "x" else "y"
@@ -279,7 +283,8 @@ class _Points:
 
     def _check_offsets(self, heading: str, offsets: Array, rows: NDArray[np.intp]) -> None:
         """Refuse markers without an offset, or one in another unit, in the rows (R,) that have them."""
-        at, length = self.table.index(heading), self.scene.finger.rod.length
+        at = self.table.index(heading)
+        length = self.scene.finger.rod.length
         for value, row in zip(offsets.tolist(), rows.tolist(), strict=True):
             if np.isnan(value):
                 raise self.table.empty(at, row)
@@ -325,7 +330,8 @@ def _ring_downs(
     ring_down: RingDown, table: DataTable, t: Array, inside: NDArray[np.bool_], scene: Scene, name: str
 ) -> Poses:
     """One row per signal."""
-    sines, signals = [], list[Signal]()
+    sines = []
+    signals = list[Signal]()
     for heading in ring_down.signals:
         signal = table.numbers(heading, gaps=True)
         there = inside & np.isfinite(signal)

@@ -186,13 +186,17 @@ def replay(
     """
     known = scene_of(scene, ControlScene)
     periods = Periods(known, log)
-    controller, y, estimation = periods.controller, periods.measured(), periods.estimation
+    controller = periods.controller
+    y = periods.measured()
+    estimation = periods.estimation
     commands = periods.run(y)
-    with_variances, statistics = innovations(commands), controller.statistics
+    with_variances = innovations(commands)
+    statistics = controller.statistics
     std = np.sqrt(np.where(with_variances[:, 1] > 0.0, with_variances[:, 1], np.nan))
     innovation = np.where(np.isfinite(std), with_variances[:, 0], np.nan)
     disagreements = disagreement(with_variances)
-    suspicions, report = list[Suspicion](), progress or (lambda share: None)
+    suspicions = list[Suspicion]()
+    report = progress or (lambda share: None)
     trials = periods.trials(y)
     for k, (what, other) in enumerate(trials):
         # A quantity of which a part is left out is not compared: its disagreement is NaN.
@@ -200,7 +204,8 @@ def replay(
         suspicions.append(Suspicion(what, float(np.nanmean(after)), float(np.nanmean(disagreements))))
         report((k + 1.0) / (len(trials) + LATER))
     suspicions.sort(key=lambda suspicion: suspicion.after)
-    frozen, status = periods.frozen(), "consistent" if np.nanmax(disagreements) <= DISAGREE else "mismatch"
+    frozen = periods.frozen()
+    status = "consistent" if np.nanmax(disagreements) <= DISAGREE else "mismatch"
     # 0.5: part of the disagreement that is left where the sensor at fault is left out, at most
     explained = bool(suspicions) and suspicions[0].after < 0.5 * suspicions[0].before
     if frozen or (status == "mismatch" and explained):

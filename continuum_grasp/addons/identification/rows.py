@@ -77,7 +77,9 @@ class RestShapes:
         *,
         sequence: bool = False,
     ) -> None:
-        conditions, key, self._sequence = conditions or {}, f"{name}.conditions", sequence
+        conditions = conditions or {}
+        key = f"{name}.conditions"
+        self._sequence = sequence
         plain = FingerModel(scene, parameters=runtime_names(scene, unknowns), input_rates=False)
         entries = [split_unit(label)[0] for label in (*plain.u_names, *plain.w_names)]
         more = [target for target in conditions if target not in entries]
@@ -133,7 +135,9 @@ class RestShapes:
     def row(self, row: int, values: Array, before: Resting, *, carried: bool = False) -> Resting:
         """One row, in steps from another equilibrium, or with its friction ``carried`` on; errors as of ``all``."""
         z = Dual(self._own * self._table[row] + self._derivative @ values, self._derivative)
-        done, step, state = 0.0, 1.0, before
+        done = 0.0
+        step = 1.0
+        state = before
         while done < 1.0:
             step = min(step, 1.0 - done)
             # the last step ends at z itself, not at a rounding of it

@@ -53,7 +53,9 @@ def restarted(problem: FitProblem, first: Solution | None) -> Solution | None:
 
     Predictions are followed from there afterwards.
     """
-    best, least, followed = first, math.inf, problem.followed
+    best = first
+    least = math.inf
+    followed = problem.followed
     if first is not None:
         least = _LESS * problem.misfit(first.values)
     scaled = np.array([unknown.start > 0.0 and unknown.lower >= 0.0 for unknown in problem.unknowns])
@@ -66,7 +68,9 @@ def restarted(problem: FitProblem, first: Solution | None) -> Solution | None:
             solution = problem.solve(lambda share: None, start, least)
             total = problem.misfit(solution.values)
             if total < least:
-                best, least, followed = solution, _LESS * total, problem.followed
+                best = solution
+                least = _LESS * total
+                followed = problem.followed
     problem.followed = followed  # shapes that buckled elsewhere do not lead back to these
     return best
 
@@ -171,7 +175,9 @@ def _differ(problem: FitProblem, more: Array) -> bool:
         more[part].reshape(of.values.shape)[~of.fitted].sum(axis=1)
         for of, part in zip(problem.sets, problem.slices, strict=True)
     ]
-    every, variance, freedom = np.concatenate(rows_of), 0.0, 0.0
+    every = np.concatenate(rows_of)
+    variance = 0.0
+    freedom = 0.0
     for rows in rows_of:
         if rows.size:  # about the mean of all: a set may have one row
             spread, worth = middle(np.ones((rows.size, 1, 1)), (rows - every.mean())[:, None])

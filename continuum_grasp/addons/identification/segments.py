@@ -54,7 +54,8 @@ class Excited(NamedTuple):
 
     def by_segment(self, slopes: Array) -> dict[str, Array]:
         """Derivatives (readings, n) of what is read in each segment, by its name, of those (T, readings, n) in all."""
-        t, width = self.rehearsal.t[1:], slopes.shape[-1]
+        t = self.rehearsal.t[1:]
+        width = slopes.shape[-1]
         return {of.name: slopes[(t > of.start) & (t <= of.end)].reshape(-1, width) for of in self.segments}
 
 
@@ -69,7 +70,8 @@ _SHOWS = {
 def base_of(scene: Scene) -> Array:
     """Commands at which the tendons are just in tension."""
     finger = scene.finger
-    tendons, key = finger.tendon_list, finger.input_keys[0]
+    tendons = finger.tendon_list
+    key = finger.input_keys[0]
     base = np.zeros(len(finger.input_keys))
     if key == "tensions":
         base[: len(tendons)] = [max(tendon.min_tension, _BASE * tendon.max_tension) for tendon in tendons]
@@ -83,9 +85,13 @@ def base_of(scene: Scene) -> Array:
 def patterns_of(scene: Scene) -> list[DrivePattern]:
     """To one side, to the other, and both sides together; chambers beside tendons stay as they are."""
     finger = scene.finger
-    tendons, rod, key = finger.tendon_list, finger.rod, finger.input_keys[0]
+    tendons = finger.tendon_list
+    rod = finger.rod
+    key = finger.input_keys[0]
     arms = [tendon.arm(rod.length) for tendon in tendons] or [chamber.arm for chamber in finger.chambers]
-    model, both_ways, paid = FingerModel(scene, input_rates=False), key == "tip_moment", 0.0
+    model = FingerModel(scene, input_rates=False)
+    both_ways = key == "tip_moment"
+    paid = 0.0
     bend = float(sum(model.ranges))
     strong = max((tendon.max_tension for tendon in tendons), default=0.0)
     if key == "pressures":
@@ -150,7 +156,9 @@ class CommandDesign:
         return low
 
     def _allowed(self, u: Array) -> bool:
-        model, reach, tendons = self._model, self.options.reach, self._model.finger.tendon_list
+        model = self._model
+        reach = self.options.reach
+        tendons = self._model.finger.tendon_list
         limits = [finger_input.most for finger_input in model.finger.inputs if finger_input.key != "pressures"]
         if any(abs(command) > reach * limit for command, limit in zip(u, limits, strict=False)):
             return False
@@ -170,16 +178,20 @@ class CommandDesign:
 
     def excited(self, allowed: Callable[[Trajectory], bool] | None = None) -> Excited:
         """Commands as large as the motion that they cause is allowed to be."""
-        scale, tries, rehearsal = 1.0, _TRIES, integrate(self.scene(1.0))
+        scale = 1.0
+        tries = _TRIES
+        rehearsal = integrate(self.scene(1.0))
         while tries and not (allowed or self.within)(rehearsal):
-            scale, tries = _LESS * scale, tries - 1
+            scale = _LESS * scale
+            tries = tries - 1
             rehearsal = integrate(self.scene(scale))
         return Excited(self.segments, rehearsal, scale)
 
     def within(self, motion: Trajectory) -> bool:
         """Whether a motion stays within the bending range and the greatest tensions."""
         use: Array = np.asarray(motion.core.batch("range_use", motion.q, motion.acting, None))
-        tensions, tendons = motion.tensions, motion.model.finger.tendon_list
+        tensions = motion.tensions
+        tendons = motion.model.finger.tendon_list
         if use.max() > 1.0:
             return False
         return tensions is None or bool(np.all(tensions.max(axis=0) <= [tendon.max_tension for tendon in tendons]))
@@ -213,7 +225,8 @@ class CommandDesign:
         # 2.0: samples in which a step rises
         rise = 2.0 * self.options.sample
         if form == "steps":
-            points, before = list[tuple[float, float]](), 0.0
+            points = list[tuple[float, float]]()
+            before = 0.0
             for share, level in _STEPS:
                 points += [(share * duration, before), (share * duration + rise, level)]
                 before = level
@@ -221,7 +234,9 @@ class CommandDesign:
         # 0.1: greatest frequency times the time between samples
         low, high = (min(part * self._frequency, 0.1 / self.options.sample) for part in _BAND)
         ramp = 0.1 * duration
-        points, t, k = [(0.0, 0.0), (ramp, _MIDDLE)], ramp, 0
+        points = [(0.0, 0.0), (ramp, _MIDDLE)]
+        t = ramp
+        k = 0
         while True:
             share = (t - ramp) / (0.8 * duration)
             t += 0.5 / (low + (high - low) * share)

@@ -88,12 +88,17 @@ def read_unknowns(scene: Scene, estimates: Sequence[Estimate | str]) -> list[Unk
 
 
 def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
-    name, finger, rod = asked.name, scene.finger, scene.finger.rod
+    name = asked.name
+    finger = scene.finger
+    rod = scene.finger.rod
     for feature in _DRIVES:
         feature.check(finger, key, asked)
     for feature in _ESTIMATES:
         feature.check(rod, key, asked)
-    target, factor, nominal, unit = name, 1.0, 0.0, _OWN.get(name, "")
+    target = name
+    factor = 1.0
+    nominal = 0.0
+    unit = _OWN.get(name, "")
     if name == "youngs_modulus":
         target = "bending_stiffness"
         nominal = cast(float, rod.youngs_modulus)
@@ -102,7 +107,8 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
         target = ADDED[name]
     elif name == LAG and not finger.winches:
         lags = [of.time_constant for of in finger.tendon_list] + [of.time_constant for of in finger.chambers]
-        nominal, unit = max(lag or 0.0 for lag in lags), "s"
+        nominal = max(lag or 0.0 for lag in lags)
+        unit = "s"
     elif name != DELAY:
         nominal, unit = _of_model(scene, name, key)
     typical = _typical(scene, name) if nominal == 0.0 else abs(nominal)

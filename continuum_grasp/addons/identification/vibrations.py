@@ -71,7 +71,8 @@ def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> Da
     if instants.size < _LEAST_SAMPLES or np.any(np.diff(instants) <= 0.0):
         raise InputError(f"expected {_LEAST_SAMPLES} samples or more, at instants that increase", key=name)
     at = instants - instants[0]
-    start, span = _spectral_peak(at, values, name), float(at[-1])
+    start = _spectral_peak(at, values, name)
+    span = float(at[-1])
     guess = np.array([start, 0.5 / span])
     # beside the peak by a factor of four; from growth by exp(5) over the record to decay within part of a period
     lower = (0.25 * start, -5.0 / span)

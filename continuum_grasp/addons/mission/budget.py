@@ -37,7 +37,8 @@ class CertifiedContact:
 
 def certified_contact(assignments: Sequence[Assignment], name: str) -> CertifiedContact | None:
     """The certificate's numbers for a contact of the plant by its name; None where the grasp has no such contact."""
-    grasp_name, grasp = grasp_contact(assignments, name), assignments[0].grasp
+    grasp_name = grasp_contact(assignments, name)
+    grasp = assignments[0].grasp
     contacts = [
         c
         for c in grasp.contacts
@@ -190,12 +191,15 @@ def lowered_by_pulls(assignments: Sequence[Assignment], variation: PlantVariatio
 
     For small motions. Controllers that follow a force give way further than drives that keep their tension.
     """
-    of, fingers = assignments[0], [assignment.control.finger for assignment in assignments]
-    grasp, down = of.grasp, np.array(of.mission.grasp.gravity[:2])
+    of = assignments[0]
+    fingers = [assignment.control.finger for assignment in assignments]
+    grasp = of.grasp
+    down = np.array(of.mission.grasp.gravity[:2])
     if of.mission.gravity:
         return ()
     more = (plant_mass(of.mission, variation) - grasp.scene.object.mass) * np.array([*down, 0.0])
-    laws, keeps = [finger.drive_law for finger in fingers], keep_position(fingers)
+    laws = [finger.drive_law for finger in fingers]
+    keeps = keep_position(fingers)
     springs = [np.inf if law is None else sum(law.springs(2 * [1.0 / (law.series + law.axial)])) for law in laws]
     there = GraspResponse(grasp.scene, grasp.arrays, springs, 1.0 / of.mission.contact_law.stiffness)
     changes = (

@@ -76,8 +76,12 @@ def find_drop(record: MissionRecord, sunk: Array) -> Drop | None:
     fallen = np.flatnonzero(sunk >= FALLEN)
     if not fallen.size:
         return None
-    end, t, contacts, friction = int(fallen[0]), record.t, record.contacts, record.friction
-    lift, slips = record.timetable.span("lift").start, []
+    end = int(fallen[0])
+    t = record.t
+    contacts = record.contacts
+    friction = record.friction
+    lift = record.timetable.span("lift").start
+    slips = []
     for name, rows in bodies(contacts.names, [assignment.name for assignment in record.assignments]).items():
         normal, shear = contacts.normal_force[:, rows], contacts.shear[:, rows]
         gone = np.all(shear >= ON_CONE * friction[:, rows] * normal, axis=1)  # also where nothing presses
@@ -154,7 +158,8 @@ class Touching:
 
 def find_touching(record: MissionRecord) -> Touching | None:
     """Contacts of fingers that touch at the end of a mission; None where none does."""
-    contacts, grasp = record.contacts, np.array(record.assignments[0].object_pose[:2])
+    contacts = record.contacts
+    grasp = np.array(record.assignments[0].object_pose[:2])
     last = zip(contacts.names, contacts.normal_force[-1].tolist(), strict=True)
     forces = tuple((name, force) for name, force in last if contacts.on_finger(name) and force > 0.0)
     away = float(np.linalg.norm(record.object_pose[-1, :2] - grasp))
@@ -193,7 +198,9 @@ class Turned:
 
 def find_turned(record: MissionRecord) -> Turned | None:
     """Turn of the object; None where none was asked for."""
-    of, turn, timetable = record.assignments[0], record.mission.turn, record.timetable
+    of = record.assignments[0]
+    turn = record.mission.turn
+    timetable = record.timetable
     if turn is None:
         return None
     t, pose = record.t, record.object_pose
@@ -235,12 +242,14 @@ def find_turned(record: MissionRecord) -> Turned | None:
 
 def _short(record: MissionRecord, span: Span, short: float) -> str:
     """Why a stroke ended elsewhere than asked, ``short`` of its angle where negative [rad]."""
-    run, contacts = record.runs[0], record.contacts
+    run = record.runs[0]
+    contacts = record.contacts
     if "tripped" in run.health and run.t[run.health.index("tripped")] < span.end:
         return f"the controller tripped at {run.t[run.health.index('tripped')]:.2f} s"
     during = (run.t >= span.start) & (run.t <= span.end)
     tip = next(k for k, name in enumerate(contacts.names) if contacts.on_finger(name) and name.endswith(_TIP))
-    name, normal = contacts.names[tip], contacts.normal_force[during, tip]
+    name = contacts.names[tip]
+    normal = contacts.normal_force[during, tip]
     pushing = np.flatnonzero(normal > 0.0)
     if short > 0.0:
         return f"{name} pushed it {_degrees(short)} too far"

@@ -143,8 +143,10 @@ def exported_loop(mission: MissionScene | AssignedMission | MissionRun, finger: 
 
 def _phases_of(assignments: Sequence[Assignment], of: Assignment, stages: Stages) -> ExportedPhases:
     """Phases of the finger ``of``, one of those that are assigned, by the problem of its controller."""
-    table, leads = Timetable(of), of is assignments[0]
-    certified, holds_on = certified_forces(assignments, of), of.mission.phases.hold_until_release
+    table = Timetable(of)
+    leads = of is assignments[0]
+    certified = certified_forces(assignments, of)
+    holds_on = of.mission.phases.hold_until_release
     sizes, settings = mission_settings(table, stages, certified, leads=leads, holds_on=holds_on)
     reported = () if len(assignments) == 1 else _REPORTED[leads]
     spans = table.phases()

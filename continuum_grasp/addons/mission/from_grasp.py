@@ -42,7 +42,8 @@ class Commands:
     """Commands by tensions of a finger whose tendons were pulled to where they are; ``s`` are places along it [m]."""
 
     def __init__(self, finger: Finger, s: ArrayLike) -> None:
-        self._finger, self._s = finger, np.asarray(s, dtype=float)
+        self._finger = finger
+        self._s = np.asarray(s, dtype=float)
         self._winches = Winch.of_finger(finger)
 
     def of(self, tensions: ArrayLike, angles: ArrayLike) -> Array:
@@ -129,7 +130,8 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> tuple[Ass
     assigned = tuple(_assigned(mission, result, resistance, setup) for setup in mission.grasp.setups)
     if mission.slip is None:
         return assigned
-    more, gives = standing(assigned), [lowered.distance for lowered in lowered_by_pulls(assigned, PlantVariation())]
+    more = standing(assigned)
+    gives = [lowered.distance for lowered in lowered_by_pulls(assigned, PlantVariation())]
     return tuple(replace(each, standing=more, gives=max([0.0, *gives])) for each in assigned)
 
 
@@ -160,7 +162,8 @@ def _assigned(mission: MissionScene, grasp: GraspResult, resistance: Resistance,
     before, angles, _ = _about_to_touch(control, free, body, tensions, (least, greatest), edges)
     if mission.turn is not None:
         _check_start(control, _about_to_touch(control, free, object_of(control), tensions, (least, greatest), edges)[2])
-    commands, factors = Commands(finger, edges), np.minimum(np.asarray(resistance.factors), LARGEST)
+    commands = Commands(finger, edges)
+    factors = np.minimum(np.asarray(resistance.factors), LARGEST)
     rise = np.maximum(tensions - before, 0.0)
     reserve = float(np.min((greatest - tensions)[rise > 0.0] / rise[rise > 0.0], initial=math.inf))
     reserve = max(0.0, reserve) if math.isfinite(reserve) else 0.0
@@ -253,7 +256,8 @@ def _control_scene(
     if turn is not None:
         cost |= {"object_angle": asked.object_angle, "gap": {"running": asked.gap, "of": ("finger.tip",)}}
         reference |= {"object_angle": (body.angle,), "gap": (0.0,)}
-    estimated, adapted = frozenset(mission.estimator.disturbances.stated()), set[str]()
+    estimated = frozenset(mission.estimator.disturbances.stated())
+    adapted = set[str]()
     if mission.estimator.adapt is not None:
         adapted = set(mission.estimator.adapt.spreads)
     # As a file of a closed loop has them.
@@ -347,11 +351,14 @@ def _about_to_touch(
         input_rates=False,  # nothing moves
     )
     places = np.linspace(0.0, finger.rod.length, _DENSE + 1)[1:]
-    half, core = finger.profile.half_thickness(places), Core(free, compiled=False)
+    half = finger.profile.half_thickness(places)
+    core = Core(free, compiled=False)
     away = tensions - least
     pulls = away > 0.0
     farthest = float(np.min((highest - least)[pulls] / away[pulls]))
-    before, q, nearest = least, np.zeros(free.n), math.inf
+    before = least
+    q = np.zeros(free.n)
+    nearest = math.inf
     # 200: shares of the grasp's tensions that are tried
     for share in np.linspace(0.0, farthest, 200 + 1):
         u = least + share * away
@@ -370,7 +377,9 @@ def _check_start(control: ControlScene, nearest: float) -> None:
 
     ``nearest`` is the place of the finger that first comes close to the object, as `_about_to_touch` has it.
     """
-    body, length, key = object_of(control), control.finger.rod.length, "turn.position"
+    body = object_of(control)
+    length = control.finger.rod.length
+    key = "turn.position"
     for wall in control.walls:
         down = wall.normal_angle + math.pi - body.angle
         deep = max(part.support(down) for part in body.parts) - wall.height(body.position)

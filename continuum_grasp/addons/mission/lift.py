@@ -64,7 +64,8 @@ def shortfalls(
     assignments: Sequence[Assignment], names: Sequence[str], forces: Array, stds: Array | None = None
 ) -> tuple[Shortfall, ...]:
     """Contacts of fingers, by their names on the plant, whose normal forces (C,) [N] are too small to lift."""
-    share, lacking = assignments[0].mission.phases.lift_share, []
+    share = assignments[0].mission.phases.lift_share
+    lacking = []
     for k, name in enumerate(names):
         certified = certified_contact(assignments, name)
         if share > 0.0 and certified is not None and not forces[k] >= share * certified.normal_force:
@@ -172,8 +173,11 @@ class LiftCheck:
 
     def schedule(self, finger: int, stages: Stages) -> PhasePlan:
         """The phases of a finger, by number, which ask before the lift."""
-        table, certified, leads = Timetable(self._of[finger]), certified_forces(self._of, self._of[finger]), finger == 0
-        reported, waits = self._others if leads else lambda: self._plans[0].decision, partial(self._waited, finger)
+        table = Timetable(self._of[finger])
+        certified = certified_forces(self._of, self._of[finger])
+        leads = finger == 0
+        reported = self._others if leads else lambda: self._plans[0].decision
+        waits = partial(self._waited, finger)
         plan = PhasePlan(table, stages, certified, leads=leads, reported=reported, waits=waits, grips=self._firmest)
         self._plans.append(plan)
         return plan
@@ -213,7 +217,8 @@ class LiftCheck:
     def _lacking(self) -> tuple[Shortfall, ...]:
         lacking = list[Shortfall]()
         for k, assignment in enumerate(self._of):
-            forces, names = self._seen[k].contact_forces, assignment.control.contact_names
+            forces = self._seen[k].contact_forces
+            names = assignment.control.contact_names
             lacking += shortfalls(self._of, [assignment.own_name(name) for name in names], forces.force, forces.std)
         return tuple(lacking)
 
@@ -229,7 +234,8 @@ class LiftCheck:
             return f"{why}, and what {self._of[worst].name} bears is not known"
         reached = []
         for k, assignment in enumerate(self._of):
-            command, names = self._seen[k], assignment.control.contact_names
+            command = self._seen[k]
+            names = assignment.control.contact_names
             if "tensions" in assignment.control.finger.input_keys:
                 limits = np.array([tendon.max_tension for tendon in assignment.control.finger.tendon_list])
                 # 0.999: share of the greatest tension from which on a drive is at its limit: commands reach it to

@@ -58,7 +58,8 @@ class _Hand:
     def motion(self) -> Iterator[tuple[bool, Array, Array]]:
         """States and inputs as the fingers close: whether they have the tensions of the grasp or more by then."""
         phases = self.known[0].mission.phases
-        x, unit = self.start, np.eye(len(self.start)) / _STEP
+        x = self.start
+        unit = np.eye(len(self.start)) / _STEP
         ways = (
             (phases.approach, "rest", "before"),
             (phases.squeeze, "before", "held"),

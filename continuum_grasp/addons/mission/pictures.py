@@ -55,8 +55,10 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
 
     chosen = _instants(mission)
     at = np.array(list(chosen))
-    shapes, poses = _backbones(mission, at), mission.object_pose[at, :3]
-    arrows, held = _arrows_at(mission, at), _held_object(mission)
+    shapes = _backbones(mission, at)
+    poses = mission.object_pose[at, :3]
+    arrows = _arrows_at(mission, at)
+    held = _held_object(mission)
     box = held.box(shapes, poses, 0.09 * mission.length, arrows.ends)
     columns = min(_COLUMNS, key=lambda count: -len(at) % count) if len(at) > max(_COLUMNS) else len(at)
     rows = -(-len(at) // columns)
@@ -85,7 +87,8 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
 def mission_frames(mission: MissionRun, indices: NDArray[Any], width: int) -> Iterator[NDArray[Any]]:
     """Draw a mission frame by frame; as `motion_frames`."""
     unique, back = np.unique(indices, return_inverse=True)
-    shapes, poses = _backbones(mission, unique), mission.object_pose[unique, :3]
+    shapes = _backbones(mission, unique)
+    poses = mission.object_pose[unique, :3]
     arrows, held = _arrows_at(mission, unique), _held_object(mission)
     film = Film(held.box(shapes, poses[[0, -1]], 0.09 * mission.length), width)
     ax = film.ax
@@ -273,7 +276,8 @@ def _draw_moved(ax: Axes, mission: MissionRun) -> None:
 
 def _draw_angle(ax: Axes, mission: MissionRun) -> None:
     """The object's angle, and its setpoint as long as it is followed."""
-    run, turning = mission.runs[0], [span for span in mission.spans if span.name.partition(" ")[0] == "turn"]
+    run = mission.runs[0]
+    turning = [span for span in mission.spans if span.name.partition(" ")[0] == "turn"]
     name = "object_angle [rad]"
     ax.plot(mission.t, np.degrees(mission.object_pose[:, 2]), color=Color.BLUE, linewidth=1.3, label="of the plant")
     followed = np.any([(mission.t >= span.start) & (mission.t <= span.end) for span in turning], axis=0)

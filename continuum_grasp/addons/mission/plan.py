@@ -93,13 +93,18 @@ def mission_settings(
     table: Timetable, stages: Stages, certified: Array, *, leads: bool = True, holds_on: bool = False
 ) -> tuple[dict[str, int], dict[str, ArrayLike]]:
     """Dimensions of the C of a finger's phases, and the members of ``mission_settings``."""
-    of, moves, phases = table.of, table.moves(stages.r_names), table.phases()
-    names, period, patience = [span.name for span in phases], of.control.controller.step, of.mission.phases.squeeze
+    of = table.of
+    moves = table.moves(stages.r_names)
+    phases = table.phases()
+    names = [span.name for span in phases]
+    period = of.control.controller.step
+    patience = of.mission.phases.squeeze
     last = f"leave {table.strokes[-1]}" if table.strokes else ""
     begins = [_BEGINS.get("leave last" if name == last else name.partition(" ")[0]) for name in names]
     follows = list(_FOLLOWED)
     # One drive follows one of them. Rates stay weighted, since they damp all.
-    every, weights = tuple(prefix for prefixes in _FOLLOWED.values() for prefix in prefixes), []
+    every = tuple(prefix for prefixes in _FOLLOWED.values() for prefix in prefixes)
+    weights = []
     for prefixes in _FOLLOWED.values():
         off = tuple(prefix for prefix in every if prefix not in prefixes)
         weights.append(np.where([not n.startswith(off) or "rate" in n for n in stages.r_names], stages.weights, 0.0))
@@ -155,9 +160,11 @@ def _share(share: float, certified: Array) -> Array:
 
 def _slip_settings(of: Assignment, names: Sequence[str], certified: Array) -> dict[str, ArrayLike]:
     """Members of ``mission_settings`` about an object that slips."""
-    watches, asked = int(of.mission.slip is not None), of.mission.slip or Slip()
+    watches = int(of.mission.slip is not None)
+    asked = of.mission.slip or Slip()
     # Page's test sums log-likelihood ratios of twice the limit against none; limits far within noise would take long.
-    std, step = max(asked.height or 0.0, 0.1 * asked.sunk), of.control.controller.step
+    std = max(asked.height or 0.0, 0.1 * asked.sunk)
+    step = of.control.controller.step
     sunk = max(asked.sunk, 0.5 * std)
     limits = of.gives + np.array([sunk, _AGAIN * sunk, asked.down])
     more = 0.0 if of.standing else reserve(of)
@@ -206,11 +213,15 @@ class PhasePlan:
     ) -> None:
         sizes, settings = mission_settings(table, stages, certified, leads=leads)
         self._watches = bool(settings["watches"])
-        self.names, self.current = [span.name for span in table.phases()], 0
+        self.names = [span.name for span in table.phases()]
+        self.current = 0
         self.events: list[tuple[float, str]] = []
         self.duration = float(np.sum(settings["length"]))
         self._confirm = self.names.index("confirm")
-        self._reported, self._waits, self._grips, self._nr = reported, waits, grips, sizes["NR"]
+        self._reported = reported
+        self._waits = waits
+        self._grips = grips
+        self._nr = sizes["NR"]
         inputs = {"t": 1, "u": sizes["NU"], "forces": sizes["NC"], "reported": 1, "sight": 1, "height": 1}
         parts = dict.fromkeys(("phase", "changed", "decision", "bears", "grip", "noticed", "asks", "lost"), 1)
         parts |= {"weights": sizes["NR"]}
@@ -232,7 +243,8 @@ class PhasePlan:
 
     def advance(self, t: float, controller: Any, plant: Any, command: Any) -> bool:
         """Begin what is due at an instant [s], by the last command; False after the last phase."""
-        decided, seen = self.decision, (self._reported(), int(command.sight))
+        decided = self.decision
+        seen = (self._reported(), int(command.sight))
         goes_on = self._step(t, controller, plant.command, PhaseCall.DUE, 0.0, *seen, self._height(plant))
         waits = self.current == self._confirm
         if self._asks:  # for forces, which take longest
@@ -273,7 +285,11 @@ class PhasePlan:
             passed = passed[-1:]
         self.events += [(t, self.names[k]) for k in passed]
         self.current = phase
-        self.decision, self.bears, self.grip, self.noticed, self._asks = decision, bears, grip, noticed, bool(asks)
+        self.decision = decision
+        self.bears = bears
+        self.grip = grip
+        self.noticed = noticed
+        self._asks = bool(asks)
         self.lost = float(output[7])
         if changed:
             weights, low, high = (output[c.parts[name]] for name in ("weights", "u_min", "u_max"))

@@ -82,7 +82,9 @@ class PlantVariation:
 
 def mission_plant_model(assignment: Assignment) -> PlantModel:
     """Equations of the plant of one finger."""
-    mission, control, body = assignment.mission, assignment.control, object_of(assignment.control)
+    mission = assignment.mission
+    control = assignment.control
+    body = object_of(assignment.control)
     mass = mission.grasp.object.mass if mission.object_mass is None else mission.object_mass
     scene = PlantModel.plant_scene(control).replaced(
         contacts=tuple(sorted({*control.contacts, *mission.more_contacts})),
@@ -162,10 +164,13 @@ def _clear_of_supports(equations: PlantModel, x: Array, shift: tuple[float, floa
     configs/mission/mug.yaml goes 4 mm, before the finger comes. A support that it presses at x, as a table does, may be
     pressed as much.
     """
-    system, moved = equations.system, np.array(shift, dtype=float)
+    system = equations.system
+    moved = np.array(shift, dtype=float)
     supports = [k for k, name in enumerate(system.touch_names) if not name.startswith("finger.")]
-    u, w = np.zeros(system.nu), np.zeros(len(system.w_names))
-    at, start = system.object_states.start, x[: system.nx]
+    u = np.zeros(system.nu)
+    w = np.zeros(len(system.w_names))
+    at = system.object_states.start
+    start = x[: system.nx]
 
     def touching(displacement: Array) -> tuple[Array, Array]:
         there = start.copy()
@@ -242,7 +247,8 @@ class Timetable:
         )
         self._waits = self._plan("lift").start
         # Instants of the mission, those of the plan then, and whether that goes on or is waited for.
-        self._pieces, self._down = [(0.0, 0.0, 1.0)], list[tuple[float, float, float]]()
+        self._pieces = [(0.0, 0.0, 1.0)]
+        self._down = list[tuple[float, float, float]]()
 
     def _plan(self, name: str) -> Span:
         return next(span for span in self._planned if span.name == name)
@@ -276,7 +282,8 @@ class Timetable:
     @property
     def spans(self) -> tuple[Span, ...]:
         """The phases with their times."""
-        pieces, spans = [*self._pieces, *self._down], list[Span]()
+        pieces = [*self._pieces, *self._down]
+        spans = list[Span]()
         for (begin, plan, rate), end in zip(pieces, [*(piece[0] for piece in pieces[1:]), math.inf], strict=True):
             inside = [s for s in self._planned if plan <= s.start < plan + (end - begin)]
             late = begin - plan
@@ -304,7 +311,9 @@ class Timetable:
         """Setpoints (nr), in the order of ``Stages.r_names``, at first, and smooth moves of them: begin and duration of
         each (M) [s], and by how much it moves them (M, nr).
         """
-        of, turn, finger = self.of, self.of.mission.turn, self.of.control.finger
+        of = self.of
+        turn = self.of.mission.turn
+        finger = self.of.control.finger
         inputs = [finger_input.label for finger_input in finger.inputs]
         bends = [f"bending_{k + 1} [rad]" for k in range(len(of.bends))]
         forces = {f"contact_force_{name} [N]": force for name, force in of.forces.items()}
@@ -316,7 +325,8 @@ class Timetable:
         }
         # The posture goes from straight to touching, and from there to the grasp, the last share of it while the force
         # is followed; release undoes all at once.
-        share, moves = of.mission.phases.squeeze_share, list[tuple[str, float, str, float]]()
+        share = of.mission.phases.squeeze_share
+        moves = list[tuple[str, float, str, float]]()
         if turn is not None:
             first |= {"gap_finger.tip [m]": turn.clearance, "object_angle [rad]": of.object_pose[2] - turn.angle}
             by |= {"touched": {"gap_finger.tip [m]": -turn.clearance}, "turned": {"object_angle [rad]": turn.angle}}

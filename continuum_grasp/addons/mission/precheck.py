@@ -172,10 +172,14 @@ class _OnPlant:
     """The contact forces of a grasp with mass and friction of a plant."""
 
     def __init__(self, assignments: Sequence[Assignment], variation: PlantVariation) -> None:
-        self.fingers, self.of, self.mission = assignments, assignments[0], assignments[0].mission
-        grasp, self.variation = self.of.grasp, variation
+        self.fingers = assignments
+        self.of = assignments[0]
+        self.mission = assignments[0].mission
+        grasp = self.of.grasp
+        self.variation = variation
         self.mass, self.gravity = plant_mass(self.mission, variation), self.mission.gravity
-        self.certified_mass, self.names = grasp.scene.object.mass, [contact.name for contact in grasp.contacts]
+        self.certified_mass = grasp.scene.object.mass
+        self.names = [contact.name for contact in grasp.contacts]
         self.normal = np.array([contact.normal_force for contact in grasp.contacts])
         self.across = np.array([contact.friction_force for contact in grasp.contacts])
         self.certified_friction = np.array([grasp.scene.friction(name) for name in self.names])
@@ -200,7 +204,8 @@ class _OnPlant:
 
     def weight(self) -> Iterator[Exceeded]:
         """Mass and friction."""
-        carried, friction = self._carried(self.friction), self.friction
+        carried = self._carried(self.friction)
+        friction = self.friction
         # Out of the plane no sharing of the weight carries more than this.
         greatest_mass = float((friction * self.normal).sum()) / self.gravity if self.gravity else np.inf
         certain = self.mass > greatest_mass * (1.0 + ROUNDING)
@@ -215,7 +220,8 @@ class _OnPlant:
         share = friction / np.maximum(self.certified_friction, 1e-300)
         worst = int(np.argmin(share))
         if share[worst] < 1.0 - ROUNDING:
-            there, certified = float(friction[worst]), float(self.certified_friction[worst])
+            there = float(friction[worst])
+            certified = float(self.certified_friction[worst])
             least = self._least_share() * friction[worst]
             where = ", ".join(n for n, s in zip(self.names, share, strict=True) if s < share[worst] + ROUNDING)
             text = (
@@ -242,7 +248,8 @@ class _OnPlant:
         for finger in self.fingers:
             greatest = np.array([tendon.max_tension for tendon in finger.control.finger.tendon_list])
             worst = int(np.argmax(finger.tensions / greatest))
-            needed, limit = float(finger.tensions[worst]), float(greatest[worst])
+            needed = float(finger.tensions[worst])
+            limit = float(greatest[worst])
             if needed <= limit * (1.0 + ROUNDING):
                 continue
             key = "drive_tension" if self.mission.tendons is None else "tendons.max_tension"
@@ -276,7 +283,8 @@ class _OnPlant:
 
     def pulls(self) -> Iterator[Exceeded]:
         """Every pull against what the grasp resists, as certified and with the plant's mass and friction."""
-        certified, evenly = self.of.resisted, self.of.grasp.quality.resistance.tendons != "locked"
+        certified = self.of.resisted
+        evenly = self.of.grasp.quality.resistance.tendons != "locked"
         drive_tension = self.mission.drive_tension
         there = held_resistance(self.of.grasp, self.friction, self.mass, max_tension=drive_tension, evenly=evenly)
         for k, wrench in enumerate(certified.wrenches):
@@ -308,7 +316,8 @@ class _OnPlant:
 
 def _size(wrench: Array) -> tuple[str, float]:
     """Unit and size of a force or a moment; of both together, the multiple of the scene's disturbance."""
-    force, moment = float(np.hypot(*wrench[:2])), abs(float(wrench[2]))
+    force = float(np.hypot(*wrench[:2]))
+    moment = abs(float(wrench[2]))
     if force and moment:
         return "times the disturbance", 1.0
     return ("N", force) if force else ("N m", moment)

@@ -209,7 +209,8 @@ class MissionRun(MissionRecord, MotionResult):
         """Changes by phases to the controller of the only finger, whose problem is given: from instants ``t`` [s] on
         ``weights`` of setpoints and limits ``low`` and ``high`` of the input.
         """
-        run, changes = self.runs[0], list[dict[str, Any]]()
+        run = self.runs[0]
+        changes = list[dict[str, Any]]()
         plan = PhasePlan(self.timetable, stages, np.zeros(0))
         for span in self.spans:
 
@@ -244,7 +245,8 @@ class MissionRun(MissionRecord, MotionResult):
         for (name, run), scene in zip(self.fingers.items(), self.scenes, strict=True):
             whose = "" if self.run is not None else f"{name}: "
             known += [f"{whose}{text}" for text in run.warnings]
-            half, contacts = scene.finger.profile.half_thickness, run.contacts
+            half = scene.finger.profile.half_thickness
+            contacts = run.contacts
             if contacts and (overlap := contacts.overlap_text(run, self.body, self.object_pose, half, 50)):
                 known.append(
                     f"{whose}between its contacts the finger overlaps the object by {overlap}: add more_contacts"
@@ -253,7 +255,9 @@ class MissionRun(MissionRecord, MotionResult):
 
     def rows(self) -> list[tuple[str, str, str, str, str]]:
         """Table of the phases: name, begin, end, what was pulled with, furthest displacement since the lift."""
-        t, pose, lift = self.t, self.object_pose, self.timetable.span("lift")
+        t = self.t
+        pose = self.object_pose
+        lift = self.timetable.span("lift")
         rows = [("phase", "from", "to", "pulled with", "moved")]
         for span in self.spans:
             if span.start > t[-1]:

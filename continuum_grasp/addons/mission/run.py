@@ -92,7 +92,8 @@ class MissionRunner:
     """Controllers and plant of a mission, made once for any number of runs; ``runs`` of them are expected."""
 
     def __init__(self, assignments: Sequence[Assignment], runs: float = 1) -> None:
-        self.assignments, mission = tuple(assignments), assignments[0].mission
+        self.assignments = tuple(assignments)
+        mission = assignments[0].mission
         # Without a deadline of its own a mission never drops a command for being late.
         deadline = mission.controller.deadline or math.inf
         steps = runs * Timetable(assignments[0]).duration / assignments[0].control.controller.step
@@ -102,7 +103,9 @@ class MissionRunner:
 
     def run(self, variation: PlantVariation | None = None, progress: Progress | None = None) -> MissionRun:
         """Carry the mission out on one plant; errors are those of ``run_mission``."""
-        asked, loops, check = variation or PlantVariation(), [], LiftCheck(self.assignments)
+        asked = variation or PlantVariation()
+        loops = []
+        check = LiftCheck(self.assignments)
         for k, (assignment, control, model) in enumerate(
             zip(self.assignments, self._controllers, self._models, strict=True)
         ):
@@ -115,7 +118,8 @@ class MissionRunner:
         with interrupts_held(quietly=True) as pressed:
             by_finger = zip(self.assignments, runs, strict=True)
             contacts = ContactHistory.joined({of.name: present(run.contacts) for of, run in by_finger})
-            scenes, found = tuple(model.scene for model in self._models), (check.refused, check.slipped, check.doubted)
+            scenes = tuple(model.scene for model in self._models)
+            found = (check.refused, check.slipped, check.doubted)
             judged = MissionRun(self.assignments, check.timetable, asked, tuple(runs), contacts, scenes, *found)
             _ = judged.verdict, judged.exceeded
         if pressed() and error is None:
@@ -231,7 +235,8 @@ def _outcomes(
         yield from ((k, _outcome(first, variation)) for k, variation in enumerate(drawn))
         return
     # Each worker makes its controllers and plant once, from compiled code that is in the cache by now.
-    pool, finished = ProcessPool(jobs, _start, assignments, len(drawn)), False
+    pool = ProcessPool(jobs, _start, assignments, len(drawn))
+    finished = False
     try:
         for k, future in pool.as_completed(_run, drawn):
             lost = pool.lost(future)

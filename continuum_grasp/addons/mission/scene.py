@@ -278,9 +278,11 @@ class MissionScene(Configuration):
             setup.finger.rod.check_inside("more_contacts[{}]", self.more_contacts, tip=False)
             if self.turn is not None and setup.finger.base_free is None:
                 setup.check_reach("turn", self.turn.position, self.grasp.object)
-            finger, where = setup.finger, f"grasp.{self.grasp.place_of(setup)}"
+            finger = setup.finger
+            where = f"grasp.{self.grasp.place_of(setup)}"
             if self.tendons is not None:
-                finger, where = finger.replaced(tendons=self.tendons), ""
+                finger = finger.replaced(tendons=self.tendons)
+                where = ""
             for feature in _CARRIERS:
                 feature.check(finger, where)
 

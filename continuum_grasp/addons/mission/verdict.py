@@ -165,7 +165,9 @@ def judge(
     carried = (t >= lift.start) & (t <= lower.start)
     whole = bool(t[-1] >= lower.start)  # a mission that was stopped before counts as not held
     # Of what was lifted, until it stands: heights before the lift do not count.
-    lost, height, until = np.zeros(len(t)), record.mission.object_height(pose), (t >= lift.start) & (t <= lower.end)
+    lost = np.zeros(len(t))
+    height = record.mission.object_height(pose)
+    until = (t >= lift.start) & (t <= lower.end)
     lost[until] = height[until][:1] - height[until]
     sunk, slid = (float(np.max(lost[during], initial=0.0)) for during in (carried, until))
     if slipped is not None and slipped.down < np.inf:
@@ -197,7 +199,9 @@ def _force_errors(record: MissionRecord, still: NDArray[np.bool_]) -> dict[str, 
     """Errors of held forces and of their estimates over some instants (K + 1,), per setpoint: the worst of all."""
     # 0.1: time over which forces are averaged before their greatest error is taken [s]
     window = max(1, round(0.1 / record.runs[0].period))
-    errors, means, estimates = list[Array](), list[float](), list[tuple[float, float]]()
+    errors = list[Array]()
+    means = list[float]()
+    estimates = list[tuple[float, float]]()
     for assignment, run in zip(record.assignments, record.runs, strict=True):
         for name, wanted in assignment.forces.items():
             force, setpoint = (each[:, run.r_names.index(f"contact_force_{name} [N]")] for each in (run.tracked, run.r))

@@ -180,11 +180,15 @@ class Assembly(Constraints):
     @cached_property
     def nlp(self) -> NLP:
         """The problem with its derivatives."""
-        w, p = self._w, ca.MX.sym("p", 0)
+        w = self._w
+        p = ca.MX.sym("p", 0)
         values, slopes = self._values(), self._slopes()
-        f, g = values[0], values[1:]
-        sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.count)
-        hessian, names = self._curvature(ca.vertcat(sigma, lam)), ["x", "p", "lam_f", "lam_g"]
+        f = values[0]
+        g = values[1:]
+        sigma = ca.MX.sym("lam_f")
+        lam = ca.MX.sym("lam_g", self.count)
+        hessian = self._curvature(ca.vertcat(sigma, lam))
+        names = ["x", "p", "lam_f", "lam_g"]
         gradient = ca.densify(slopes[0, :].T)
         functions = {
             "grad_f": ca.Function("nlp_grad_f", [w, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),

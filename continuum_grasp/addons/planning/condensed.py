@@ -74,18 +74,23 @@ class Condensed:
         free[self._states] = False
         self._free = np.flatnonzero(free)
         motion = next(block for block in assembly.blocks if block.name == "motion").rows.ravel()
-        self._motion, self._others = motion, np.setdiff1d(np.arange(assembly.count), motion)
+        self._motion = motion
+        self._others = np.setdiff1d(np.arange(assembly.count), motion)
         # States that are limited: inputs that are straight lines over each interval.
         bounded = np.isfinite(low[self._states]) | np.isfinite(high[self._states])
         self._bounded = np.flatnonzero(bounded)
 
     def solve(self, w: Array, budget: Budget, most: int) -> Attempt:
         """Solve from unknowns, whose states are replaced by those of the motion, in so many iterations at most."""
-        began, start = time.perf_counter(), self.problem.assembly.start(w)
+        began = time.perf_counter()
+        start = self.problem.assembly.start(w)
         self._start = start
         w = np.clip(w, start.low, start.high)
         point = self._resolved(w, None if self.problem.outpaced(w) else self._moved(w))
-        radius, penalty, count, outcome = _FIRST_RADIUS, _FIRST_PENALTY, 0, "Maximum_Iterations_Exceeded"
+        radius = _FIRST_RADIUS
+        penalty = _FIRST_PENALTY
+        count = 0
+        outcome = "Maximum_Iterations_Exceeded"
         passed: list[float] = []  # objectives of motions that satisfy all
         lam = Multipliers(np.zeros(start.x.size), np.zeros(start.lower.size))
         model = _Model(self, point) if point else None
@@ -132,7 +137,8 @@ class Condensed:
         x, g, f = (start.x, np.full(start.lower.size, np.nan), np.nan) if point is None else (point.w, point.g, point.f)
         violation = start.violation(x, g)
         error = self.problem.assembly.nlp.optimality_error(start, x, lam) if point else float("inf")
-        status, seconds = SolverStatus.of(outcome), time.perf_counter() - began
+        status = SolverStatus.of(outcome)
+        seconds = time.perf_counter() - began
         return Attempt(status, outcome, x, g, f, lam, count, seconds, violation, error)
 
     def _tried(
@@ -172,7 +178,8 @@ class Condensed:
 
     def _moved(self, w: Array) -> _Point | None:
         """The motion under the inputs of w; None where it is not finite."""
-        grid, ns = self.problem.grid, self.problem.motion.ns
+        grid = self.problem.grid
+        ns = self.problem.motion.ns
         w, term, data = w.copy(), *self.problem.interval
         for k in range(len(grid.v)):
             z = np.concatenate([w[grid.s[k]], w[grid.v[k]], w[grid.time[0]]])
@@ -192,7 +199,8 @@ class Condensed:
 
     def _limits(self) -> tuple[Array, Array]:
         """Bounds of the rows."""
-        start, chosen = self._start, self._states[self._bounded]
+        start = self._start
+        chosen = self._states[self._bounded]
         return (
             np.concatenate([start.lower[self._others], start.low[chosen]]),
             np.concatenate([start.upper[self._others], start.high[chosen]]),
@@ -211,7 +219,8 @@ class _Model:
         assembly = problem.problem.assembly
         states, free = problem._states, problem._free
         both = assembly.first_order(point.w).sparse().tocsr()
-        slope, rows = both[:1].toarray().ravel(), both[1:]
+        slope = both[:1].toarray().ravel()
+        rows = both[1:]
         upper = assembly.nlp.functions["hess_lag"](point.w, [], 1.0, np.zeros(rows.shape[0])).sparse()
         full = (upper + sparse.triu(upper, 1).T).tocsc()
         motion, others = rows[problem._motion], rows[problem._others]
@@ -231,14 +240,17 @@ class _Model:
 
     def step(self, radius: float, penalty: float, at: Array | None = None) -> tuple[Array, float, Array]:
         """Solve the QP whose rows are violated at a penalty: step, what stays violated, forces of bounds and rows."""
-        problem, point, start = self._problem, self._point, self._problem._start
+        problem = self._problem
+        point = self._point
+        start = self._problem._start
         rows = problem._residual(point) if at is None else at
         low, high = problem._limits()
         # Rows that no step within the region can violate need no slack.
         reach = radius * np.abs(self.slope).sum(axis=1)
         near = (rows - reach < low) | (rows + reach > high)
         chosen = self.slope[near]
-        n, m = problem._free.size, int(near.sum())
+        n = problem._free.size
+        m = int(near.sum())
         linear = np.concatenate([self.gradient, np.full(2 * m, penalty)])
         square = sparse.block_diag([self.hessian, sparse.csc_matrix((2 * m, 2 * m))], format="csc")
         a = sparse.hstack([sparse.csc_matrix(chosen), sparse.eye(m), -sparse.eye(m)], format="csc")

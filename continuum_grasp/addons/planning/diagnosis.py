@@ -42,7 +42,8 @@ def diagnose(problem: PlanProblem, attempt: Attempt) -> Diagnosis | None:
     if not missed and not outside:
         return None
     strengths = _strengths(problem, attempt)
-    strongest, levers = max(strengths.values(), default=0.0), []
+    strongest = max(strengths.values(), default=0.0)
+    levers = []
     what = [f"goal out of reach: {_nearest(problem, attempt.x)}"] if missed else []
     if outside:
         what.append(f"a bound of the state cannot be satisfied: {'; '.join(outside.values())}")
@@ -68,7 +69,9 @@ def missed_goals(problem: PlanProblem, w: Array, *, weighted: bool) -> tuple[lis
 
     ``weighted`` chooses the goals that have a weight, or those that are to be reached exactly.
     """
-    z, missed, greatest = np.concatenate([w[problem.grid.s[-1]], w[problem.inputs[-1]]]), list[str](), 0.0
+    z = np.concatenate([w[problem.grid.s[-1]], w[problem.inputs[-1]]])
+    missed = list[str]()
+    greatest = 0.0
     for part in problem.goal:
         # Rest with a weight is a means of the search, not an aim.
         if (part.weight is not None) is not weighted or (weighted and part.at_rest):
@@ -84,8 +87,10 @@ def lever(problem: PlanProblem, attempt: Attempt) -> str:
 
     A force is not met by any weight where nothing touches, since it then has no slopes.
     """
-    motion, path = problem.motion, problem.path(attempt.x)
-    force, model = motion.scene.goal.contact_force, motion.prediction
+    motion = problem.motion
+    path = problem.path(attempt.x)
+    force = motion.scene.goal.contact_force
+    model = motion.prediction
     pressed = _pressed(model, path)
     if does_not_press(problem, attempt):
         return (
@@ -106,7 +111,8 @@ def lever(problem: PlanProblem, attempt: Attempt) -> str:
 
 def does_not_press(problem: PlanProblem, attempt: Attempt) -> bool:
     """Whether contacts that are to press do not at the end, none of them."""
-    force, path = problem.motion.scene.goal.contact_force, problem.path(attempt.x)
+    force = problem.motion.scene.goal.contact_force
+    path = problem.path(attempt.x)
     if force is None or not any(force.value):
         return False
     return bool(np.all(_pressed(problem.motion.prediction, path) < PRESSES * np.max(force.value)))
@@ -146,7 +152,8 @@ def _outside(problem: PlanProblem, attempt: Attempt) -> dict[str, str]:
 
 def _strengths(problem: PlanProblem, attempt: Attempt) -> dict[str, float]:
     """Gain in units of the problem per relative widening of each limit: multiplier times limit."""
-    motion, duration = problem.motion, problem.path(attempt.x).duration
+    motion = problem.motion
+    duration = problem.path(attempt.x).duration
     changes = (motion.scene.input.rate_max or 0.0) * duration / len(problem.grid.v)
     gain = max(0.0, -_time_slope(problem, attempt) * attempt.x[problem.grid.time[0, 0]])
     strengths = {"input": 0.0, "input rate": 0.0, "duration": gain}
@@ -166,7 +173,8 @@ def _strengths(problem: PlanProblem, attempt: Attempt) -> dict[str, float]:
 
 def _time_slope(problem: PlanProblem, attempt: Attempt) -> float:
     """Derivative of the Lagrangian by the duration, where that is at its longest."""
-    assembly, time = problem.assembly, problem.grid.time[0, 0]
+    assembly = problem.assembly
+    time = problem.grid.time[0, 0]
     if attempt.x[time] < assembly.high[time] * (1 - 1e-6):
         return 0.0
     # Not its multiplier: a duration that is given is a fixed unknown, which IPOPT takes out of the problem.
@@ -177,7 +185,8 @@ def _time_slope(problem: PlanProblem, attempt: Attempt) -> float:
 
 def _nearest(problem: PlanProblem, w: Array) -> str:
     """Distance of the plan's end from its goal, in words."""
-    model, path = problem.motion.prediction, problem.path(w)
+    model = problem.motion.prediction
+    path = problem.path(w)
     tip = np.array(model.tip(path.x[-1], path.u[-1], model.p_nominal)).ravel()
     text = f"the nearest tip reached is ({tip[0]:.4f}, {tip[1]:.4f}) m"
     aim = problem.motion.scene.goal.tip

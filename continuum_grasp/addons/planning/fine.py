@@ -54,7 +54,8 @@ def simulated(
     # Parts shorter than an eighth of an interval have no more steps than that.
     share = min(1.0, 8.0 / parts)
     # 0.1: product of step and fastest rate of the explicit method: 1/27 of its stability limit
-    method, substeps = "rk4", max(2, math.ceil(rate * h / 0.1))
+    method = "rk4"
+    substeps = max(2, math.ceil(rate * h / 0.1))
     # 200: sub-steps per part up to which the explicit method is taken
     if substeps > 200 * share:
         # Stiff contacts: an L-stable method may step over what has died out long before.
@@ -96,8 +97,10 @@ def _rollout(model: Prediction, method: str, steps: int) -> Rollouts:
     """Rollouts in which parameters take the place of forces, since they may vary over time, and units of the states
     (nx) that of parameters: the code of all units is one, and rounds alike.
     """
-    units, part = ca.SX.sym("units", model.nx), ca.SX.sym("part")
-    inputs, names = [model.x, model.u, model.p, units], ["x", "u", "w", "p"]
+    units = ca.SX.sym("units", model.nx)
+    part = ca.SX.sym("part")
+    inputs = [model.x, model.u, model.p, units]
+    names = ["x", "u", "w", "p"]
     rate = model.dynamics(model.x * units, model.u, model.p) / units
     dynamics = ca.Function("forward_dynamics", inputs, [rate], names, ["xd"])
     functions = SimpleNamespace(forward_dynamics=dynamics)
@@ -120,7 +123,8 @@ def places(model: Prediction, x: Array, u: Array) -> Array:
     Of states x (count, nx) under inputs u (count, nu): (count, points, 2).
     """
     tips = np.array(model.tip.map(len(x))(x.T, u.T, np.tile(model.p_nominal, (len(x), 1)).T)).T[:, None]
-    pose, around = x[:, model.system.object_states], model.system.surroundings
+    pose = x[:, model.system.object_states]
+    around = model.system.surroundings
     if around is None or around.object is None or not pose.size:
         return tips
     reach = max(part.extent for part in around.object.parts)
@@ -160,7 +164,9 @@ def missed_when_played(motion: PlannedMotion, goal: Sequence[GoalPart], x: Array
 
 def checked(plan: MotionPlan, motion: PlannedMotion, goal: Sequence[GoalPart]) -> MotionPlan:
     """A copy of the plan with the results of a fine simulation of its inputs, in which its goal has to be met too."""
-    scene, model, warnings = plan.scene, motion.prediction, list(plan.warnings)
+    scene = plan.scene
+    model = motion.prediction
+    warnings = list(plan.warnings)
     path = Path(plan.x, plan.u, plan.duration)
     try:
         states = simulated(scene, model, path, plan.x[0])
@@ -187,7 +193,8 @@ def checked(plan: MotionPlan, motion: PlannedMotion, goal: Sequence[GoalPart]) -
         plan = replace(plan, status=PlanStatus.GOAL_MISSED, message=qualified(plan.message, missed))
         plan = replace(plan, advice="take more intervals, a higher solver.degree, or a softer contact")
         warnings.append(f"{missed}: {plan.advice}")
-    left, after = _left(motion, states), _left_after_the_end(motion, plan, states[-1])
+    left = _left(motion, states)
+    after = _left_after_the_end(motion, plan, states[-1])
     if left:
         warnings.append(f"between the nodes {left}: take more intervals")
         plan = _departed(plan, f"between the nodes {left}")
@@ -211,7 +218,8 @@ def _departed(plan: MotionPlan, how: str) -> MotionPlan:
 
 def _missed(plan: MotionPlan, motion: PlannedMotion, goal: Sequence[GoalPart], states: Array) -> str:
     """The goal that a fine simulation misses at the end, or after it where the finger is held; empty where none."""
-    u, end = plan.u[-1], "a fine simulation misses "
+    u = plan.u[-1]
+    end = "a fine simulation misses "
     missed = missed_when_played(motion, goal, states[-1], u)
     missed += motion.missed_setpoints(states[:: (len(states) - 1) // (len(plan.t) - 1)], plan.u, plan.duration)
     if not missed and plan.scene.goal.end == "held" and not plan.scene.load_varies:
@@ -231,7 +239,8 @@ def _stayed(plan: MotionPlan, model: Prediction, last: Array) -> Array:
 
 def _not_reproduced(plan: MotionPlan, model: Prediction, states: Array, deviation: Deviation) -> str:
     """Why a plan in the inputs alone is none on the finely integrated model; empty where it is one."""
-    scene, tolerance = plan.scene, plan.scene.check.tolerance * plan.length
+    scene = plan.scene
+    tolerance = plan.scene.check.tolerance * plan.length
     if scene.transcription != "single_shooting":
         return ""
     if deviation.tip > tolerance:

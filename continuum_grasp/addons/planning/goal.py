@@ -102,17 +102,21 @@ def goal_parts(motion: PlannedMotion, settles: bool, presses: bool) -> list[Goal
 
     One with a wrong number of entries raises an InputError.
     """
-    goal, model, length = motion.scene.goal, motion.prediction, motion.length
+    goal = motion.scene.goal
+    model = motion.prediction
+    length = motion.length
     x, u, _, p, _ = motion.physical
     parts = []
 
     def add(
         name: str, unit: str, names: tuple[str, ...], target: tuple[float, ...], scale: float | Array, value: ca.SX
     ) -> None:
-        key, size = f"goal.{name}", value.numel()
+        key = f"goal.{name}"
+        size = value.numel()
         if len(target) != size:
             raise InputError(f"expected {size} entries ({', '.join(names)}), got {len(target)}", key=key)
-        aim, scales = getattr(goal, name), np.full(size, scale)
+        aim = getattr(goal, name)
+        scales = np.full(size, scale)
         # Forces scale as others do, but a tenth of what bends the finger is no force at all where less is asked.
         share = (np.abs(target).max() / scales.max() or 1.0) if name == "contact_force" else 1.0
         # 0.1: tolerance of a goal with a weight and no tolerance of its own: 1 % of the finger's length, 0.05 rad
@@ -133,14 +137,16 @@ def goal_parts(motion: PlannedMotion, settles: bool, presses: bool) -> list[Goal
         names = tuple(f"{axis} at {at:g} m" for at in goal.shape.at for axis in "xy")
         add("shape", "m", names, goal.targets["shape"], 0.1 * length, where)
     if goal.contact_force is not None:
-        aim, rod = goal.contact_force.value, motion.scene.finger.rod
+        aim = goal.contact_force.value
+        rod = motion.scene.finger.rod
         greatest = max(rod.least_force, *map(abs, aim))
         add("contact_force", "N", model.contact_names, aim, greatest, model.contact_force(x, u, p))
     if goal.input is not None:
         names = tuple(split_unit(name).name for name in model.u_names)
         add("input", motion.input_unit, names, goal.input.value, motion.scales.u, u)
     if goal.end != "moving":
-        all_names, scale = np.array(model.x_names), motion.scales.x
+        all_names = np.array(model.x_names)
+        scale = motion.scales.x
         if goal.end == "still":
             chosen = [k for k, name in enumerate(all_names) if "_rate " in name]
             value = x[chosen]
@@ -148,7 +154,8 @@ def goal_parts(motion: PlannedMotion, settles: bool, presses: bool) -> list[Goal
             # Friction states beyond their range return to it, by which no force changes; a material goes on relaxing.
             chosen = [k for k, name in enumerate(all_names) if "friction_" not in name and "relaxing_" not in name]
             all_names = np.array([f"{name}/s" for name in all_names])
-            value, scale = model.dynamics(x, u, p)[chosen], scale / motion.first_duration
+            value = model.dynamics(x, u, p)[chosen]
+            scale = scale / motion.first_duration
             if motion.scene.transcription == "single_shooting":
                 scale = scale * _stiffness(motion)
         n = model.system.n
@@ -165,7 +172,8 @@ def goal_parts(motion: PlannedMotion, settles: bool, presses: bool) -> list[Goal
                 played = _REST * motion.scene.check.tolerance if goal.end == "still" else math.inf
                 parts.append(GoalPart(goal.end, "goal.end", "state", names, zero, unit, None, selected, MET, played))
             else:
-                name, ones = f"{goal.end}, finger", np.ones(rows.size)
+                name = f"{goal.end}, finger"
+                ones = np.ones(rows.size)
                 share = weight * motion.scales.objective
                 parts.append(GoalPart(name, "goal.end", "1", names, zero, ones, share, selected / ca.DM(unit)))
     return parts

@@ -99,7 +99,9 @@ def add_shooting(
 
 def add_collocation(assembly: Assembly, motion: PlannedMotion, grid: PlanGrid, weight: float) -> None:
     """Polynomials whose rates are those of the motion at the collocation points."""
-    intervals, degree, count = len(grid.v), grid.points.shape[1], len(grid.interval)
+    intervals = len(grid.v)
+    degree = grid.points.shape[1]
+    count = len(grid.interval)
     data = motion.numbers((grid.interval[:, None] + grid.shares) / intervals)
     h = grid.lengths[:, None] / intervals
     rates, ends, quadrature = (np.array(m) for m in ca.collocation_coeff(ca.collocation_points(degree, "radau")))
@@ -137,17 +139,24 @@ class StateBounds:
         smooth = grid.points.size and (motion.scene.object is None or grid.counts.max() > 1)
         for key, entries in bounded.groups.items():
             name = key.removeprefix("keep_out.")
-            of_zone, unit, size = name != key, "of its limit", 1.0
+            of_zone = name != key
+            unit = "of its limit"
+            size = 1.0
             if of_zone:
-                unit, size = "m", motion.length
-            places, held, lengths = (grid.s[1:, None], np.ones((len(grid.v), 1))), grid.v, np.ones(len(grid.v))
+                unit = "m"
+                size = motion.length
+            places = (grid.s[1:, None], np.ones((len(grid.v), 1)))
+            held = grid.v
+            lengths = np.ones(len(grid.v))
             if smooth or of_zone:
                 # 4: places per element at which bounds hold, the last one at the node
                 times = grid.starts[:, None] + grid.lengths[:, None] * np.arange(1, 5) / 4
-                places, held = grid.at(times.ravel()), np.repeat(grid.v[grid.interval], 4, axis=0)
+                places = grid.at(times.ravel())
+                held = np.repeat(grid.v[grid.interval], 4, axis=0)
                 lengths = np.repeat(grid.lengths / 4, 4)
             term, columns, data = self._terms[f"bounds.{key}"] = self._term(entries, *places, held)
-            scale, limits = np.full(len(entries), size), (bounded.least[entries], bounded.most[entries])
+            scale = np.full(len(entries), size)
+            limits = (bounded.least[entries], bounded.most[entries])
             rows = assembly.rows(name, f"bounds.{key}", unit, len(lengths), scale, *limits)
             assembly.add(term, columns, rows, data)
             # Penalties are per second.
@@ -164,7 +173,8 @@ class StateBounds:
         motion, (count, size) = self._motion, weights.shape
         z, numbers = motion.node
         x, u, _, p, _ = motion.physical
-        basis, share = ca.SX.sym("basis", motion.ns, size), ca.SX.sym("share", size)
+        basis = ca.SX.sym("basis", motion.ns, size)
+        share = ca.SX.sym("share", size)
         value = ca.substitute(motion.rows(x, u, p)[entries], z[: motion.ns], ca.mtimes(basis, share))
         z = ca.vertcat(ca.vec(basis), z[motion.ns :])
         term = derived("rows", z, ca.vertcat(numbers, share), value, exact=motion.exact)

@@ -56,7 +56,8 @@ def final_postures(
     """
     if all(part.at_rest for part in goal):
         return [first]
-    n, reach = len(first.q), motion.reach
+    n = len(first.q)
+    reach = motion.reach
     residual = _residual(motion, goal, first)
     # Coordinates may leave the range of the sample shapes, which reach half the bending range.
     low, high = (
@@ -86,9 +87,12 @@ def _with_bends(model: Prediction, first: Posture, bends: Array) -> Array:
 
 def _residual(motion: PlannedMotion, goal: list[GoalPart], first: Posture) -> ca.Function:
     """(y = scaled [q, u]) -> errors of the goal and of balance, and their Jacobian."""
-    model, n, reach = _without_play(motion.prediction, motion.scene), len(first.q), motion.reach
+    model = _without_play(motion.prediction, motion.scene)
+    n = len(first.q)
+    reach = motion.reach
     y = ca.SX.sym("y", n + motion.nu)
-    q, u = y[:n] * ca.DM(reach), y[n:] * ca.DM(motion.scales.u)
+    q = y[:n] * ca.DM(reach)
+    u = y[n:] * ca.DM(motion.scales.u)
     # A state at rest is affine in q and u, but for motors.
     base = model.at_rest(np.zeros(n), np.zeros(motion.nu))
     by_q = np.array([model.at_rest(e, np.zeros(motion.nu)) - base for e in np.eye(n)]).T
@@ -143,7 +147,8 @@ def _driven(model: Prediction, x: ca.SX, q: ca.SX, u: ca.SX) -> ca.SX:
 
 def _spring_forces(motion: PlannedMotion, x: ca.SX, u: ca.SX, p: ca.DM) -> ca.SX:
     """Contact forces as if surfaces that are apart pulled: they point to where they touch."""
-    model, law = motion.prediction, motion.scene.contact_law
+    model = motion.prediction
+    law = motion.scene.contact_law
     gap = ca.Function("gap", [model.x, model.u, model.p], [model.system.touch(*model.arguments)[0]])(x, u, p)
     return -(law.stiffness if law is not None else 0.0) * gap[: len(model.contact_names)]
 
@@ -165,7 +170,11 @@ def _least_squares(residual: ca.Function, y: Array, low: Array, high: Array) -> 
         new = 0.5 * float((r_new * r_new).sum())
         if np.isfinite(new) and new < value:
             done = value - new < 1e-10 * value
-            y, r, jacobian, value, damping = trial, r_new, jacobian_new, new, damping / 3.0
+            y = trial
+            r = r_new
+            jacobian = jacobian_new
+            value = new
+            damping = damping / 3.0
             if done:
                 break
         else:
@@ -182,7 +191,9 @@ def smooth_path(
 
     They are bent to a ``side`` in between, by half bending ranges.
     """
-    model, n, time = motion.prediction, len(first.q), share * motion.first_duration
+    model = motion.prediction
+    n = len(first.q)
+    time = share * motion.first_duration
     tau = np.minimum(np.linspace(0.0, 1.0 / share, motion.scene.intervals + 1), 1.0)[:, None]
     # The quintic with neither rate nor acceleration at both ends, and its derivative.
     blend = tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
@@ -200,7 +211,8 @@ def smooth_path(
 
 def first_state_of_plan(scene: PlanScene, model: Prediction) -> tuple[Array, Posture]:
     """State (nx) at time zero, under the input before the motion, and its posture. Raises what `initial_state` does."""
-    u, n = scene.initial_input, model.system.finger_model.n
+    u = scene.initial_input
+    n = model.system.finger_model.n
     x = model.start_state(scene.initial, u, scene.loads)
     return x, Posture(x[:n], np.array(u))
 
@@ -223,7 +235,9 @@ def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Posture | N
     of_finger = {str(contact): (float(station), float(force[0])) for contact, station, force in touching}
     tip = of_finger.pop(f"{name}.tip", (0.0, 0.0))[1]
     middle = sorted(place for contact, place in of_finger.items() if contact.startswith(f"{name}."))
-    backbone, base, pose = data[f"{name}.backbone"], data[f"{name}.base"].tolist(), data["object.pose"].tolist()
+    backbone = data[f"{name}.backbone"]
+    base = data[f"{name}.base"].tolist()
+    pose = data["object.pose"].tolist()
     forces = (*(force for _, force in middle), tip)
     rod = scene.finger.rod
     greatest = max(rod.least_force, *forces)

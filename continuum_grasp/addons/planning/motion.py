@@ -71,7 +71,9 @@ class PlannedMotion:
 
     def _scales(self) -> _Scales:
         """Scales by which unknowns, defects and objective are of the order of one, as IPOPT's tolerances assume."""
-        time, u, objective = self.first_duration, input_scale(self.scene), objective_scale(self.scene)
+        time = self.first_duration
+        u = input_scale(self.scene)
+        objective = objective_scale(self.scene)
         return _Scales(state_scales(self.prediction, self.reach, time), u, u / time, time, objective)
 
     def numbers(self, shares: ArrayLike) -> Array:
@@ -182,7 +184,8 @@ class PlannedMotion:
         running = time * ca.dot(errors, errors) / 2 / of_objective
         squared = ca.sqrt(time / of_objective) * errors
         # The duration is an unknown: d/d(tau) = T d/dt, with tau from 0 to 1.
-        z, out = ca.vertcat(s, v, duration), ca.vertcat(time * rate, running)
+        z = ca.vertcat(s, v, duration)
+        out = ca.vertcat(time * rate, running)
         term = derived("flow", z, d, out, exact=self.exact, squared=squared)
         work = term.hessian.n_instructions() * self.scene.intervals
         simulated = self.scene.transcription == "single_shooting"  # in many steps
@@ -261,7 +264,8 @@ def reach_of(model: Prediction) -> Array:
 
 def state_scales(model: Prediction, reach: Array, time: float) -> Array:
     """Sizes of the states (nx) of a motion over a time [s]."""
-    n, length = len(reach), 0.1 * model.scene.finger.rod.length
+    n = len(reach)
+    length = 0.1 * model.scene.finger.rod.length
     by_unit = {"m": length, "m/s": length / time, "rad/s": 1.0 / time}
     scales = np.array([by_unit.get(split_unit(name).unit, 1.0) for name in model.x_names])
     # Greatest rate of an oscillation over the reach whose period is that time.
@@ -284,7 +288,8 @@ def input_scale(scene: PlanScene) -> Array:
 
 def objective_scale(scene: PlanScene) -> float:
     """Size of the objective, in its unit."""
-    time, effort = first_duration(scene), float(input_scale(scene) @ input_scale(scene))
+    time = first_duration(scene)
+    effort = float(input_scale(scene) @ input_scale(scene))
     scales = {"least_time": time, "least_effort": effort * time, "least_input_rate": effort / time, "tracking": 1.0}
     return scales[scene.objective]
 
@@ -310,7 +315,8 @@ def without_rows(name: str, function: ca.Function, rows: list[int]) -> ca.Functi
 
 def parameters_over_time(scene: PlanScene, model: Prediction, times: ArrayLike) -> Array:
     """Parameters (len(times), np) of the model at instants [s]: nominal ones, and the known forces."""
-    instants, length = np.atleast_1d(np.asarray(times, dtype=float)), scene.finger.rod.length
+    instants = np.atleast_1d(np.asarray(times, dtype=float))
+    length = scene.finger.rod.length
     p = np.tile(np.array(model.p_nominal, dtype=float), (len(instants), 1))
     names = list(model.p_names)
     for load in scene.loads:

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 def plot_plan_path(plan: MotionPlan, *, ax: Axes | None = None) -> Axes:
     """Draw snapshots of a plan, the path of its tip, and the goal."""
-    tip, goal = np.asarray(plan.tip_path), plan.scene.goal
+    tip = np.asarray(plan.tip_path)
+    goal = plan.scene.goal
     goals = [*([] if goal.tip is None else [goal.tip.value]), *([] if goal.shape is None else goal.shape.value)]
 
     def path(ax: Axes) -> None:

@@ -117,7 +117,8 @@ class PlanProblem:
 
     def _add_unknowns(self, x0: Array) -> None:
         motion, assembly = self.motion, self.assembly
-        scene, intervals = motion.scene, motion.scene.intervals
+        scene = motion.scene
+        intervals = motion.scene.intervals
         first = np.array(scene.initial_input)
         time = assembly.variables(1, 1, *(t / motion.scales.time for t in scene.duration_range))
         low, high = np.full(motion.ns, -np.inf), np.full(motion.ns, np.inf)
@@ -128,12 +129,14 @@ class PlanProblem:
             limits = [-rate_max / motion.scales.rate, rate_max / motion.scales.rate]
         s = assembly.variables(intervals + 1, motion.ns, low, high)
         v = assembly.variables(intervals, motion.nu, *limits)
-        degree, elements = scene.solver.degree if scene.transcription == "collocation" else 0, int(self._counts.sum())
+        degree = scene.solver.degree if scene.transcription == "collocation" else 0
+        elements = int(self._counts.sum())
         points = assembly.variables(elements * degree, motion.ns).reshape(elements, degree, motion.ns)
         assembly.fix(s[0], motion.scaled_state(x0, first))
         self.grid = PlanGrid(time, s, v, points, self._counts)
         if motion.linear:
-            self.before, self.inputs = s[:1, motion.nx :], s[:, motion.nx :]
+            self.before = s[:1, motion.nx :]
+            self.inputs = s[:, motion.nx :]
             return
         self.before = assembly.variables(1, motion.nu)
         assembly.fix(self.before, first / motion.scales.u)
@@ -152,16 +155,21 @@ class PlanProblem:
 
     def like(self, other: PlanProblem, w: Array) -> Array:
         """Unknowns that stand for the motion of another problem of this grid, between the nodes too."""
-        unknowns, count = self.start(other.path(w)), self.motion_unknowns
+        unknowns = self.start(other.path(w))
+        count = self.motion_unknowns
         unknowns[:count] = w[:count]
         return unknowns
 
     def start(self, path: Path) -> Array:
         """Unknowns that stand for a path, which may have states at equal parts of every interval too."""
-        motion, grid, intervals = self.motion, self.grid, len(self.grid.v)
-        w, parts = np.zeros(self.assembly.size), (len(path.x) - 1) // intervals
+        motion = self.motion
+        grid = self.grid
+        intervals = len(self.grid.v)
+        w = np.zeros(self.assembly.size)
+        parts = (len(path.x) - 1) // intervals
         w[grid.time] = path.duration / motion.scales.time
-        nodes, at = np.arange(intervals + 1), np.linspace(0.0, intervals, len(path.x))
+        nodes = np.arange(intervals + 1)
+        at = np.linspace(0.0, intervals, len(path.x))
         u = path.u if parts == 1 else np.stack([np.interp(at, nodes, column) for column in path.u.T], axis=1)
         s = motion.scaled_state(path.x, u)
         w[grid.s] = s[::parts]
@@ -174,7 +182,8 @@ class PlanProblem:
         if grid.points.size:
             tau = parts * grid.shares
             part = np.ceil(tau).astype(int) - 1
-            before, tau = parts * grid.interval[:, None] + part, (tau - part)[..., None]
+            before = parts * grid.interval[:, None] + part
+            tau = (tau - part)[..., None]
             w[grid.points] = s[before] * (1.0 - tau) + s[before + 1] * tau
         return w
 
@@ -194,7 +203,8 @@ class PlanProblem:
 
     def _add_rate_limit(self) -> None:
         """Changes between intervals within the rate times their length."""
-        motion, rate_max = self.motion, self.motion.scene.input.rate_max
+        motion = self.motion
+        rate_max = self.motion.scene.input.rate_max
         if motion.linear or rate_max is None:
             return
         now, before = self._changes
@@ -214,7 +224,9 @@ class PlanProblem:
         s, _, _, d = motion.symbols
         unit = _BACKWARDS * one_way.speed
         value = ca.DM(one_way.ways[chosen] / unit) * motion.sliding[chosen.tolist()]
-        nodes, since, least = self.grid.s[1:-1], one_way.since, one_way.least
+        nodes = self.grid.s[1:-1]
+        since = one_way.since
+        least = one_way.least
         lower = np.zeros((len(nodes), chosen.size)) if least is None else least[1:-1, chosen] / unit
         if since is not None:
             lower[np.arange(1, len(nodes) + 1)[:, None] < since[chosen]] = -np.inf
@@ -237,7 +249,8 @@ class PlanProblem:
                 self.assembly.add(part.cost(self.motion, self.relaxed), self._end, [OBJECTIVE], data, aside=True)
 
     def _add_objective(self) -> None:
-        motion, scene = self.motion, self.motion.scene
+        motion = self.motion
+        scene = self.motion.scene
         if self.relaxed:
             self._add_changes(lambda change, time: _EFFORT_WHEN_RELAXED / len(self.grid.v) * ca.dot(change, change))
             return
@@ -263,7 +276,10 @@ class PlanProblem:
 
     def constraints(self, attempt: Attempt) -> dict[str, Constraint]:
         """All constraints by name, in physical units."""
-        motion, lam, unit, grid = self.motion, attempt.multipliers, self.motion.input_unit, self.grid
+        motion = self.motion
+        lam = attempt.multipliers
+        unit = self.motion.input_unit
+        grid = self.grid
         found = {}
 
         def add(name: str, key: str, unit: str, scale: Array, *arrays: Array) -> None:
@@ -311,7 +327,9 @@ class PlanProblem:
     def _add_changes(self, cost: Callable[[ca.SX, ca.SX], ca.SX], *, aside: bool = False) -> None:
         """A cost of the input's changes, in units of its range, and of the duration [s]."""
         motion = self.motion
-        now, before, time = ca.SX.sym("now", motion.nu), ca.SX.sym("before", motion.nu), ca.SX.sym("T")
+        now = ca.SX.sym("now", motion.nu)
+        before = ca.SX.sym("before", motion.nu)
+        time = ca.SX.sym("T")
         z = ca.vertcat(now, before, time)
         term = derived("change", z, ca.SX(0, 1), cost(now - before, motion.scales.time * time))
         columns = np.hstack([*self._changes, np.repeat(self.grid.time, len(self._changes[0]), axis=0)])

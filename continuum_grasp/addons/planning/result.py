@@ -363,7 +363,8 @@ class MotionPlan(MotionResult):
         """
         instants = np.clip(np.atleast_1d(np.asarray(t, dtype=float)), self.t[0], self.t[-1])
         states = np.stack([np.interp(instants, self.t, column) for column in self.x.T], axis=1)
-        q, rates = self.x[:, : self.n], self.x[:, self.n : 2 * self.n]
+        q = self.x[:, : self.n]
+        rates = self.x[:, self.n : 2 * self.n]
         states[:, : self.n] = CubicHermiteSpline(self.t, q, rates)(instants)
         return states
 

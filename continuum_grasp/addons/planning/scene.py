@@ -250,7 +250,8 @@ class PlanScene(CommandedScene):
     """Trial of the plan on a finer model."""
 
     def _check(self) -> None:
-        goal, limits = self.goal, list(zip(*self.input_limits, strict=True))
+        goal = self.goal
+        limits = list(zip(*self.input_limits, strict=True))
         for key, row in (("input.initial", self.input.initial), ("goal.input", goal.targets.get("input"))):
             if row is not None:
                 self.finger.check_commands(key, row, limits)

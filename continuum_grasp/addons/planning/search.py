@@ -139,9 +139,13 @@ class PlanSearch:
         Inputs have their nodes as before. The search goes on from the motion that the inputs lead to, or else from that
         of the plan; what gives no plan, or misses a goal, leaves the plan of before.
         """
-        motion, model, tolerance = self.motion, self.motion.prediction, self.scene.check.tolerance * self.motion.length
+        motion = self.motion
+        model = self.motion.prediction
+        tolerance = self.scene.check.tolerance * self.motion.length
         while self.best is not None and not self.over:
-            problem, best, missed = self.problem, self.best, self._misses(self.best)
+            problem = self.problem
+            best = self.best
+            missed = self._misses(self.best)
             path = problem.path(best.x)
             try:
                 states = simulated(self.scene, model, path, self.x0)
@@ -185,7 +189,8 @@ class PlanSearch:
         Their friction is then given: the problem is smooth. Its solution is the start where friction has its states.
         """
         begin, end = (self.motion.slid(posture.q, posture.u) for posture in (self.first, self.last))
-        change, count = end - begin, len(self.motion.tendon_friction)
+        change = end - begin
+        count = len(self.motion.tendon_friction)
         ways = np.where(np.abs(change) > _SLIDES, np.sign(change), 0.0)
         if not ways.any():
             return
@@ -241,7 +246,8 @@ class PlanSearch:
         since = np.asarray(len(path.x) - np.argmin(sliding[::-1], axis=0), dtype=np.int64)
         if since.max() > _TURNED_BY * self.scene.intervals:
             return
-        one_way, w = OneWay(np.sign(friction[-1]), speed, since=since), self._usual.start(path)
+        one_way = OneWay(np.sign(friction[-1]), speed, since=since)
+        w = self._usual.start(path)
         if rate is not None:
             least = np.maximum(_PACE * one_way.ways * rate, 0.0)
             keeping_up = PlanProblem(motion, self.x0, one_way=replace(one_way, least=least))
@@ -257,7 +263,8 @@ class PlanSearch:
         With one, the distance is sought after all paths: it takes as long as a path, and seldom ends. Where presses
         end, rounding decides: a second start follows the first one that gave a plan.
         """
-        contact, most = self.scene.object is not None, None
+        contact = self.scene.object is not None
+        most = None
         for name, path, barrier in self._paths():
             if self.over and self.attempts:
                 return
@@ -281,7 +288,8 @@ class PlanSearch:
         inputs that rest sooner or later, which keeps off the object or presses on it as the solver should; else bent
         to either side.
         """
-        given, motion = self.scene.solver.starts, self.motion
+        given = self.scene.solver.starts
+        motion = self.motion
         if self.scene.object is None:
             # 5: the direct path, and two to either side, so that both ways past a zone are tried
             for side in _SIDES[: given or (5 if self.scene.bounds.keep_out else 1)]:
@@ -290,10 +298,13 @@ class PlanSearch:
             return
         for share in _SHARES[:given]:
             path = smooth_path(motion, self.x0, self.first, self.last, share=share)
-            name, barrier = f"at rest after {share:.0%}", None
+            name = f"at rest after {share:.0%}"
+            barrier = None
             with suppress(NumericalError):
                 states = simulated(self.scene, motion.prediction, path, self.x0, 1)
-                name, path, barrier = f"{name}, simulated", replace(path, x=states), _NEAR
+                name = f"{name}, simulated"
+                path = replace(path, x=states)
+                barrier = _NEAR
             yield name, path, barrier
 
     def _rank(self, problem: PlanProblem, attempt: Attempt) -> tuple[bool, bool, float]:
@@ -309,8 +320,11 @@ class PlanSearch:
         """Whether the motion begins beyond a hard bound, and cannot come back within its first intervals, whatever the
         goal: all paths would say so after a minute.
         """
-        motion, bounded, scene = copy(self.motion), self.motion.bounded, self.scene
-        u, p = np.tile(scene.initial_input, (_FIRST + 1, 1)), motion.numbers([0.0])[0, : motion.prediction.np]
+        motion = copy(self.motion)
+        bounded = self.motion.bounded
+        scene = self.scene
+        u = np.tile(scene.initial_input, (_FIRST + 1, 1))
+        p = motion.numbers([0.0])[0, : motion.prediction.np]
         rows = np.array(motion.rows(self.x0, u[0], p)).ravel()
         beyond = np.maximum(bounded.least - rows, rows - bounded.most)
         if not (beyond[motion.bounded.hard] > 0.0).any():
@@ -328,7 +342,8 @@ class PlanSearch:
             raise KeyboardInterrupt
         self.diagnosis = diagnose(problem, attempt) if attempt.converged else None
         if self.diagnosis is not None:
-            self.relaxed, self._near_goal = [("first intervals", attempt)], problem
+            self.relaxed = [("first intervals", attempt)]
+            self._near_goal = problem
         return self.diagnosis is not None
 
     @property
@@ -338,10 +353,12 @@ class PlanSearch:
 
     def _warm_start(self, earlier: MotionPlan) -> tuple[Array, Multipliers | None]:
         """Unknowns and, where everything has its place as before, multipliers of an earlier plan."""
-        known, wanted = earlier.x_names, list(self.motion.prediction.x_names)
+        known = earlier.x_names
+        wanted = list(self.motion.prediction.x_names)
         if earlier.n != self.motion.prediction.system.n or earlier.u.shape[1] != self.motion.nu:
             raise InputError("the plan has other bending coordinates or inputs than this model", key="warm")
-        state, assembly = earlier.solver_state, self._usual.assembly
+        state = earlier.solver_state
+        assembly = self._usual.assembly
         if (
             np.array_equal(state.get("units", []), self.motion.units)
             and len(state["w"]) == assembly.size
@@ -349,7 +366,8 @@ class PlanSearch:
         ):
             return state["w"], Multipliers(state["bounds"], state["constraints"])
         t = np.linspace(0.0, earlier.duration, self.scene.intervals + 1)
-        states, x = earlier.states_at(t), np.tile(self.x0, (len(t), 1))
+        states = earlier.states_at(t)
+        x = np.tile(self.x0, (len(t), 1))
         for k, name in enumerate(wanted):
             if name in known:
                 x[:, k] = states[:, known.index(name)]
@@ -409,7 +427,8 @@ class PlanSearch:
         """States (count, nx) under inputs (count, nu) by how well they press: contacts that do not though they are to,
         their gaps [m], distance from the forces [N], and a number from ``first`` on; with the posture of each.
         """
-        model, count = self.motion.prediction, len(x)
+        model = self.motion.prediction
+        count = len(x)
         p = np.tile(self.motion.numbers([1.0])[:, : model.np], (count, 1))
         force, gap = (np.array(f.map(count)(x.T, u.T, p.T)).T for f in (model.contact_force, model.gap))
         loose = force < PRESSES * aim
@@ -429,12 +448,14 @@ class PlanSearch:
         most: int | None = None,
     ) -> bool:
         """Solve a problem from a start, in ``most`` iterations at most; whether that gave a plan."""
-        problem, best = problem or self._usual, self.best
+        problem = problem or self._usual
+        best = self.best
         attempt = self._solved(problem, w, barrier, multipliers, most=most)
         self.attempts.append((name, attempt))
         feasible = attempt.violation <= self.feasible
         if best is None or (feasible and self._rank(problem, attempt) < self._rank(self.problem, best)):
-            self.problem, self.best = problem, attempt if feasible else None
+            self.problem = problem
+            self.best = attempt if feasible else None
         return feasible
 
     def _solved(
@@ -450,7 +471,8 @@ class PlanSearch:
         assembly = problem.assembly
         with interrupts_held(quietly=True) as pressed:
             if self.scene.transcription == "single_shooting":
-                options, tolerance = self.scene.solver, max(self.scene.solver.tolerance, 1e-5)
+                options = self.scene.solver
+                tolerance = max(self.scene.solver.tolerance, 1e-5)
                 # Of a distance nothing may be left that counts as one.
                 least = 0.5 * MET**2 / tolerance if problem.relaxed else 1.0
                 attempt = Condensed(problem, tolerance, self.feasible, least).solve(

@@ -75,11 +75,15 @@ def _polynomials(stages: int) -> tuple[float, float, Array, Array, Array]:
     """w0, w1 of the method with so many stages, and b, a, c (stages + 1) of each stage."""
     # 2.0 / 13.0: damping of the stability polynomial, as in the source: a third of what is fast is left after a step
     w0 = 1.0 + (2.0 / 13.0) / stages**2
-    j, angle = np.arange(stages + 1), np.arccosh(w0)
+    j = np.arange(stages + 1)
+    angle = np.arccosh(w0)
     # Chebyshev's polynomials at w0 with two derivatives; the latter are zero up to the first.
-    t, slope = np.cosh(j * angle), np.maximum(j * np.sinh(j * angle) / np.sinh(angle), 1.0)
+    t = np.cosh(j * angle)
+    slope = np.maximum(j * np.sinh(j * angle) / np.sinh(angle), 1.0)
     bend = np.where(j > 1, (j**2 * t - w0 * slope) / (w0**2 - 1.0), 0.0)
-    w1, b, c = slope[-1] / bend[-1], bend / slope**2, slope[-1] / bend[-1] * bend / slope
+    w1 = slope[-1] / bend[-1]
+    b = bend / slope**2
+    c = slope[-1] / bend[-1] * bend / slope
     b[:2], c[1] = b[2], c[2] / (4.0 * w0)
     return w0, w1, b, 1.0 - b * t, c
 
@@ -126,7 +130,9 @@ def shooting_interval(flow: Term, ns: int, intervals: int, steps: int, stages: i
     is that of Gauss and Newton at the start of the interval, whose state is an unknown too.
     """
     nz, nd = flow.value.numel_in(0), flow.value.numel_in(1)
-    z, d, weights = ca.MX.sym("z", nz), ca.MX.sym("d", nd, steps + 1), ca.MX.sym("weights", ns + 1)
+    z = ca.MX.sym("z", nz)
+    d = ca.MX.sym("d", nd, steps + 1)
+    weights = ca.MX.sym("weights", ns + 1)
     # The last entry is the objective: it is summed up, and no stage reads it.
     start = ca.vertcat(z[:ns], 0.0)
     moved = ca.horzcat(start, ca.vertcat(ca.MX.eye(nz)[:ns, :], ca.MX.zeros(1, nz)))
@@ -137,7 +143,8 @@ def shooting_interval(flow: Term, ns: int, intervals: int, steps: int, stages: i
         for slopes, first in ((False, start), (True, moved))
     )
     hessian = flow.hessian(z, d[:, 0], weights) / intervals
-    inputs, names = [z, d], ["z", "d"]
+    inputs = [z, d]
+    names = ["z", "d"]
     return Term(
         ca.Function("interval", inputs, [value], names, ["o"]),
         ca.Function("interval_jac", inputs, [both[:, 1:]], names, ["J"]),
@@ -153,7 +160,8 @@ def _step(flow: Term, ns: int, h: float, stages: int, slopes: bool) -> ca.Functi
     held, before, after = ca.MX.sym("held", nz - ns), ca.MX.sym("before", nd), ca.MX.sym("after", nd)
 
     def rate(y: ca.MX, share: float) -> ca.MX:
-        z, numbers = ca.vertcat(y[:ns, 0], held), before + share * (after - before)
+        z = ca.vertcat(y[:ns, 0], held)
+        numbers = before + share * (after - before)
         rates = flow.value(z, numbers)
         if not slopes:
             return rates
@@ -161,9 +169,11 @@ def _step(flow: Term, ns: int, h: float, stages: int, slopes: bool) -> ca.Functi
         return ca.horzcat(rates, ca.mtimes(flow.jacobian(z, numbers), of_z))
 
     first = rate(start, 0.0)
-    last, now = start, start + b[1] * w1 * h * first
+    last = start
+    now = start + b[1] * w1 * h * first
     for j in range(2, stages + 1):
-        mu, nu = 2.0 * b[j] * w0 / b[j - 1], -b[j] / b[j - 2]
+        mu = 2.0 * b[j] * w0 / b[j - 1]
+        nu = -b[j] / b[j - 2]
         ahead = 2.0 * b[j] * w1 / b[j - 1] * h
         slope = rate(now, float(c[j - 1])) - a[j - 1] * first
         last, now = now, (1.0 - mu - nu) * start + mu * now + nu * last + ahead * slope

@@ -108,7 +108,8 @@ def _result(search: PlanSearch) -> MotionPlan:
             problem, attempt = search.nearest
     else:
         (status, message), advice, violated = _success(search, attempt), "", ()
-    path, multipliers = problem.path(attempt.x), attempt.multipliers
+    path = problem.path(attempt.x)
+    multipliers = attempt.multipliers
     lead = "" if violated else _lead(scene, path.u, path.duration, motion.input_unit)
     warnings = [lead] if lead else []
     if search.interrupted:
@@ -127,7 +128,8 @@ def _result(search: PlanSearch) -> MotionPlan:
             message = "no plan was found: the solver came to a motion that does not press, and slow inputs do press"
             violated = tuple(missed)
         elif missed:
-            status, message = PlanStatus.GOAL_MISSED, qualified(message, "a goal is missed")
+            status = PlanStatus.GOAL_MISSED
+            message = qualified(message, "a goal is missed")
             advice = lever(problem, attempt)
             warnings += [f"{goal}: {advice}" for goal in missed]
     tried = [*search.attempts, *((f"{name}, distance from the goal", a) for name, a in search.relaxed)]

@@ -43,7 +43,9 @@ def store_plan(folder: Path, plan: SweepPlan) -> list[str]:
 
     Another plan in it, or a table without one, raises an InputError.
     """
-    new, pictures, now = plan.as_json(), plan.pictures, provenance()
+    new = plan.as_json()
+    pictures = plan.pictures
+    now = provenance()
     if not (folder / PLAN).exists():
         if (folder / TABLE).exists():
             raise InputError(f"there is a {TABLE} without its {PLAN}; take another folder", file=str(folder))
@@ -108,7 +110,8 @@ def decode(line: bytes) -> dict[str, Any] | None:
 
 def rows_of(folder: Path, count: int) -> Iterator[dict[str, Any]]:
     """Row of each of ``count`` scenes that has one; damaged lines are left out."""
-    path, seen = folder / TABLE, bytearray(count)
+    path = folder / TABLE
+    seen = bytearray(count)
     refuse_what_is_no_file(path)
     with suppress(FileNotFoundError), open(path, "rb") as file:
         for line in file:

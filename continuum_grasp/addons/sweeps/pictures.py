@@ -133,6 +133,7 @@ def _is_log(values: NDArray[Any]) -> bool:
     """Whether numbers are spaced by ratios rather than by differences."""
     if len(values) < 3 or values[0] <= 0:
         return False
-    steps, ratios = np.diff(values), np.diff(np.log(values))
+    steps = np.diff(values)
+    ratios = np.diff(np.log(values))
     # ratios ten times as even; a row that is neither stays on the plain axis
     return bool(np.ptp(ratios) / ratios.mean() < 0.1 * np.ptp(steps) / steps.mean())

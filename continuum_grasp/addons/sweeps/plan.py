@@ -108,7 +108,8 @@ class SweepPlan:
 
     def as_json(self) -> dict[str, Any]:
         """Plain data that determine the scenes and the contents of their rows."""
-        sample, varied = self.sweep.sample, self.variation
+        sample = self.sweep.sample
+        varied = self.variation
         drawn = {
             draw.key: {draw.way.kind: draw.values if draw.way.choice else getattr(draw.way, draw.way.kind)}
             for draw in varied.draws

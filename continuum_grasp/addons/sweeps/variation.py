@@ -88,7 +88,8 @@ class SceneKeys(Generic[Config]):
     """The scene that a configuration of a class names, one of ``kinds``, and the keys that it varies of it."""
 
     def __init__(self, model: type[Config], data: ConfigurationData, kinds: Sequence[str] = ("grasp",)) -> None:
-        self.config, self.data = data.validated(model).in_folder(data.file.parent), data
+        self.config = data.validated(model).in_folder(data.file.parent)
+        self.data = data
         place = data.nearest(("scene",))
         file = Path(os.path.normpath(place.named_file(self.config.scene, data.file, "file", ("scene",))))
         fixed = [self.change(("set", key), key, value) for key, value in self.config.set.items()]

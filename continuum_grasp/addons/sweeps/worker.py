@@ -71,14 +71,18 @@ def row_of_crash(job: Job, point: SweepPoint, message: str) -> SceneOutcome:
 
 def _run(job: Job, point: SweepPoint) -> SceneOutcome:
     data = point.scene_data(job.base, job.paths)
-    began, result, numbers = time.perf_counter(), None, dict[str, Any]()
+    began = time.perf_counter()
+    result = None
+    numbers = dict[str, Any]()
     try:
         result = job.evaluate(GraspScene(**data))
     except ContinuumGraspError as error:
         kind = "invalid" if isinstance(error, InputError) else "error"
-        status, message = error.status if isinstance(error, SolverError) else kind, str(error)
+        status = error.status if isinstance(error, SolverError) else kind
+        message = str(error)
     except Exception as error:
-        status, message = "error", f"{type(error).__name__}: {error}"
+        status = "error"
+        message = f"{type(error).__name__}: {error}"
     else:
         # Some numbers are only computed when they are asked for: their time counts.
         status = str(result.status)

@@ -58,7 +58,8 @@ def _response(result: Any) -> Any:
 
 def _known(result: Any) -> dict[str, Any]:
     """Numbers that the page draws: lengths in millimeters."""
-    scene, response = result.scene, _response(result)
+    scene = result.scene
+    response = _response(result)
     lengths = [setup.finger.rod.length for setup in scene.setups]
     greatest = max((float(np.linalg.norm(contact.force)) for contact in result.contacts), default=1.0)
     known: dict[str, Any] = {
@@ -99,7 +100,9 @@ def _thinned(corners: Array, triangles: Array) -> tuple[Array, Array]:
         means = np.stack([np.bincount(owner.ravel(), column) for column in corners.T], axis=1) / count[:, None]
         triangles = owner.ravel()[triangles]
         a, b, c = triangles.T
-        corners, triangles, cell = means, triangles[(a != b) & (b != c) & (c != a)], 1.3 * cell
+        corners = means
+        triangles = triangles[(a != b) & (b != c) & (c != a)]
+        cell = 1.3 * cell
     return corners, triangles
 
 
@@ -110,7 +113,8 @@ def _packed(values: ArrayLike, kind: str) -> str:
 
 def _finger(result: Any, k: int, response: Any) -> dict[str, Any]:
     """Backbone of a finger, and its displacement by tensions."""
-    setup, frame = result.scene.setups[k], result.frames[k]
+    setup = result.scene.setups[k]
+    frame = result.frames[k]
     finger: dict[str, Any] = {"name": setup.name, "radius": 1e3 * float(setup.finger.profile.half_thickness(0.0))}
     if response is not None:
         changes = response.places_by_tension[k]
@@ -126,7 +130,10 @@ def _finger(result: Any, k: int, response: Any) -> dict[str, Any]:
 
 def _support(result: Any, support: Any) -> dict[str, Any]:
     """Disc of a palm or table, of a plane that much of it which is below hand and object."""
-    scene, normal, center, radius = result.scene, np.array(support.normal), np.array(support.point), support.radius
+    scene = result.scene
+    normal = np.array(support.normal)
+    center = np.array(support.point)
+    radius = support.radius
     if np.isinf(radius):
         places = np.array([scene.object.position, *(frame.base for frame in result.frames)])
         places = places - ((places - center) @ normal)[:, None] * normal

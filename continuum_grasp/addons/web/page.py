@@ -117,7 +117,8 @@ def page_of(
             wasm = WasmController(scene, None if mission is None else mission.exported().phases)
             # Compiled while the plant is written.
             modules["controller"] = pool.submit(wasm.module)
-            stages, wrapper = wasm.loop.stages, wasm.wrapper
+            stages = wasm.loop.stages
+            wrapper = wasm.wrapper
             plant, sensors = plant_of_loop(scene, stages, plant_model)
             controller = _controller(scene, wasm, sensors) | {"mission": _mission(wasm, mission, plant)}
         else:
@@ -221,7 +222,8 @@ def _mission(wasm: WasmController, mission: AssignedMission | None, plant: WebPl
     phases = wasm.loop.phases
     if mission is None or phases is None:
         return None
-    asked, states = mission.assignments[0].mission, plant.system.object_states
+    asked = mission.assignments[0].mission
+    states = plant.system.object_states
     slip, shares = asked.slip, asked.object_height(np.eye(len(plant.start))[:, states])  # the height is linear
     up = {k: float(share) for k, share in enumerate(shares) if share}
     return {
@@ -242,8 +244,10 @@ def _planned_table(mission: AssignedMission, plant: WebPlant) -> dict[str, Any]:
 
 def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
     """Data of the plant for the page."""
-    system, finger = plant.system, plant.system.finger_model.finger
-    model, length = system.finger_model, finger.rod.length
+    system = plant.system
+    finger = plant.system.finger_model.finger
+    model = system.finger_model
+    length = finger.rod.length
     timed = scene.duration if isinstance(scene, ControlScene) else scene.time and scene.time.duration
     # The last row holds for good, as samples do.
     instants = np.zeros(1) if plant.signals.constant else np.arange(0.0, (timed or 0.0) + _TABLE, _TABLE)
@@ -339,7 +343,8 @@ def _tendon(tendon: Tendon, at: Array, length: float) -> dict[str, Any]:
 
 def _discs(finger: Finger) -> list[float]:
     """Shares of the length where units end, or where discs guide the tendons of a rod thinner than the finger."""
-    rod, length = finger.rod, finger.rod.length
+    rod = finger.rod
+    length = finger.rod.length
     if rod.spirob is not None:
         return [round(edge / length, _DIGITS) for edge in rod.spirob.edges(length)]
     half = float(np.max(finger.profile.half_thickness(np.linspace(0.0, length, 5))))

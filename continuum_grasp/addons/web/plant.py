@@ -201,7 +201,8 @@ def plant_of_scene(given: Scene) -> WebPlant:
     """The plant of a scene whose inputs a hand gives."""
     given, _ = resolve_fidelity(given)
     scene = _pushed(given, FingerModel(given).lengths)
-    finger, family = scene.finger, scene.fidelity.family
+    finger = scene.finger
+    family = scene.fidelity.family
     lagged = any(channel.time_constant is not None for channel in finger.channels)
     # A hand changes inputs at once, with which a matched tip would jump.
     if not lagged and (family is None or FAMILIES[family].matches_tip):
@@ -216,8 +217,10 @@ def plant_of_scene(given: Scene) -> WebPlant:
     signals = Signals(scene, system.finger_model, nw=system.nw)
     rest = signals.u(0.0)[0]
     start = initial_state(scene, system)
-    rate, names = system.forward_dynamics(*symbols), tuple(system.x_names)
-    finger_model, tensions = system.finger_model, u[: len(finger.tendon_list)]
+    rate = system.forward_dynamics(*symbols)
+    names = tuple(system.x_names)
+    finger_model = system.finger_model
+    tensions = u[: len(finger.tendon_list)]
     if finger_model.structure.own_tendons:
         tensions = finger_model.tensions()(x[: finger_model.nx], u[: finger_model.nu], p[: finger_model.np])[0]
     nominal = np.array(system.p_nominal)
@@ -255,7 +258,8 @@ def plant_of_loop(scene: ControlScene, stages: Stages, of: PlantModel | None = N
         scene, _pushed(plant_model.scene, plant_model.elements.finger_model.lengths), plant_model.parameters, of_object
     )
     prediction = Prediction(scene)
-    sensors, system = Sensors(scene, model, prediction, None), model.elements
+    sensors = Sensors(scene, model, prediction, None)
+    system = model.elements
     sensed = sensors.value(*model.symbols[:3])
     signals = Signals(model.scene, system.finger_model, nw=system.nw)
     rate = model.forward_dynamics(*model.symbols)

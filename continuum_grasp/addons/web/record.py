@@ -99,7 +99,8 @@ def loop_record(run: ControlRun, plant: WebPlant, changes: Sequence[Any] = ()) -
     for name, column in zip(run.disturbance_names, run.disturbance.T, strict=True):
         z[:, run.estimated_names.index(name)] = column
     columns = _columns(run.x_names, run.x), _columns(run.u_names, u), _columns(run.readings.plant.w_names, run.w)
-    record, known = _record(plant, run.t, *columns), run.given_parameters
+    record = _record(plant, run.t, *columns)
+    known = run.given_parameters
     chosen = frames_of(run.t)
     at = np.arange(0.0, run.t[-1] + record.dt, record.dt)
     return replace(
@@ -120,7 +121,8 @@ def _record(plant: WebPlant, t: Array, x: dict[str, Array], u: dict[str, Array],
     if missing:
         lacks = ", ".join(missing[:3])
         raise InputError(f"the model of a page has states that this run has not ({lacks}): take animate")
-    nothing, chosen = np.zeros(len(t)), frames_of(t)
+    nothing = np.zeros(len(t))
+    chosen = frames_of(t)
     forces = [w.get(name, nothing) if k not in plant.hands else nothing for k, name in enumerate(plant.system.w_names)]
     rows = [x[name] for name in plant.x_names], [u[name] for name in plant.u_names], forces
     state, inputs, pushing = (rounded(np.array(of).reshape(len(of), len(t)).T[chosen]) for of in rows)

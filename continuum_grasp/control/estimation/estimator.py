@@ -137,9 +137,15 @@ class Estimator(Remade, Summarized):
         self.prediction, self.precision = Prediction(self.scene), CReal.named(precision).name
         parts = ControlParts.of_scene(self.scene, self.prediction)
         self.estimation = e = parts.observed
-        self.period, self.delay, self.settings = parts.calls.period, parts.periods, parts.filter
+        self.period = parts.calls.period
+        self.delay = parts.periods
+        self.settings = parts.filter
         self.names, self.measurement_names = parts.estimated_names, parts.measurement_names
-        nu, np_, nz, ny, nm = parts.stages.nu, parts.stages.np, e.nz, e.ny, e.nm
+        nu = parts.stages.nu
+        np_ = parts.stages.np
+        nz = e.nz
+        ny = e.ny
+        nm = e.nm
         sizes = {"limited": 1, "old": 1, "z": nz, "p": np_, "verdict": nm, "innovation": ny, "innovation_variance": ny}
         sizes |= {"then": nz, "covariance": nz * nz}
         inputs = {"measurement": nm, "u": nu, "p": np_, "passed": 1, "age": 1}

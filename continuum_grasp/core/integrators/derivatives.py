@@ -74,7 +74,8 @@ def _elimination_order(sparsity: ca.Sparsity) -> list[int]:
     n = sparsity.size1()
     filled = np.eye(n, dtype=bool)
     filled[tuple(np.array(sparsity.get_triplet(), dtype=int))] = True
-    left, order = list(range(n)), list[int]()
+    left = list(range(n))
+    order = list[int]()
     while left:
         others = np.ix_(left, left)
         rows, columns = (filled[others].sum(axis=axis) - 1 for axis in (1, 0))

@@ -28,11 +28,13 @@ def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.M
     and the next state has twice the middle's coordinates and momenta less those of x. Everything else that moves has
     constant inertia, so that its rates serve as momenta.
     """
-    n, nx = model.n, x.numel()
+    n = model.n
+    nx = x.numel()
     momenta, solved = _momenta(model), _middle(model)
     still = ca.MX.zeros(nx)
     start = momenta(x, u[1], p, still)[0]
-    middle, correction = x, ca.MX(1.0)
+    middle = x
+    correction = ca.MX(1.0)
     # 20: iterations of Newton's method in a step: 5 are usual at steps of 1 ms, 7 at 10 ms (two arcs of 0.6 m with 20 g
     # let go)
     for _ in range(20):

@@ -38,7 +38,8 @@ def differentiated_step(
     As exact as the step, at one Jacobian per slope. Half-way by the continuous extension, from the same four slopes.
     """
     first, again = (_round(f"{name}_{which}", slope, instants, which == "first") for which in ("first", "again"))
-    state, reached = start, list[ca.MX]()
+    state = start
+    reached = list[ca.MX]()
     for k, coefficients in enumerate(_SLOPES):
         arguments = [h, ca.MX(ca.DM(coefficients)), start, *call(slope, state, *others)[: 2 if instants else 1]]
         state, *reached = call(again, *arguments, *reached) if k else call(first, *arguments)
@@ -47,7 +48,9 @@ def differentiated_step(
 
 def _round(name: str, slope: ca.Function, instants: int, is_first: bool) -> ca.Function:
     """From one slope to the next: the state there, the end of the step so far, its derivatives, those of the state."""
-    n, nd, pattern = slope.size1_in(0), slope.size1_out(0), derivative_pattern(slope)
+    n = slope.size1_in(0)
+    nd = slope.size1_out(0)
+    pattern = derivative_pattern(slope)
     sizes = {"h": 1, "coefficients": 3, "start": n, "rate": nd, "end": nd}
     patterns = {"jacobian": slope.sparsity_out(1), "end_by": pattern, "half_by": pattern, "by": pattern}
     s = {key: ca.SX.sym(key, size) for key, size in sizes.items()}

@@ -20,7 +20,8 @@ _GAMMA = 1.0 - math.sqrt(0.5)
 
 def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.MX) -> ca.MX:
     """Next state; x begins with the coordinates (n) and their rates (n), model.internal is (x, u, p) -> M, K, D."""
-    f, n = model.forward_dynamics, model.internal.size1_out(0)
+    f = model.forward_dynamics
+    n = model.internal.size1_out(0)
     mass, stiffness, damping = model.internal(x, u[0], p)
     part, solve = _GAMMA * h, _ldl_solver(n)
     matrix = mass + part * damping + part**2 * stiffness

@@ -63,14 +63,17 @@ class Sdirk2Stages:
     def predict(self, name: str) -> ca.Function:
         """First Newton iteration of a stage: its rate, and the state where the second one linearizes."""
         symbols, step, _ = self._given()
-        start, rate, n = symbols["start"], symbols["rate"], self.slope.size1_out(0)
+        start = symbols["start"]
+        rate = symbols["rate"]
+        n = self.slope.size1_out(0)
         k = solve(ca.SX.eye(n) - step * parts(symbols["jacobian"])[0], rate)
         return straight_function(name, symbols, {"k": k, "at": ca.vertcat(start[:n, :] + step * k, start[n:, :])})
 
     def refine(self, name: str) -> ca.Function:
         """A Newton iteration between the first and the last one of a stage."""
         symbols, step, _ = self._given()
-        start, n = symbols["start"], self.slope.size1_out(0)
+        start = symbols["start"]
+        n = self.slope.size1_out(0)
         k = ca.SX.sym("k", n)
         rates = k + solve(ca.SX.eye(n) - step * parts(symbols["jacobian"])[0], symbols["rate"] - k)
         results = {"next": rates, "at": ca.vertcat(start[:n, :] + step * rates, start[n:, :])}

@@ -79,7 +79,8 @@ class Loop(ControlParts):
         control_parts = ControlParts.of_scene(scene, model)
         z = np.zeros(len(control_parts.estimated_names))
         z[: model.nx] = model.first_state()  # disturbances start at zero, as nothing is known of them
-        n, kicks = model.system.finger_model.n, np.zeros(model.nx)
+        n = model.system.finger_model.n
+        kicks = np.zeros(model.nx)
         kicks[n : 2 * n] = 1.0  # rates of the coordinates
         return Loop(
             **vars(control_parts),
@@ -202,7 +203,8 @@ class Loop(ControlParts):
     @cached_property
     def settings(self) -> Struct:
         """Settings that may be changed between calls, in the order of ``changeable``."""
-        s, fields = self.stages, list[Field]()
+        s = self.stages
+        fields = list[Field]()
         for member in self.changeable:
             labels = getattr(s, f"{member.of}_names")
             for k, (name, label) in enumerate(zip(identifiers(labels), labels, strict=True)):
@@ -233,7 +235,9 @@ class Loop(ControlParts):
     @cached_property
     def functions(self) -> tuple[ca.Function, ...]:
         """Functions of stages and estimator that the C of ``control/c`` calls."""
-        s, e, controls = self.stages, self.estimation, "mpc" in self.parts
+        s = self.stages
+        e = self.estimation
+        controls = "mpc" in self.parts
         functions = [s.step, s.cost, s.terminal] if controls else []
         if e is not None:
             functions += [

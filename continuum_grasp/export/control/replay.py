@@ -45,7 +45,8 @@ class _Host:
     """The functions with memory, compiled on this machine with the strict flags, and run row by row."""
 
     def __init__(self, contents: Contents, files: Mapping[str, str]) -> None:
-        self.dtype, prefix = contents.subject.real.dtype, contents.subject.prefix
+        self.dtype = contents.subject.real.dtype
+        prefix = contents.subject.prefix
         retained = [(f"{prefix}_{kind}_memory", at) for f in contents.stateful for kind, at in _RETAINED[f.types[0]]]
         source = contents.fill(
             "tests/host.c",
@@ -207,7 +208,8 @@ class ReplayedFinger:
 
     def measured(self, u: Array) -> Array:
         """Measurements that arrive now, delayed as in the scene."""
-        loop, e = self._loop, self._loop.estimation
+        loop = self._loop
+        e = self._loop.estimation
         if e is None:
             return self.x.copy()
         value = loop.measured(np.concatenate([self.x, np.zeros(e.nz - e.nx)]), u)
@@ -281,15 +283,19 @@ _Begin = Callable[[int, int, int], _Record]
 
 
 def _controller_rows(loop: Loop, real: CReal, begin: _Begin) -> tuple[_Record, list[Bad]]:
-    rng, nu = np.random.default_rng(0), loop.command.size
+    rng = np.random.default_rng(0)
+    nu = loop.command.size
     record = begin(nu + loop.start.size + 5, nu, _EPISODES * _EPISODE)
     limits = np.clip((loop.stages.u_min, loop.stages.u_max), -UNLIMITED, UNLIMITED)
     for episode in range(_EPISODES):
-        finger, u, planned = ReplayedFinger(loop, rng), loop.before.copy(), False
+        finger = ReplayedFinger(loop, rng)
+        u = loop.before.copy()
+        planned = False
         later = _target(loop, rng)
         for k in range(_EPISODE):
             if k % _HELD == 0:
-                now, later = later, _target(loop, rng)
+                now = later
+                later = _target(loop, rng)
             if k % 25 == 15:
                 finger.kick(1.0 + episode)
             wanted = np.where(np.arange(len(now)) == k % len(now), np.nan, now) if k % 29 == 21 else now
@@ -310,11 +316,13 @@ def _controller_rows(loop: Loop, real: CReal, begin: _Begin) -> tuple[_Record, l
 
 
 def _estimator_rows(loop: Loop, real: CReal, begin: _Begin) -> tuple[_Record, list[Bad]]:
-    rng, nz = np.random.default_rng(1), loop.estimate.size
+    rng = np.random.default_rng(1)
+    nz = loop.estimate.size
     low, high = loop.stages.u_min, loop.stages.u_max
     record = begin(2 * nz + 1, nz, _EPISODES * _EPISODE)
     for episode in range(_EPISODES):
-        finger, u = ReplayedFinger(loop, rng), loop.before.copy()
+        finger = ReplayedFinger(loop, rng)
+        u = loop.before.copy()
         for k in range(_EPISODE):
             if k % 10 == 0:
                 target = low + (high - low) * rng.uniform(0.0, 0.3, len(low))
@@ -334,7 +342,8 @@ def _estimator_rows(loop: Loop, real: CReal, begin: _Begin) -> tuple[_Record, li
 
 def _mission_rows(loop: Loop, real: CReal, begin: _Begin) -> tuple[_Record, list[Bad]]:
     """All phases in turn; missions that let go after the lift, are aborted in the squeeze, are blind from there on."""
-    rng, nu = np.random.default_rng(2), loop.command.size
+    rng = np.random.default_rng(2)
+    nu = loop.command.size
     phases = [] if loop.phases is None else [*loop.phases.names]
     numbers = {} if loop.phases is None else loop.phases.members
     begins = np.asarray(numbers["begin"])
@@ -343,7 +352,9 @@ def _mission_rows(loop: Loop, real: CReal, begin: _Begin) -> tuple[_Record, list
     courses = ((last, 0), (lifted + 0.5 * last, 1), (squeezed + 0.5 * last, 2), (squeezed + 0.5 * last, 3))
     record = begin(nu + loop.start.size + 3, nu, sum(math.ceil(ends / loop.period) for ends, _ in courses))
     for ends, asked in courses:
-        finger, u, ended = ReplayedFinger(loop, rng), loop.before.copy(), 0
+        finger = ReplayedFinger(loop, rng)
+        u = loop.before.copy()
+        ended = 0
         opens = round((lifted if asked == 1 else squeezed) / loop.period) + 10
         for k in range(math.ceil(ends / loop.period)):
             flags = (k == 0, asked == 1 and k == opens, asked == 2 and k == opens, 1 if k == 0 else 0)

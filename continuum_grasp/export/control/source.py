@@ -136,7 +136,8 @@ class _Writer:
     # -- memory ------------------------------------------------------------------------------------------------------
 
     def macros(self) -> str:
-        loop, lines = self.loop, []
+        loop = self.loop
+        lines = []
         if self.mpc:
             lines.append("#define RTI_LANES 1")  # plain C has no vectors: one lane
         lines += loop.macros(controls=self.mpc, iterations=self.real.name if self.mpc else "")
@@ -200,7 +201,8 @@ class _Writer:
 
     def own_settings(self, module: str) -> str:
         """Settings of a module, where there are none of a controller around them."""
-        start, members = f"{module}.", self.loop.members.items()
+        start = f"{module}."
+        members = self.loop.members.items()
         settings = {name.removeprefix(start): values for name, values in members if name.startswith(start)}
         return f"static const {self.prefix}_{module}_settings settings_exported = {self.initializer(settings)};"
 

@@ -77,11 +77,13 @@ _METHOD = re.compile(r"/\* ((?:(?!\*/).)+) \*/\n\w+ (\w+)\(([^)]*)\);", re.DOTAL
 
 def _methods(header: str, prefix: str, owner: str, step: str) -> tuple[PartMethod, ...]:
     """Functions of an owner beside the one of the step, as a header declares them."""
-    methods, first = [], f"{prefix}_{owner}_"
+    methods = []
+    first = f"{prefix}_{owner}_"
     for text, name, arguments in _METHOD.findall(header):
         if not name.startswith(first) or name == f"{prefix}_{step}":
             continue
-        inputs, output = list[str](), None
+        inputs = list[str]()
+        output = None
         for argument in arguments.split(",")[1:]:  # behind the owner
             kind = argument.rpartition(" ")[0].strip()
             struct = kind.removeprefix("const ").removeprefix(f"{prefix}_")

@@ -41,9 +41,11 @@ def implicit_step(subject: Subject) -> PackagePart:
     def steps(rows: Rows) -> tuple[Array, Array, Array]:
         # The order of operations is that of implicit_step.c, for the same bits.
         part = rows["h"] / real.dtype(substeps)
-        x, moved = rows["x"], np.zeros_like(part)
+        x = rows["x"]
+        moved = np.zeros_like(part)
         for _ in range(substeps):
-            base, before = x, dict[str, Array]()
+            base = x
+            before = dict[str, Array]()
             for stage in (first, last):
                 inputs = {"h": part, **slope.evaluate(real, **{**rows, "x": base})}
                 ahead = guess.evaluate(real, start=base, **inputs)
@@ -53,7 +55,8 @@ def implicit_step(subject: Subject) -> PackagePart:
                 before = {"before": results["rates"]} if stage is first else {}
             off = size.evaluate(real, x=base, at=ahead["at"])["off"]
             with np.errstate(invalid="ignore"):
-                x, moved = base, np.where(off > moved, off, moved)
+                x = base
+                moved = np.where(off > moved, off, moved)
         codes = np.where(moved[:, 0] > real.dtype(_UNSOLVED), Code.ERR_STEP, codes_of(x))
         return x, codes, moved[:, 0] > real.dtype(SETTLED)
 

@@ -97,7 +97,8 @@ def dynamics(subject: Subject) -> PackagePart:
 
 def statics(subject: Subject) -> PackagePart:
     """Residual of equilibrium and its tangent stiffness."""
-    n, unit = subject.model.n, subject.model.structure.family.force_unit
+    n = subject.model.n
+    unit = subject.model.structure.family.force_unit
     balance = Struct(
         "balance",
         "Balance of the finger at rest: what is missing for equilibrium.",
@@ -123,7 +124,8 @@ def statics(subject: Subject) -> PackagePart:
 
 def kinematics(subject: Subject) -> PackagePart:
     """Position, angle and derivatives of the tip and of any section."""
-    eq, n = subject.equations, subject.model.n
+    eq = subject.equations
+    n = subject.model.n
     section = Struct(
         "section",
         "A section of the finger in the world.",
@@ -144,7 +146,8 @@ def kinematics(subject: Subject) -> PackagePart:
     longest = sum(field.high for field in fields if field.name.startswith("element_lengths"))
     length = max(longest, subject.model.finger.rod.length)  # of the longest finger that the parameters may make
     position = Field("s", "m", "position along the finger", 0.0, length, length)
-    acting, output = subject.acting(forces=False, drawn=True), Argument("section", section, "result")
+    acting = subject.acting(forces=False, drawn=True)
+    output = Argument("section", section, "result")
     at = (*acting, Argument("s", position, "s"))
     tip_text = f"The tip: position, angle, and derivatives by the bending coordinates.{DRAWN}"
     section_text = f"The section at a position s along the finger, from the base.{DRAWN}"
@@ -255,17 +258,21 @@ _STEP = "State after a step of h under constant input and forces, by the Runge-K
 
 def step(subject: Subject) -> PackagePart:
     """Write the step in time."""
-    kernel, real = _dynamics_kernel(subject), subject.real
+    kernel = _dynamics_kernel(subject)
+    real = subject.real
     coarse, longest = subject.accurate_step, subject.longest_step
 
     def runge_kutta(rows: Rows, evaluate: Callable[..., dict[str, Array]]) -> tuple[Array, Array, Array]:
         # The order of operations is that of step.c, for the same bits.
         t = real.dtype
-        x, part = rows["x"], rows["h"] / t(subject.substeps)
-        half, sixth = t(0.5) * part, part / t(6)
+        x = rows["x"]
+        part = rows["h"] / t(subject.substeps)
+        half = t(0.5) * part
+        sixth = part / t(6)
         with np.errstate(all="ignore"):  # rows that overflow are part of the vectors
             for _ in range(subject.substeps):
-                point, total = x, np.zeros_like(x)
+                point = x
+                total = np.zeros_like(x)
                 for weight, ahead in ((1, half), (2, half), (2, part), (1, half)):
                     rate = evaluate(**{**rows, "x": point})["xd"]
                     total = total + t(weight) * rate

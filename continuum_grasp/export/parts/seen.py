@@ -117,7 +117,8 @@ def sections(name: str, subject: Subject) -> PackagePart:
     kind, text, _, entries = _SECTIONS[name]
     kernel = _seen(subject.system).sections(name, subject.stations)
     struct = Struct(kind, text, tuple(Field(f, unit, said, shape=(subject.sections,)) for f, unit, said in entries))
-    inputs, output = subject.acting(forces=False, drawn=True), Argument(struct.name, struct, "result")
+    inputs = subject.acting(forces=False, drawn=True)
+    output = Argument(struct.name, struct, "result")
     call = evaluating(subject, kernel, name, text + DRAWN, inputs, output, warns=True)
     constants = {"SECTIONS": f"{subject.sections} /* from base to tip, of a shape and of velocities */"}
     return PackagePart(name, (kernel, *subject.kernels), (call,), constants)

@@ -95,7 +95,8 @@ class ObjectBalance:
 
     def __init__(self, scene: GraspScene, on: frozenset[str], fingers: Sequence[MapFinger], pose: Pose) -> None:
         self.scene, self.on, self.fingers, self.pose = scene, on, fingers, pose
-        turn, origin = cmath.exp(1j * pose[2]), complex(*pose[:2])
+        turn = cmath.exp(1j * pose[2])
+        origin = complex(*pose[:2])
         self.center = origin + turn * complex(*scene.object.com)
         self.size = scene.object.size
         self.weight = scene.object.mass * np.array(scene.gravity[:2])
@@ -220,7 +221,8 @@ class ObjectBalance:
 
     def _wrench(self, k: int, at: Traced) -> Array:
         """Wrench of a finger on the object (B, 3): force, moment per size [N]."""
-        finger, touches = self.fingers[k], at.touches
+        finger = self.fingers[k]
+        touches = at.touches
         on = finger.middles + finger.tip
         nx, ny = (part.value[:, :on] for part in touches.normal)
         normal, along = (part.value[:, :on] * finger.force for part in touches.force)
@@ -239,7 +241,8 @@ class ObjectBalance:
         picks = [np.unique(np.linspace(0, len(w) - 1, min(len(w), most)).astype(int)) for w in wrenches]
         if count == 1 or self.supports:
             return np.stack(np.meshgrid(*picks, indexing="ij"), axis=-1).reshape(-1, count)
-        others, last = picks[:-1], np.arange(len(wrenches[-1]))
+        others = picks[:-1]
+        last = np.arange(len(wrenches[-1]))
         index = np.stack(np.meshgrid(*others, indexing="ij"), axis=-1).reshape(-1, count - 1)
         need = -(self._loads + sum(wrenches[k][index[:, k]] for k in range(count - 1)))
         from scipy.spatial import cKDTree
@@ -288,7 +291,8 @@ class ObjectBalance:
             spare = np.sqrt(np.maximum((finger.friction * normal) ** 2 - along**2, 0.0)).sum(axis=1)
             carried += spare[index[:, k]]
         for j, name in enumerate(self.places):
-            normal, along = forces[:, 2 * j], forces[:, 2 * j + 1]
+            normal = forces[:, 2 * j]
+            along = forces[:, 2 * j + 1]
             carried += np.sqrt(np.maximum((self.scene.held_friction(name) * normal) ** 2 - along**2, 0.0))
         return np.maximum(abs(self.lift) - carried, 0.0)
 
@@ -305,5 +309,6 @@ class ObjectBalance:
             force = 0.3 * np.arcsinh(0.3 * touches.force[0].value)
             features = np.concatenate([*(3.0 * part.value for part in touches.place), force, turn], axis=1)
             columns.append(features[index[order, k]])
-        place, chosen = np.concatenate(columns, axis=1), np.empty(most, np.int32)
+        place = np.concatenate(columns, axis=1)
+        chosen = np.empty(most, np.int32)
         return order[chosen[: call(0, "differing", *place.shape, most, APART, place, chosen)]]

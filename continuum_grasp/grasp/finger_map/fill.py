@@ -146,7 +146,8 @@ def _grid(finger: MapFinger) -> tuple[tuple[int, int, int], Array]:
 
 def _edges(shape: tuple[int, ...], value: Array, around: int | None = None) -> Array:
     """Pairs of neighbors of a grid between which a value changes its sign; one axis may close on itself."""
-    index, pairs = np.arange(value.size).reshape(shape), []
+    index = np.arange(value.size).reshape(shape)
+    pairs = []
     for axis in range(len(shape)):
         after = np.roll(index, -1, axis) if axis == around else np.take(index, range(1, shape[axis]), axis)
         before = index if axis == around else np.take(index, range(shape[axis] - 1), axis)
@@ -303,7 +304,8 @@ def _one_per_cell(place: Array, size: float = 1.0) -> NDArray[np.int64]:
 def _keys(place: Array) -> list[bytes]:
     """Keys of the cells of features (B, F)."""
     cells = np.round(place).astype(np.int32)
-    size, whole = cells.shape[1] * cells.itemsize, cells.tobytes()
+    size = cells.shape[1] * cells.itemsize
+    whole = cells.tobytes()
     return [whole[at : at + size] for at in range(0, len(whole), size)]
 
 
@@ -322,7 +324,8 @@ def _directions(size: int) -> Array:
 
 def _neighbors(finger: MapFinger, front: Traced, directions: Array) -> Array:
     """Equilibria about a cell away from others, along the set (N, n)."""
-    z, steps = front.z, finger.scales(front.z)
+    z = front.z
+    steps = finger.scales(front.z)
     slope = front.conditions.slope * steps[:, None]
     count = slope.shape[1]
     left, size, across = np.linalg.svd(slope)

@@ -89,7 +89,8 @@ class ObjectTable:
         grow = max(setup.finger.thickness_radius for setup in scene.setups)
         # 2.5: thicknesses around the object: what is farther away touches nothing
         reach = max(part.extent for part in scene.object.parts) + 2.5 * grow
-        self.corner, self.cell = -reach, 2.0 * reach / (_CELLS - 1)
+        self.corner = -reach
+        self.cell = 2.0 * reach / (_CELLS - 1)
         along = np.linspace(-reach, reach, _CELLS)
         x, y = np.meshgrid(along, along)
         self.distance: Array = rough_distance(shapes, (x + 1j * y).ravel()).reshape(_CELLS, _CELLS)
@@ -140,9 +141,11 @@ class MapFinger:
         self.is_exact = exact or setup.elements > FEW
         self.names = tuple(name for name in setup.middle_names if name in on)
         self.tip = setup.tip_name in on
-        finger, length = setup.finger, setup.finger.rod.length
+        finger = setup.finger
+        length = setup.finger.rod.length
         self.setup, self.name, self.base, self.middles = setup, setup.name, base, len(self.names)
-        self.length, self.moment = length, setup.stiffness / length
+        self.length = length
+        self.moment = setup.stiffness / length
         self.force = self.moment / length
         profile, (channel,) = finger.profile, finger.channels
         self.offset = channel.arms[0]
@@ -243,7 +246,8 @@ class MapFinger:
         """Integrate equilibria (B, 4 + 3 k), which may be so deep in obstacles [L]."""
         z = np.ascontiguousarray(z, dtype=float)
         lanes = self.lanes if slopes else 0
-        numbers, shape = 7 * (self.middles + 1) + 2, self.shape_limits
+        numbers = 7 * (self.middles + 1) + 2
+        shape = self.shape_limits
         rows = numbers + self.conditions + shape + 3 * (self.middles + self.tip)
         out = np.empty((len(z), rows, 1 + lanes))
         call(lanes, "trace", self.struct, len(z), z, entered, out)
@@ -308,7 +312,8 @@ def _weights(family: str, elements: tuple[int, ...], steps: int) -> Array:
 
     Each segment has so many steps, and its number of elements.
     """
-    count, first = sum(elements), np.cumsum((0, *elements[:-1]))
+    count = sum(elements)
+    first = np.cumsum((0, *elements[:-1]))
     # Places along the elements, each with a length of one.
     places = (np.arange(steps)[:, None] + [0.0, 0.5, 1.0]) / steps
     at = np.concatenate([k + n * places for k, n in zip(first, elements, strict=True)])[..., None]

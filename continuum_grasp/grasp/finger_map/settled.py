@@ -91,7 +91,8 @@ class SceneMaps:
         x = balance.candidates(maps)
         if not len(x):
             return []
-        settled, size = balance.settle(x), scene.object.size
+        settled = balance.settle(x)
+        size = scene.object.size
         rows = settled.holding(size)
         if not rows:
             return [_as_start(balance, settled, row) for row in settled.nearest(size)[:MISSES]]
@@ -107,8 +108,10 @@ class SceneMaps:
 def _as_start(balance: ObjectBalance, settled: Settled, row: int) -> GraspStart:
     """A settled combination as a start of the fingers' own models."""
     x = settled.x[row]
-    scene, traced = balance.scene, balance.traced(x[None])
-    fingers, tensions = dict[str, FingerStart](), dict[str, tuple[float, float]]()
+    scene = balance.scene
+    traced = balance.traced(x[None])
+    fingers = dict[str, FingerStart]()
+    tensions = dict[str, tuple[float, float]]()
     for at in traced:
         fingers[at.finger.name] = _finger_start(at)
         pull = float(at.z[0, 3]) * at.finger.moment / at.finger.offset
@@ -135,14 +138,16 @@ def _as_start(balance: ObjectBalance, settled: Settled, row: int) -> GraspStart:
 
 
 def _finger_start(at: Traced) -> FingerStart:
-    finger, z = at.finger, at.z[0]
+    finger = at.finger
+    z = at.z[0]
     rows = finger.curve(z)
     place, bent = rows[:, 0] * finger.length, rows[:, 1] / finger.length
     # Curvature steps where a contact has friction: interpolation needs increasing places.
     at_joint = np.append(np.diff(place) <= 0.0, False)
     place = place - 1e-9 * finger.length * at_joint
     on = dict(zip(finger.names, (float(z[4 + 3 * k]) * finger.length for k in range(finger.middles)), strict=True))
-    sides, touches = [], at.touches
+    sides = []
+    touches = at.touches
     for middle, *normal in zip(touches.at[0], *(part.value[0] for part in touches.normal), strict=True):
         k = int(np.argmin(np.abs(rows[:, 0] - middle)))
         step = rows[min(k + 1, len(rows) - 1), 2:] - rows[max(k - 1, 0), 2:]

@@ -36,21 +36,30 @@ def finger_stiffness(finger: MapFinger, z: Array, center: complex, size: float) 
 
 def wrench_slopes(finger: MapFinger, z: Array, center: complex, size: float) -> Array:
     """Slopes of what resists motions of the object, which are symmetric but for errors of the integration."""
-    count, k, lanes = len(z), finger.middles, finger.lanes
-    z, out = np.ascontiguousarray(z, dtype=float), np.empty((count, 6 * k + 10, 1 + lanes))
+    count = len(z)
+    k = finger.middles
+    lanes = finger.lanes
+    z = np.ascontiguousarray(z, dtype=float)
+    out = np.empty((count, 6 * k + 10, 1 + lanes))
     call(lanes, "pinned", finger.struct, count, z, out)
     value, slope = out[..., 0], out[..., 1 : 4 + 2 * k]
     middle = center.real / finger.length, center.imag / finger.length
-    known, moved = np.zeros((count, 3 + 2 * k, 3)), np.empty((count, 3 + 2 * k, 3 + 2 * k))
+    known = np.zeros((count, 3 + 2 * k, 3))
+    moved = np.empty((count, 3 + 2 * k, 3 + 2 * k))
     for j in range(k):
         point = slice(6 * j, 6 * j + 2)
         moved[:, 2 * j : 2 * j + 2], known[:, 2 * j : 2 * j + 2] = slope[:, point], _carried(value[:, point] - middle)
     place, force, (angle, moment) = value[:, 6 * k : 6 * k + 2], value[:, 6 * k + 3 : 6 * k + 5], (6 * k + 2, 6 * k + 5)
-    normal, half, bend = value[:, 6 * k + 6 : 6 * k + 8], value[:, 6 * k + 8], value[:, 6 * k + 9]
-    along, of_force, turn = _turned(normal), slope[:, 6 * k + 3 : 6 * k + 5], np.array([0.0, 0.0, 1.0])
+    normal = value[:, 6 * k + 6 : 6 * k + 8]
+    half = value[:, 6 * k + 8]
+    bend = value[:, 6 * k + 9]
+    along = _turned(normal)
+    of_force = slope[:, 6 * k + 3 : 6 * k + 5]
+    turn = np.array([0.0, 0.0, 1.0])
     if finger.tip:
         # The contact's direction turns by the share of the tip's turn that its radius has of both.
-        share, pressure = half * bend, (force * normal).sum(axis=1)
+        share = half * bend
+        pressure = (force * normal).sum(axis=1)
         rolled = (half[:, None] * along)[..., None]
         moved[:, -3:-1] = slope[:, 6 * k : 6 * k + 2] - rolled * slope[:, angle, None]
         known[:, -3:-1] = _carried(place - middle) - rolled * turn
@@ -64,12 +73,14 @@ def wrench_slopes(finger: MapFinger, z: Array, center: complex, size: float) -> 
     answer = np.linalg.solve(moved, known)
     total = np.zeros((count, 3, 3))
     for j in range(k):
-        change, arm = answer[:, 3 + 2 * j : 5 + 2 * j], value[:, 6 * j : 6 * j + 2] - middle
+        change = answer[:, 3 + 2 * j : 5 + 2 * j]
+        arm = value[:, 6 * j : 6 * j + 2] - middle
         total[:, :2] += change
         total[:, 2] += _crossed(arm, change)
         total[:, 2, 2] -= (arm * value[:, 6 * j + 4 : 6 * j + 6]).sum(axis=1)
     if finger.tip:
-        change, turned = of_force @ answer, (slope[:, angle, None] @ answer)[:, 0]
+        change = of_force @ answer
+        turned = (slope[:, angle, None] @ answer)[:, 0]
         direction = share[:, None] * turned + (1.0 - share)[:, None] * turn
         arm_change = _carried(place - middle) - [[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]]
         arm_change = arm_change + rolled * (turned - turn - direction)[:, None]
@@ -117,10 +128,14 @@ def _rolling(balance: ObjectBalance, x: Array) -> tuple[Array, Array]:
     where it may lie flat.
     """
     ((name, (point, outward)),) = balance.places.items()
-    arm, first, finger = point - balance.center, int(balance.at[-1]), balance.fingers[0]
-    normal, along = balance.force * x[:, first], balance.force * x[:, first + 1]
+    arm = point - balance.center
+    first = int(balance.at[-1])
+    finger = balance.fingers[0]
+    normal = balance.force * x[:, first]
+    along = balance.force * x[:, first + 1]
     motion = np.array([arm.imag / balance.size, -arm.real / balance.size, 1.0])
-    curved, seen = np.empty(1), point / finger.length
+    curved = np.empty(1)
+    seen = point / finger.length
     call(finger.lanes, "bend_of_object", finger.struct, float(seen.real), float(seen.imag), curved)
     bend = max(float(curved[0]), 0.0) / finger.length
     support = balance.scene.support_of(name)

@@ -81,7 +81,8 @@ class GraspFollower:
         self, scene: GraspScene, start: GraspStart, solver: GraspSolverRun | JointSolverRun, **options: Any
     ) -> HeldGrasp | None:
         """The grasp that a solver finds from a start, its guarded places moved until they stand still."""
-        budget, before = Budget.of(scene.solver), None
+        budget = Budget.of(scene.solver)
+        before = None
         # 4: most runs until guarded places stand still
         for _ in range(4):
             attempt = solver.run(scene, start, budget, **options)
@@ -93,7 +94,8 @@ class GraspFollower:
             same = before is not None and _same(before.quantities, grasp.quantities, 1e-9)
             if same or not _probed(grasp):
                 break
-            before, options = grasp, {**options, "x0": attempt.x.copy(), "features": attempt.features}
+            before = grasp
+            options = {**options, "x0": attempt.x.copy(), "features": attempt.features}
         return grasp
 
     def _run_joint(
@@ -142,7 +144,8 @@ class GraspFollower:
             grasp = more or grasp
             if more is None or not more.full:
                 break
-            payload, start = more.quantities["payload"], more.attempt.start
+            payload = more.quantities["payload"]
+            start = more.attempt.start
         return grasp
 
 

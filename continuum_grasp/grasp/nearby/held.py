@@ -179,8 +179,11 @@ class HeldGrasp:
 
     def _tangent(self, near: Stencil, numbers: list[Array], low: Array, high: Array) -> Array:
         """Change of the unknowns, from the conditions of optimality."""
-        attempt, functions = self.attempt, self.solver.nlp.functions
-        x, forces, bound_forces = attempt.x, attempt.multipliers.constraints, attempt.multipliers.bounds
+        attempt = self.attempt
+        functions = self.solver.nlp.functions
+        x = attempt.x
+        forces = attempt.multipliers.constraints
+        bound_forces = attempt.multipliers.bounds
         gradients, values = [], []
         for there in numbers:
             column, slope = functions["jac_g"](x, there)
@@ -219,7 +222,8 @@ class HeldGrasp:
 
     def _envelope(self, near: Stencil, change: Array, low: Array, high: Array) -> float:
         """Change of the sum of tensions [N], where that is least."""
-        attempt, forces = self.attempt, self.attempt.multipliers.bounds
+        attempt = self.attempt
+        forces = self.attempt.multipliers.bounds
         slope = np.array(
             self.solver.nlp.slope(attempt.x, attempt.numbers, 1.0, attempt.multipliers.constraints)
         ).ravel()

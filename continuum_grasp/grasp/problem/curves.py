@@ -66,7 +66,9 @@ def curve_numbers(setup: FingerSetup, weighs: bool) -> Array:
 
 def _curves(setup: FingerSetup, weighs: bool) -> list[_Made]:
     """All curves of a finger: per E I (its mean), rho A at its base and L where they have units."""
-    finger, profile, length = setup.finger, setup.finger.profile, setup.finger.profile.length
+    finger = setup.finger
+    profile = setup.finger.profile
+    length = setup.finger.profile.length
     thickness = _alone("thickness", skin(profile.half_thickness), 1.0 / length)
     if not setup.graded:
         return [thickness]
@@ -91,7 +93,8 @@ def _alone(name: str, curve: Curve, scale: float) -> _Made:
 
 @lru_cache(maxsize=64)
 def _made(name: str, curve: Curve, edges: tuple[float, ...], scale: float) -> _Made:
-    degree, rows = max(len(c) for c in curve.coefficients) - 1, []
+    degree = max(len(c) for c in curve.coefficients) - 1
+    rows = []
     for a in edges[:-1]:
         piece = int(np.searchsorted(curve.edges[1:-1], a + 1e-9 * edges[-1]))
         shifted = curve.local(piece, a)(Polynomial([0.0, edges[-1]]))

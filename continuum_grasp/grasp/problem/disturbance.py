@@ -36,7 +36,8 @@ _Row = tuple[str, ca.SX, str, str]
 
 def add_disturbances(problem: Unknowns) -> ca.SX:
     """Add unknowns and constraints for all wrenches; returns the factor by which each of them is resisted."""
-    factor, count = problem.x("resisted disturbance"), problem.spec.wrenches
+    factor = problem.x("resisted disturbance")
+    count = problem.spec.wrenches
     wrenches = ca.reshape(problem.numbers("wrenches", 3 * count), 3, count)
     changes = Columns()
     rows = list(_yielded(problem, changes))
@@ -55,7 +56,8 @@ def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
     """Rows that stay zero as a grasp yields, right to first order, in ``changes``: the wrench (3,), then those of
     coordinates, tensions, contact forces along axes that turn with the contact, and the object's pose.
     """
-    wrench, size = changes("wrench", 3), problem.numbers("size")
+    wrench = changes("wrench", 3)
+    size = problem.numbers("size")
     fingers, contacts = problem.fingers, problem.contacts
     bends = [changes(f"{finger.spec.name}.change of q", finger.q.numel()) for finger in fingers]
     pulls = [changes(f"{finger.spec.name}.change of pulls", 2) for finger in fingers]
@@ -73,13 +75,18 @@ def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
         states.append((finger.q + bend, finger.u + finger.input(pull, ca.SX(couple))))
     ends = [finger.backbone.joints(*state, finger.p) for finger, state in zip(fingers, states, strict=True)]
     loads: list[tuple[dict[int, ca.SX], dict[int, ca.SX]]] = [({}, {}) for _ in fingers]
-    force, moment, gaps = wrench[:2], wrench[2], list[_Row]()
+    force = wrench[:2]
+    moment = wrench[2]
+    gaps = list[_Row]()
     for contact, components in zip(contacts, forces, strict=True):
-        spec, half, turned = contact.spec, ca.SX(0), ca.SX(0)
+        spec = contact.spec
+        half = ca.SX(0)
+        turned = ca.SX(0)
         gap = pose[:2] + spun @ (contact.point - problem.pose[:2])
         if spec.finger >= 0:
             finger, (places, angles), end = fingers[spec.finger], ends[spec.finger], fingers[spec.finger].end_of(spec)
-            half, turned = finger.half(spec), angles[end] + finger.base[2] - finger.angles[end]
+            half = finger.half(spec)
+            turned = angles[end] + finger.base[2] - finger.angles[end]
             gap += half * rotation(turned) @ contact.normal - finger.world(places[:, end])
         turn, step = _rolled(problem, contact, turned, pose[2])
         load = rotation(turn) @ (components[0] * contact.normal + components[1] * contact.across)
@@ -119,7 +126,8 @@ def _rolled(problem: Unknowns, contact: Touch, finger_turn: ca.SX, object_turn: 
 
 def _curvatures(problem: Unknowns, contact: Touch) -> tuple[ca.SX, ca.SX]:
     """Curvatures of the object's surface and of what touches it, convex positive."""
-    spec, name = contact.spec, contact.spec.name
+    spec = contact.spec
+    name = contact.spec.name
     ours = contact.local.curvature
     if ours is None:
         ours = problem.numbers(f"{name}.curvature")
@@ -143,7 +151,9 @@ def _retained(finger: UnitFinger, drawn: ca.SX, pulls: ca.SX) -> ca.SX:
     if not finger.spec.wound:
         # Fixed lengths need one moment: what one tendon gains, the other loses.
         return ca.vertcat(drawn, ca.sum1(pulls))
-    arm, servo, rows = finger.number("arm"), finger.number("servo"), []
+    arm = finger.number("arm")
+    servo = finger.number("servo")
+    rows = []
     yielded = servo * (pulls[0] - pulls[1])
     for k, (side, compliance) in enumerate(zip((1.0, -1.0), finger.compliances(), strict=True)):
         path = side * (arm * drawn + yielded) if finger.spec.pulley else side * arm * drawn + servo * pulls[k]
@@ -156,7 +166,8 @@ def _retained(finger: UnitFinger, drawn: ca.SX, pulls: ca.SX) -> ca.SX:
 
 
 def _keep_limits(problem: Unknowns, change: dict[str, ca.SX], k: int) -> None:
-    require, number = problem.rows.require, problem.numbers
+    require = problem.rows.require
+    number = problem.numbers
     for contact in problem.contacts:
         name = contact.spec.name
         # Wrenches act in the plane: the lift stays.

@@ -107,7 +107,8 @@ def compile_equations(specs: Iterable[ProblemSpec]) -> None:
 
 def _compiled(spec: ProblemSpec, compiler: Compiler, work: Path) -> Path:
     """Write and compile the equations of a structure and its layout, in a folder."""
-    made, text = _built(spec), described(expressions(spec))
+    made = _built(spec)
+    text = described(expressions(spec))
     parts = [made.nlp.values.factory(f"nlp_{name}", ["x", "p"], [name]) for name in ("f", "g")]
     source = CSource([*parts, made.read, made.places, *made.nlp.functions.values(), made.nlp.slope]).externals()
     code, library = work / "code.c", work / "code.so"
@@ -156,7 +157,9 @@ def places_reader(problem: GraspProblem) -> ca.Function:
 
 def point_reader(problem: GraspProblem) -> ca.Function:
     """Function of what a result stores, in units of the problem, from unknowns and run-time numbers."""
-    x, numbers, touched = problem.x.symbol, problem.numbers.symbol, problem.contacts
+    x = problem.x.symbol
+    numbers = problem.numbers.symbol
+    touched = problem.contacts
 
     def station(contact: Touch) -> ca.SX:
         spec = contact.spec

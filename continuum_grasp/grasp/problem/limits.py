@@ -39,7 +39,8 @@ def friction_cone(problem: Any, friction: ca.SX, n: ca.SX, f: ca.SX, lift: ca.SX
 
 
 def _bound_contacts(problem: Unknowns) -> None:
-    require, number = problem.rows.require, problem.numbers
+    require = problem.rows.require
+    number = problem.numbers
     for contact in problem.contacts:
         name, (n, f, lift) = contact.spec.name, ca.vertsplit(contact.force)
         friction = number(f"{name}.friction") + problem.slack["friction"]
@@ -58,10 +59,14 @@ def _bound_contacts(problem: Unknowns) -> None:
 
 def _keep_clear(problem: Unknowns, finger: UnitFinger) -> ca.SX:
     """A finger keeps clear of object and supports at its guarded places, world positions (2, K)."""
-    name, number, spec, require = finger.spec.name, problem.numbers, problem.spec, problem.rows.require
+    name = finger.spec.name
+    number = problem.numbers
+    spec = problem.spec
+    require = problem.rows.require
     points, _, touches, thick = finger.guarded
     size = TouchingCircle.SIZE
-    count, tolerance = points.shape[1], finger.number("tolerance")
+    count = points.shape[1]
+    tolerance = finger.number("tolerance")
     seen = rotation(-problem.pose[2]) @ (points - ca.repmat(problem.pose[:2], 1, count))  # from the object
     # A place that touches has its gap as an equation already: the inequality beside it would be dependent. Of several
     # pieces, those that it does not touch are in its way.
@@ -94,7 +99,8 @@ def _keep_apart(problem: Unknowns, pair: tuple[int, int], places: tuple[ca.SX, c
     bend between these.
     """
     finger, other = (problem.fingers[k] for k in pair)
-    name, number = f"{finger.spec.name}, {other.spec.name}", problem.numbers
+    name = f"{finger.spec.name}, {other.spec.name}"
+    number = problem.numbers
     count = finger.spec.elements + (other.spec.elements if other is not finger else 0)
     near = [
         points @ ca.reshape(number(f"{side} of {name}", count * points.shape[1]), points.shape[1], count)
@@ -112,7 +118,9 @@ def _keep_apart(problem: Unknowns, pair: tuple[int, int], places: tuple[ca.SX, c
 
 def keep_limits(problem: Any, finger: UnitFinger) -> None:
     """A finger keeps the limits of its tendons, drives and model."""
-    require, slack, number = problem.rows.require, problem.slack, finger.number
+    require = problem.rows.require
+    slack = problem.slack
+    number = finger.number
     name = finger.spec.name
     over = finger.pulls - number("pull_max") - slack["tension"] * number("pull_per_force")
     require(f"tendon tension, {name}", over, f"tension, {name}", f"{name}.tendons.max_tension", lower=-ca.inf)
@@ -139,13 +147,16 @@ def keep_limits(problem: Any, finger: UnitFinger) -> None:
 
 
 def _keep_object_clear(problem: Unknowns) -> None:
-    number, spec, tolerance = problem.numbers, problem.spec, problem.numbers("tolerance")
+    number = problem.numbers
+    spec = problem.spec
+    tolerance = problem.numbers("tolerance")
     back = rotation(-problem.pose[2])
     spare = []
     for k in range(spec.planes):
         normal, at = number(f"plane_{k}.normal", 2), number(f"plane_{k}.point", 2)
         for part, surface in enumerate(spec.surfaces):
-            angle, shape = number(f"plane_{k}.angle"), number(f"part_{part}", surface.number_count)
+            angle = number(f"plane_{k}.angle")
+            shape = number(f"part_{part}", surface.number_count)
             spare += surface.wall_clearance(normal, at, angle, problem.pose, shape)
     for k in range(spec.pegs):
         local = back @ (number(f"peg_{k}.position", 2) - problem.pose[:2])

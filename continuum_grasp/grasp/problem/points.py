@@ -27,7 +27,8 @@ def starting_point(problem: Layout, scene: GraspScene, start: GraspStart, featur
     values["greatest normal force"] = force
     for contact in problem.spec.contacts:
         at = start.contacts[contact.name]
-        part, feature = scene.object.parts[at.part], features[contact.name]
+        part = scene.object.parts[at.part]
+        feature = features[contact.name]
         values[f"place, {contact.name}"] = contact.surface.place(part, feature, *at.place)
         pressed = (force, 0.0, lift)
         if contact.name in start.forces:
@@ -40,8 +41,10 @@ def starting_point(problem: Layout, scene: GraspScene, start: GraspStart, featur
 
 def _finger_start(setup: FingerSetup, finger: FingerLayout, whole: GraspStart, units: Units) -> Values:
     """The unknowns of a finger, whose curvature is that of the start at the places of its family."""
-    tendons, start = setup.tendons, whole.fingers[setup.name]
-    length, stiffness = setup.finger.rod.length, setup.stiffness
+    tendons = setup.tendons
+    start = whole.fingers[setup.name]
+    length = setup.finger.rod.length
+    stiffness = setup.stiffness
     joints = [s / length for s in start.joints]
     lengths = np.diff(node_places(setup, start.joints)) / length
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -83,7 +86,9 @@ def bending_arrays(
     setup: FingerSetup, finger: FingerLayout, q: Array, lengths: Array, tip: float, pulls: Array
 ) -> Values:
     """Coordinates above rest, their shapes and the curvature at the tip, as a result stores them (SI)."""
-    length, profile, family = setup.finger.rod.length, setup.finger.profile, finger.family
+    length = setup.finger.rod.length
+    profile = setup.finger.profile
+    family = finger.family
     shapes = family.curvature_shapes(lengths.tolist())
     if not setup.graded:
         tip = (tip - float(profile.rest_curvature(0.0)) * length) / length
@@ -102,13 +107,15 @@ def bending_arrays(
 
 def stored_arrays(problem: Layout, scene: GraspScene, start: GraspStart, values: list[ca.DM]) -> dict[str, Array]:
     """Stored arrays of a point, from the ``values`` that the problem's reader gives there."""
-    units, spec = Units.of(scene), problem.spec
+    units = Units.of(scene)
+    spec = problem.spec
     pose, points, normals, forces, stations, *rest = (np.array(v) for v in values)
     m = units.length
     out: dict[str, Array] = {"object.pose": pose.ravel() * [m, m, 1.0]}
     for k, setup in enumerate(scene.setups):
         q, shares, tip, pulls, base, line = rest[6 * k : 6 * k + 6]
-        name, length = setup.name, setup.finger.rod.length
+        name = setup.name
+        length = setup.finger.rod.length
         elements = shares.ravel() * length
         tensions = pulls.ravel() * setup.stiffness / length / setup.tendons.offset
         bending = bending_arrays(setup, problem.fingers[k], q.ravel(), elements, float(tip.ravel()[0]), tensions)

@@ -60,7 +60,9 @@ class GraspProblem(Unknowns):
         Stations that lie along the object would all be tangent by dependent equations; what is guarded beside them
         keeps them so within its tolerance.
         """
-        spec, require, key = contact.spec, self.rows.require, f"contacts.{contact.spec.name}"
+        spec = contact.spec
+        require = self.rows.require
+        key = f"contacts.{contact.spec.name}"
         end = finger.end_of(spec)
         gap = finger.ends[:, end] - contact.point - finger.half(spec) * contact.normal
         require(f"contact gap, {spec.name}", gap, "m", key)
@@ -81,14 +83,18 @@ class GraspProblem(Unknowns):
 
     def _close_support(self, contact: Touch) -> None:
         """A support touches the object, whose pose is sought."""
-        name, require, number = contact.spec.name, self.rows.require, self.numbers
+        name = contact.spec.name
+        require = self.rows.require
+        number = self.numbers
         key = f"supports.{name}"
         if contact.spec.peg:
-            center, radius = number(f"{name}.position", 2), number(f"{name}.radius")
+            center = number(f"{name}.position", 2)
+            radius = number(f"{name}.radius")
             require(f"contact gap, {name}", contact.point + radius * contact.normal - center, "m", key)
             return
         normal, at = number(f"{name}.wall normal", 2), number(f"{name}.wall point", 2)
-        along, gap = ca.vertcat(-normal[1], normal[0]), ca.dot(normal, contact.point - at)
+        along = ca.vertcat(-normal[1], normal[0])
+        gap = ca.dot(normal, contact.point - at)
         # Within the tolerance, not zero: where the object cannot leave or enter the support, because its pose is free
         # along it alone or other supports hold it, equations would be dependent (egg: no start converged).
         spare = number("tolerance") + ca.vertcat(-gap, gap)
@@ -97,7 +103,8 @@ class GraspProblem(Unknowns):
         tilt = ca.dot(along, contact.normal)
         require(f"contact normal, {name}", tilt, "rad", key, lower=-EXACT, upper=EXACT)
         if contact.spec.bounded:
-            off, half = ca.dot(along, contact.point - at), number(f"{name}.half length")
+            off = ca.dot(along, contact.point - at)
+            half = number(f"{name}.half length")
             within = ca.vertcat(half - off, half + off)
             require(f"contact within its support, {name}", within, "m", key, upper=ca.inf)
 
@@ -105,17 +112,21 @@ class GraspProblem(Unknowns):
         """A tip stays where it touched: on the place of the surface next to where it met the object."""
         for contact in self.contacts:
             if self.spec.lands(contact.spec):
-                normal, at = contact.local.normal, self.x(f"landing, {contact.spec.name}", 2)
+                normal = contact.local.normal
+                at = self.x(f"landing, {contact.spec.name}", 2)
                 off = ca.dot(ca.vertcat(-normal[1], normal[0]), contact.local.point - at)
                 self.rows.require(f"landing, {contact.spec.name}", off, "m", "robust")
 
     def _balance_object(self) -> None:
-        require, number, balances = self.rows.require, self.numbers, self.spec.balances
+        require = self.rows.require
+        number = self.numbers
+        balances = self.spec.balances
         force = in_space(number("weight", self.spec.dimensions)) * (1.0 - self.slack["mass"])
         moment = in_space(self.slack["tilt balance"])
         for contact in self.contacts:
             # What a contact does to the finger or support, it does to the object with the opposite sign.
-            arm, load = in_space(contact.point - self.center_of_mass), contact.world
+            arm = in_space(contact.point - self.center_of_mass)
+            load = contact.world
             force -= load
             moment -= ca.cross(arm, load)
         require("object force balance", force[[k for k in balances if k < 3]], "N", "object.mass")
@@ -125,7 +136,8 @@ class GraspProblem(Unknowns):
 
     def _objective(self) -> ca.SX:
         """The objective; its own unknowns and constraints are added to the problem."""
-        number, aims = self.numbers, self.spec.aims
+        number = self.numbers
+        aims = self.spec.aims
         total = ca.SX(0)
         # Tensions always count, if only by a little: they are unique then.
         total += sum(f.number("tension weight") * ca.sum1(f.pulls) for f in self.fingers)

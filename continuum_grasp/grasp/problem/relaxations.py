@@ -57,7 +57,8 @@ class RelaxedLimit:
 
     def enough(self, scene: GraspScene, amount: float) -> float:
         """An amount beyond one that is just enough, with which the limit has three digits."""
-        bound, needed = self.value(scene, 0.0), self.value(scene, amount)
+        bound = self.value(scene, 0.0)
+        needed = self.value(scene, amount)
         way = math.copysign(1.0, needed - bound)
         if needed == bound:
             return amount
@@ -87,7 +88,8 @@ def _tension(scene: GraspScene, amount: float) -> GraspScene:
     def stronger(setup: FingerSetup) -> GraspFinger:
         # Of tendons and motors those that are strong enough stay.
         most = max(setup.tendons.max_tension, setup.max_tension + amount)
-        law, more = setup.drive, setup.finger.with_tendons(max_tension=most)
+        law = setup.drive
+        more = setup.finger.with_tendons(max_tension=most)
         if law is None or not isinstance(law.drive, MotorDrive):
             return more
         # Motors of a pulley pull with a difference, which may need all of it.
@@ -143,7 +145,8 @@ def with_bending_range(scene: GraspScene, least: float, more: float = 0.0) -> Gr
         range_ = max(setup.bending_range + more, least)
         return _with(setup.finger, fidelity=_with(setup.finger.fidelity or scene.fidelity, bending_range=range_))
 
-    fidelity, given = scene.fidelity, scene.fidelity.bending_range
+    fidelity = scene.fidelity
+    given = scene.fidelity.bending_range
     if given is not None:  # of fingers that have none of their own
         fidelity = _with(fidelity, bending_range=max(given + more, least))
     return _with(_fingers(scene, wider), fidelity=fidelity)

@@ -159,13 +159,17 @@ class GraspSolverRun:
         """The features beyond the ends of those against which contacts press, and the unknowns there."""
         if not attempt.converged:
             return None
-        features, x, at = dict(attempt.features), attempt.x.copy(), self.problem.x.at
+        features = dict(attempt.features)
+        x = attempt.x.copy()
+        at = self.problem.x.at
         for name, feature in attempt.features.items():
             if f"place, {name}" not in at:  # of an object that is fixed at a support
                 continue
-            place, part = at[f"place, {name}"], scene.object.parts[attempt.start.contacts[name].part]
+            place = at[f"place, {name}"]
+            part = scene.object.parts[attempt.start.contacts[name].part]
             for k, (low, high) in enumerate(zip(feature.lower, feature.upper, strict=True)):
-                value, push = attempt.x[place][k], attempt.multipliers.bounds[place][k]
+                value = attempt.x[place][k]
+                push = attempt.multipliers.bounds[place][k]
                 side = int(value >= high - EXACT and push > 0.0) - int(value <= low + EXACT and push < 0.0)
                 beyond = surface_of(part).beyond(part, feature, side) if side and low < high else None
                 if beyond is not None:
@@ -190,7 +194,8 @@ class GraspSolverRun:
         known: Sequence[GraspAttempt] = (),
     ) -> GraspAttempt:
         """Solve from a start on given features; see `run`."""
-        problem, units = self.problem, Units.of(scene)
+        problem = self.problem
+        units = Units.of(scene)
         values = problem_values(problem, scene, start, features) | dict(numbers or {})
         low, high = problem_bounds(problem, scene, features)
         x = starting_point(problem, scene, start, features) if x0 is None else x0.copy()
@@ -233,7 +238,8 @@ class GraspSolverRun:
         if np.count_nonzero(start.lower == start.upper) <= np.count_nonzero(start.low < start.high):
             return solver.solve(self.nlp, start, until)
         g = np.array(self.nlp.functions["jac_g"](start.x, start.p)[0]).ravel()
-        none, violation = Multipliers(np.zeros(start.x.size), np.zeros(g.size)), start.violation(start.x, g)
+        none = Multipliers(np.zeros(start.x.size), np.zeros(g.size))
+        violation = start.violation(start.x, g)
         return Attempt(SolverStatus.FAILED, OVERDETERMINED, start.x, g, 0.0, none, 0, 0.0, violation, np.inf)
 
     def _look(self, scene: GraspScene, values: dict[str, Any]) -> Callable[[Array, Array], tuple[float, Array]]:
@@ -298,7 +304,8 @@ class GraspSolverRun:
 
         What is sought stays, and so do the guarded places; what is in their way is that of the scene.
         """
-        numbers, at = self.problem.numbers, self.problem.numbers.at
+        numbers = self.problem.numbers
+        at = self.problem.numbers.at
         values = problem_values(self.problem, scene, start, features)
         fingers = (finger.spec.name for finger in self.problem.fingers)
         probes = {name: attempt.numbers[at[f"{name}.probes"]] for name in fingers}
@@ -376,7 +383,8 @@ def solve_clear(
         return attempt
 
     for _ in range(ROUNDS):
-        numbers, last = start.p, solved(start)
+        numbers = start.p
+        last = solved(start)
         # Where other constraints became active, multipliers of the round before mislead: once more without them.
         if start.multipliers is not None and not last.converged:
             last = solved(replace(start, multipliers=None))

@@ -166,7 +166,10 @@ class ProblemSpec:
         """The structure of the problem of a scene with some contacts on, which sit where a start has them; fingers that
         are ``curled``, by name, must not pass through themselves.
         """
-        aims, setups, weighs, on = scene.aims, scene.setups, any(scene.gravity[:2]), frozenset(contacts)
+        aims = scene.aims
+        setups = scene.setups
+        weighs = any(scene.gravity[:2])
+        on = frozenset(contacts)
         places: dict[str, tuple[int, int]] = {}
         for i, setup in enumerate(setups):
             places |= {name: (i, k) for k, name in enumerate(setup.middle_names)}
@@ -175,7 +178,8 @@ class ProblemSpec:
         surfaces = tuple(surface_of(part) for part in scene.object.parts)
         specs = []
         for name, start in contacts.items():
-            support, place = scene.support_of(name), places.get(name, (-1, -2))
+            support = scene.support_of(name)
+            place = places.get(name, (-1, -2))
             finite = support is not None and support.name in bounded
             specs.append(ContactSpec(name, *place, isinstance(support, Peg), surfaces[start.part], finite))
         disturbed = "greatest_disturbance" in aims
@@ -201,7 +205,8 @@ class ProblemSpec:
 
         A ``yielding`` object yields to the fingers, tips stay where they met it.
         """
-        free, aims = self.free or yielding, ("greatest_reserve",)
+        free = self.free or yielding
+        aims = ("greatest_reserve",)
         fingers = tuple(finger if finger.drive is None else replace(finger, in_error=True) for finger in self.fingers)
         return replace(self, fingers=fingers, free=free, yielding=yielding, aims=aims, wrenches=0, locked=False)
 

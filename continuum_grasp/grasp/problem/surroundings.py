@@ -49,7 +49,8 @@ class _Obstacle:
 
 def _obstacles(scene: GraspScene, setup: FingerSetup, emerging: int, base: Array, units: Units) -> list[_Obstacle]:
     """The obstacles of a finger: half planes, then what circles stand for."""
-    obstacles, clear = [], (1.0 - ROUNDING) * float(setup.finger.profile.half_thickness(0.0)) / units.length
+    obstacles = []
+    clear = (1.0 - ROUNDING) * float(setup.finger.profile.half_thickness(0.0)) / units.length
     for wall in (wall for wall in scene.walls if wall.part is None):
         height = float((base[:2] - np.asarray(wall.point) / units.length) @ np.asarray(wall.normal))
         # A base within a support is no penetration: the finger comes out of it, up to its first contact.
@@ -72,9 +73,11 @@ class NearbySearch:
         Gives the greatest penetration beyond the relaxation, in units of the problem, and the numbers that were found:
         probes, circles of obstacles, needed gaps.
         """
-        units, seen = Units.of(scene), Values()
+        units = Units.of(scene)
+        seen = Values()
         pose, *rest = (np.array(v) for v in self._places(x, numbers))
-        pose, at = pose.ravel(), self._problem.x.at
+        pose = pose.ravel()
+        at = self._problem.x.at
         allowed = [float(x[at[f"relaxed clearance at the {name}"]][0]) for name in ("supports", "object")]
         traced = [
             self._along(scene, setup, k, rest[9 * k : 9 * k + 9], pose, allowed, seen, numbers, probes)
@@ -106,10 +109,14 @@ class NearbySearch:
         finger, name, units = self._problem.fingers[index], setup.name, Units.of(scene)
         clear = ~np.array(finger.touches)  # which guarded places do not touch the object
         touched, points, half, curvatures, q, lengths, tip, pulls, base = values
-        half, lengths, base, size = half.ravel(), lengths.ravel(), base.ravel(), setup.finger.rod.length
+        half = half.ravel()
+        lengths = lengths.ravel()
+        base = base.ravel()
+        size = setup.finger.rod.length
         line = _Line.of(setup, finger, curvatures, q.ravel(), lengths, float(tip.ravel()[0]), pulls.ravel())
         obstacles = _obstacles(scene, setup, finger.spec.emerging, base, units)
-        pieces, count = scene.object.pieces, self._problem.spec.obstacles
+        pieces = scene.object.pieces
+        count = self._problem.spec.obstacles
 
         def along(fractions: Array) -> tuple[Array, Array, Array]:
             at = line.points(fractions) * np.exp(1j * base[2]) * (size / units.length)
@@ -134,7 +141,8 @@ class NearbySearch:
         else:
             probes = earlier[name].reshape(finger.spec.elements, finger.spec.probes)
         at, owner, thick = along(probes)
-        at, thick = np.concatenate([points.T, at]), np.concatenate([half, thick])
+        at = np.concatenate([points.T, at])
+        thick = np.concatenate([half, thick])
         owner = np.concatenate([finger.elements, owner]).astype(int)
         beside = _beside(pieces, count, _local(at, pose), units, (~clear, touched.T))
         sharp = np.any([TouchingCircle(circles[:, -probes.size :]).is_corner for circles, _ in beside], axis=0)
@@ -184,7 +192,8 @@ class _Traced:
         after = np.clip(np.searchsorted(at, picks), 1, at.size - 1)
         before = after - 1
         share = np.clip((picks - at[before]) / np.maximum(at[after] - at[before], 1), 0.0, 1.0)
-        weights, columns = np.zeros((at.size, picks.size)), np.arange(picks.size)
+        weights = np.zeros((at.size, picks.size))
+        columns = np.arange(picks.size)
         weights[order[before], columns] += 1.0 - share
         weights[order[after], columns] += share
         return weights
@@ -242,7 +251,8 @@ class _Line:
         pulls: Array,
     ) -> _Line:
         """The line of stored numbers, in units of the problem."""
-        ends, size = np.concatenate([[0.0], np.cumsum(lengths)]), setup.finger.rod.length
+        ends = np.concatenate([[0.0], np.cumsum(lengths)])
+        size = setup.finger.rod.length
         if setup.graded:
             tensions = pulls * setup.stiffness / size / setup.tendons.offset
             arrays = bending_arrays(setup, finger, q, lengths * size, tip, tensions)
@@ -282,7 +292,8 @@ _AROUND = np.arange(-8.0, 9.0)
 
 def _most_strained(setup: FingerSetup, line: _Line, fractions: Array) -> Array:
     """Per element, the fraction (N,) where the strain is greatest, by the parabola through it."""
-    shape, depth = line.shape, setup.finger.profile.half_depth
+    shape = line.shape
+    depth = setup.finger.profile.half_depth
     if shape is None or depth is None:
         return np.zeros(len(fractions))
     at = shape.joints[-1] * line.places(fractions)
@@ -292,10 +303,12 @@ def _most_strained(setup: FingerSetup, line: _Line, fractions: Array) -> Array:
 
 def _deepest(depth: Array, count: int) -> Array:
     """Per element, the fractions (N, count) where it is deepest, apart from each other, by parabolas."""
-    left, picks = depth.copy(), []
+    left = depth.copy()
+    picks = []
     left[:, [0, -1]] = -np.inf  # ends are looked after on their own
     # Half of an even spacing between two picks, so that both do not fall into one dip.
-    near, rows = FINE // (2 * count), np.arange(len(depth))
+    near = FINE // (2 * count)
+    rows = np.arange(len(depth))
     for _ in range(count):
         pick = left.argmax(axis=1)
         picks.append((pick + _peak(depth, rows, pick)) / FINE)
@@ -312,7 +325,8 @@ def _refined(depth: Callable[[Array], Array], picks: Array, before: Array) -> Ar
     Beside a contact the depth is far from a parabola over the first spacing, and the limit there has a multiplier of
     thousands: a place that is off by 0.005 changes the derivatives of tensions by 1e-4 (mug).
     """
-    rows, step = np.arange(picks.size), 1.0 / FINE
+    rows = np.arange(picks.size)
+    step = 1.0 / FINE
     for _ in range(2):
         step /= 8.0
         around = np.clip(picks[..., None] + step * _AROUND, 1.0 / FINE, 1.0 - 1.0 / FINE)
@@ -322,7 +336,8 @@ def _refined(depth: Callable[[Array], Array], picks: Array, before: Array) -> Ar
         picks = np.clip(picks, 1.0 / FINE, 1.0 - 1.0 / FINE)
     # The deepest of all, apart from each other; zero is a place that no look has put there.
     every = np.concatenate([picks, np.where(before > 0.0, before, picks)], axis=1)
-    seen, deepest = depth(every), np.empty_like(picks)
+    seen = depth(every)
+    deepest = np.empty_like(picks)
     for k in range(picks.shape[1]):
         deepest[:, k] = every[np.arange(len(every)), seen.argmax(axis=1)]
         seen[np.abs(every - deepest[:, k : k + 1]) < 1.0 / FINE] = -np.inf
@@ -344,8 +359,10 @@ def _bend_corners(circles: Array, traced: Array, some: Array) -> None:
     A corner may slide along the finger, away from a place that is fixed: the finger's distance from it is, to second
     order, that of the place from a circle through the corner with the curvature of the finger.
     """
-    along, bend = traced[:, 2] - traced[:, 0], traced[:, 2] - 2.0 * traced[:, 1] + traced[:, 0]
-    normal, length = circles[2:4].T, np.linalg.norm(along, axis=1)
+    along = traced[:, 2] - traced[:, 0]
+    bend = traced[:, 2] - 2.0 * traced[:, 1] + traced[:, 0]
+    normal = circles[2:4].T
+    length = np.linalg.norm(along, axis=1)
     # 0.1: angle between the finger's normal and a corner's direction [rad] up to which the corner is opposite to a
     # place
     opposite = np.abs((along * normal).sum(axis=1)) < 0.1 * length
@@ -380,7 +397,8 @@ def _beside(
     nearest = [_nearest(piece, points, units) for piece in pieces]
     circles, gaps = (np.stack(every) for every in zip(*nearest, strict=True))
     if touching is not None and count > 1:
-        marked, places = np.flatnonzero(touching[0]), touching[1]
+        marked = np.flatnonzero(touching[0])
+        places = touching[1]
         where, at = np.nonzero([_nearest(piece, places, units)[1] < EXACT for piece in pieces])
         # A face far behind takes the place of what is touched.
         circles[where, :2, marked[at]] -= _FAR * circles[where, 2:4, marked[at]]
@@ -388,7 +406,8 @@ def _beside(
         gaps[where, marked[at]] += _FAR
     if len(pieces) > count:
         order = np.argsort(gaps, axis=0)[:count]
-        gaps, circles = np.take_along_axis(gaps, order, 0), np.take_along_axis(circles, order[:, None], 0)
+        gaps = np.take_along_axis(gaps, order, 0)
+        circles = np.take_along_axis(circles, order[:, None], 0)
     return list(zip(circles, gaps, strict=True))
 
 

@@ -59,7 +59,9 @@ class UnitFinger:
         self.ends, self.angles = self.world(ends), angles + self.base[2]
 
     def _parameters(self) -> ca.SX:
-        number, nodes, values = self.number, self.spec.elements + 1, [*self.lengths]
+        number = self.number
+        nodes = self.spec.elements + 1
+        values = [*self.lengths]
         if self.spec.curves.graded:
             sizes = {"curves": self.spec.curves.size, "node stiffness": nodes, "node shapes": nodes}
             values += [number(name, size) for name, size in sizes.items()]
@@ -94,7 +96,8 @@ class UnitFinger:
         spec = self.spec
         touching = {n - 1 for n, on in zip(spec.before, spec.touching, strict=True) if on}
         touching |= {spec.elements - 1} if spec.tip else set()
-        joints, count = range(spec.elements), spec.probes
+        joints = range(spec.elements)
+        count = spec.probes
         fractions = ca.reshape(self.number("probes", count * spec.elements), count, spec.elements)
         fixed, at = self.shared.fixed(self.q, self.u, self.p)
         probed = self.shared.probed(self.q, self.u, fractions, self.p)
@@ -137,7 +140,9 @@ class UnitFinger:
 
     def _element_lengths(self) -> list[ca.SX]:
         """Between contacts they are equal, or of graded fingers in the shares of the start."""
-        spec, lengths, ends = self.spec, list[ca.SX](), [ca.SX(0.0), *self.joints, ca.SX(1.0)]
+        spec = self.spec
+        lengths = list[ca.SX]()
+        ends = [ca.SX(0.0), *self.joints, ca.SX(1.0)]
         counts = pairwise([0, *spec.before, spec.elements])
         for (a, b), (first, end) in zip(pairwise(ends), counts, strict=True):
             if spec.curves.graded:
@@ -153,7 +158,8 @@ class UnitFinger:
 
     def loads(self, forces: dict[int, ca.SX], couples: dict[int, ca.SX]) -> ca.SX:
         """The model's loads for forces and couples by joint; the tip is -1, its couple is an input."""
-        middles, zero = range(len(self.spec.before)), ca.SX.zeros(2)
+        middles = range(len(self.spec.before))
+        zero = ca.SX.zeros(2)
         return ca.vertcat(*(forces.get(k, zero) for k in [*middles, -1]), *(couples.get(k, 0.0) for k in middles))
 
     def missing_force(self, q: ca.SX, u: ca.SX, w: ca.SX) -> ca.SX:
@@ -191,7 +197,8 @@ class UnitFinger:
         rows: list[ca.SX] = []
         difference = self.pulls[0] - self.pulls[1]
         if self.wound is not None:
-            rows, wound = [self.number("series") * (self.command - difference)], self.wound
+            rows = [self.number("series") * (self.command - difference)]
+            wound = self.wound
         elif spec.pulley:
             wound = self.command - servo * difference - path
         if spec.pulley:

@@ -65,8 +65,10 @@ class Unknowns:
 
     def loads(self, index: int) -> ca.SX:
         """The loads on a finger's model by its contacts."""
-        finger, touching = self.fingers[index], [c for c in self.contacts if c.spec.finger == index]
-        share, back = finger.number("force share"), rotation(-finger.base[2])
+        finger = self.fingers[index]
+        touching = [c for c in self.contacts if c.spec.finger == index]
+        share = finger.number("force share")
+        back = rotation(-finger.base[2])
         forces = {c.spec.joint: back @ c.world[:2] / share for c in touching}
         # Friction acts on the skin: it turns the backbone by its arm, half the thickness.
         couples = {c.spec.joint: -finger.half_at(finger.end_of(c.spec)) * c.force[1] / share for c in touching}

@@ -107,7 +107,8 @@ def moved_features(
     if before.object.parts == after.object.parts:
         return moved
     for name, contact in contacts.items():
-        part, feature = after.object.parts[contact.part], features[name]
+        part = after.object.parts[contact.part]
+        feature = features[name]
         moved[name] = surface_of(part).feature(part, feature.piece, feature.grown)
     return moved
 
@@ -145,7 +146,9 @@ def problem_bounds(problem: Layout, scene: GraspScene, features: dict[str, Featu
     low["greatest normal force"] = 0.0
     low["friction margin"], high["friction margin"] = 0.0, 1.0
     for setup in scene.setups:
-        name, finger, length = setup.name, setup.finger, setup.finger.rod.length
+        name = setup.name
+        finger = setup.finger
+        length = setup.finger.rod.length
         for k, bounds in enumerate(setup.contact_bounds):
             low[f"{name}.joint_{k}"], high[f"{name}.joint_{k}"] = (s / length for s in bounds)
         least = setup.tendons.min_tension * setup.tendons.offset * length / setup.stiffness
@@ -162,7 +165,8 @@ def problem_bounds(problem: Layout, scene: GraspScene, features: dict[str, Featu
         least = -np.inf
     sideways = [-np.inf] * (problem.spec.dimensions - 1)
     for contact in problem.spec.contacts:
-        name, feature = contact.name, features[contact.name]
+        name = contact.name
+        feature = features[contact.name]
         low[f"place, {name}"], high[f"place, {name}"] = list(feature.lower), list(feature.upper)
         low[f"force, {name}"] = [least, *sideways]
     return problem.x.pack(low, -np.inf), problem.x.pack(high, np.inf)
@@ -170,7 +174,8 @@ def problem_bounds(problem: Layout, scene: GraspScene, features: dict[str, Featu
 
 def _graded_values(setup: FingerSetup, start: FingerStart) -> Values:
     """Numbers of a graded finger: what its curves are at the nodes of a start."""
-    finger, profile = setup.finger, setup.finger.profile
+    finger = setup.finger
+    profile = setup.finger.profile
     nodes = node_places(setup, start.joints)
     segments = np.repeat(np.diff([0.0, *start.joints, profile.length]), _counts(setup))
     (channel,) = finger.channels
@@ -188,7 +193,8 @@ def node_places(setup: FingerSetup, joints: Sequence[float]) -> Array:
     Between contacts they are equal, of graded fingers as parts of the integral of (rho A / E I)^(1/4), the local length
     of bending waves.
     """
-    profile, marks = setup.finger.profile, [0.0, *joints, setup.finger.profile.length]
+    profile = setup.finger.profile
+    marks = [0.0, *joints, setup.finger.profile.length]
     pieces: list[Array] = []
     for (a, b), count in zip(pairwise(marks), _counts(setup), strict=True):
         at = np.linspace(a, b, FINE + 1 if setup.graded else 2)
@@ -208,8 +214,12 @@ def finger_values(
     """Numbers of a finger in its plane, with ``gravity`` there [m/s2], the ``weight`` of its tensions in the objective
     [1/N], and the depth that it may have in obstacles, in units of the problem.
     """
-    finger, rod, tendons, start = setup.finger, setup.finger.rod, setup.tendons, whole.fingers[setup.name]
-    tensions, states = whole.tensions.get(setup.name, (0.0, 0.0)), whole.friction_states.get(setup.name)
+    finger = setup.finger
+    rod = setup.finger.rod
+    tendons = setup.tendons
+    start = whole.fingers[setup.name]
+    tensions = whole.tensions.get(setup.name, (0.0, 0.0))
+    states = whole.friction_states.get(setup.name)
     length, offset, greatest_tension, used = rod.length, tendons.offset, setup.max_tension, finger.tendons_used
     moment = setup.stiffness / length
     rod_mass = rod.mass_per_length * length
@@ -292,7 +302,8 @@ def tension_weight(scene: GraspScene) -> float:
 
 
 def _objective_values(scene: GraspScene, units: Units) -> Values:
-    weights, alone = scene.weights, len(scene.aims) == 1
+    weights = scene.weights
+    alone = len(scene.aims) == 1
     greatest_force = scene.contacts.normal_force_max / units.force
     per_force = max(scene.weight, units.force)
     # A single aim is in units of about one; of several, each is a share of its limit times its weight.
@@ -329,7 +340,8 @@ def _support_values(scene: GraspScene, units: Units) -> Values:
 
 
 def _contact_values(scene: GraspScene, name: str, start: ContactStart, feature: Feature, units: Units) -> Values:
-    m, surface = units.length, surface_of(scene.object.parts[start.part])
+    m = units.length
+    surface = surface_of(scene.object.parts[start.part])
     values: Values = {
         "friction": scene.friction(name),
         "normal_force_max": scene.normal_force_max(name) / units.force,

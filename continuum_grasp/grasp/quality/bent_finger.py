@@ -32,7 +32,8 @@ class BentFinger(StoredFinger):
         super().__init__(setup, arrays)
         self._contacts, dry = contacts, self.dry
         self.touching = contacts.of(setup.name)  # the contacts of this finger
-        self.length, self.stiffness = float(self.shape.joints[-1]), setup.stiffness
+        self.length = float(self.shape.joints[-1])
+        self.stiffness = setup.stiffness
         self._tip = setup.tip_name
         inner = [float(contacts.stations[k]) for k in self.touching if contacts.names[k] != self._tip]
         marks = [*inner, *(mass.at for mass in self.finger.masses)]
@@ -40,7 +41,8 @@ class BentFinger(StoredFinger):
         self.rod = DenseRod(self.finger, self.shape.joints, 1.0 / CELLS, self.base, marks=marks)
         bent = self.shape.curvature(self.rod.nodes)
         self._angles = self.rod.edge_angle(bent)
-        mesh, hats = self.rod.mesh, self._hats(inner)
+        mesh = self.rod.mesh
+        hats = self._hats(inner)
         self.size = hats.shape[1]  # n
         angle = self.rod.angle(bent)
         self._turns = mesh.to_edges(hats.T).T

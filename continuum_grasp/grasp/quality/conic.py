@@ -62,7 +62,8 @@ class _Columns:
     def __init__(self, matrix: Array) -> None:
         column, row = np.nonzero(matrix.T)
         self.shape, self.nnz = matrix.shape, row.size
-        self.data, self.indices = matrix[row, column], row
+        self.data = matrix[row, column]
+        self.indices = row
         self.indptr = np.searchsorted(column, np.arange(matrix.shape[1] + 1))
 
 

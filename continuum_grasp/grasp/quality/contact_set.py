@@ -84,7 +84,8 @@ def cone_edges(contacts: ContactSet) -> Array:
     and tendons have limits is the business of `continuum_grasp.grasp.quality.resistance`. In a scene with the weight
     out of the plane the whole planar cones count, as though nothing were lifted.
     """
-    arms, scale = contacts.arms, np.array([1.0, 1.0, contacts.scene.torque_scale])
+    arms = contacts.arms
+    scale = np.array([1.0, 1.0, contacts.scene.torque_scale])
     normal, across = (
         np.column_stack([on_object, arms[:, 0] * on_object[:, 1] - arms[:, 1] * on_object[:, 0]]) / scale
         for on_object in (-contacts.normals, -contacts.across)

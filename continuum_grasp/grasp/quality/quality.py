@@ -96,7 +96,8 @@ class Quality:
 
     def rows(self) -> tuple[tuple[str, float, str], ...]:
         """Name, value [1] and description of every index, for tables."""
-        held, per = self.resistance, f"moments per {self.torque_scale:.3g} m"
+        held = self.resistance
+        per = f"moments per {self.torque_scale:.3g} m"
         tendons = "tensions chosen anew" if held.tendons == "retensioned" else "tendons locked"
         return (
             (

@@ -103,7 +103,8 @@ class _Limits:
         """
         along, differences = self.unit.forces @ wrench, self.unit.differences @ wrench
         motion = np.concatenate([self.unit.pose @ wrench, self.unit.bends @ wrench])
-        count, free = len(self.names), self.free
+        count = len(self.names)
+        free = self.free
         reach = float(np.abs(along).max(initial=0.0))
         if reach == 0.0:
             return math.inf, ()
@@ -173,7 +174,9 @@ def difference_range(setup: FingerSetup, tensions: Array, tendons: Tendons) -> t
     Locked antagonists share a change equally, until one would fall below the least tension; it stays there and the
     other takes the rest.
     """
-    least, greatest, used = setup.tendons.min_tension, setup.max_tension, setup.finger.tendons_used
+    least = setup.tendons.min_tension
+    greatest = setup.max_tension
+    used = setup.finger.tendons_used
     now = float(tensions[0] - tensions[1])
     slack = tensions <= LEAST_PULL * greatest
     if setup.drive is not None and tendons == "locked" and slack.any():

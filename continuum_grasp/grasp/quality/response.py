@@ -58,7 +58,8 @@ class GraspResponse:
         starts = np.cumsum([0, *(finger.size for finger in self._fingers)])
         self._slices = [slice(a, b) for a, b in pairwise(starts)]
         self._object = int(starts[-1])
-        size, count = self._object + 3, self.contacts.count
+        size = self._object + 3
+        count = self.contacts.count
         self._stiffness = np.zeros((size, size))
         self._jacobian = np.zeros((2 * count, size))
         self._turn_of_normal = np.zeros((count, size))
@@ -112,7 +113,8 @@ class GraspResponse:
         return self._solve(self._shared.T, "retensioned")
 
     def _add_contact(self, k: int) -> None:
-        contacts, size = self.contacts, self._object + 3
+        contacts = self.contacts
+        size = self._object + 3
         normal, across, arm = contacts.normals[k], contacts.across[k], contacts.arms[k]
         spin = np.zeros(size)
         spin[-1] = 1.0
@@ -158,7 +160,8 @@ class GraspResponse:
         motion, pushed, pulled = np.split(np.linalg.solve(matrix, right), np.cumsum([len(causes), 2 * count]))
         changed = pushed.reshape(count, 2, -1)
         # Seen along the turned directions, a force changes by its cross product with the turn too.
-        turned, stored = self._turn_of_normal @ motion, self.contacts.forces
+        turned = self._turn_of_normal @ motion
+        stored = self.contacts.forces
         forces = [changed[:, 0] + stored[:, 1, None] * turned, changed[:, 1] - stored[:, 0, None] * turned]
         differences = np.zeros((len(self._fingers), causes.shape[1]))
         differences[:fingers] = pulled

@@ -56,7 +56,8 @@ def ordered(reasons: Iterable[Reason]) -> list[Reason]:
     tied: list[Reason] = []
     for reason in sorted(reasons, key=rank):
         if tied and (rank(reason)[:-1] != rank(tied[0])[:-1] or rank(reason)[-1] - rank(tied[0])[-1] > NEAR):
-            result, tied = result + tied, []
+            result = result + tied
+            tied = []
         tied = sorted([*tied, reason], key=lambda ranked: [names.index(part.name) for part in (ranked, *ranked.also)])
     return result + tied
 
@@ -90,7 +91,8 @@ def part_of(elastic: Elastic, limit: RelaxedLimit, repair: Repair) -> Reason:
     others = {other: part for other, part in repair.parts.items() if other is not limit}
     scene = elastic.relaxed(others, spare=1.0)
     amount = repair.parts[limit] * limit.start(elastic.scene)
-    bound, needed = limit.value(scene, 0.0), limit.value(scene, amount)
+    bound = limit.value(scene, 0.0)
+    needed = limit.value(scene, amount)
     eased = limit.relaxed(scene, amount if limit.limit is None else limit.enough(scene, amount))
     every = dict(changed_numbers(scene, eased))
     changed = _needed(scene, every, repair) if len(every) > 1 and not elastic.scene.is_robust else every
@@ -217,7 +219,8 @@ class Repairs(Elastic):
 
     def _reason(self, repair: Repair) -> Reason:
         """A repair in words; where little is missing, whether its posture needs none after all is tried."""
-        attempt, reason = repair.attempt, replace(in_words(self, repair), arrays=repair.arrays)
+        attempt = repair.attempt
+        reason = replace(in_words(self, repair), arrays=repair.arrays)
         if not (attempt.optimal and all(is_clear(each, self.scene) for each in (reason, *reason.also))):
             tried = self.search.attempt(attempt.start, features=attempt.features, x0=attempt.x, iterations=FIRST_CAP)
             if max(repair.parts.values()) < NEAR and not (tried and tried.verified):
@@ -233,7 +236,8 @@ class Repairs(Elastic):
 
     def _relaxed(self, sets: Iterable[Limits]) -> None:
         """Relax each set of limits, those that give a grasp from more starts."""
-        search, starts = self.search, dict[Limits, list[GraspStart]]()
+        search = self.search
+        starts = dict[Limits, list[GraspStart]]()
         for limits in sets:
             if search.budget.over:
                 return

@@ -80,11 +80,18 @@ class Elastic:
         if search.budget.over:
             return None
         if isinstance(begin, Repair):
-            start, parts, x0, options_at, patience = begin.attempt.start, begin.parts, begin.attempt.x, 1, None
+            start = begin.attempt.start
+            parts = begin.parts
+            x0 = begin.attempt.x
+            options_at = 1
+            patience = None
         else:
             # Where something repairs the scene already, further repairs are not worth what the first one is.
             patience = PATIENCE if self.found else None
-            start, parts, x0, options_at = begin, dict.fromkeys(limits, 1.0), None, 2
+            start = begin
+            parts = dict.fromkeys(limits, 1.0)
+            x0 = None
+            options_at = 2
         solver = search.solver(start)
         usual = {limit: limit.start(scene) for limit in limits}
         relaxed = [(limit, amount * parts.get(limit, 0.0)) for limit, amount in usual.items()]

@@ -119,7 +119,8 @@ class InError:
         if not self.on:
             return x, y, angle
         angle = self.pose[2] if self.flat else angle
-        scene, size = self._sized(error), self.scene.object.size
+        scene = self._sized(error)
+        size = self.scene.object.size
         within = [(x - size, x + size), (y - size, y + size), (angle, angle)]
         pose = settle(scene, object_outlines(scene), self.on, (x, y, angle), within)
         if pose is None:
@@ -147,7 +148,8 @@ class InError:
         """The scene with an error (6,), or with friction states (6 + S,), and the start of a grasp in it, whose object
         has another size and lies elsewhere.
         """
-        scene, size = self.scene_with(error), 1.0 + float(error[3])
+        scene = self.scene_with(error)
+        size = 1.0 + float(error[3])
         contacts = {
             name: replace(contact, point=(size * contact.point[0], size * contact.point[1]))
             for name, contact in start.contacts.items()
@@ -181,7 +183,8 @@ class InError:
     def scene_with(self, error: Array) -> GraspScene:
         friction, mass = 1.0 + float(error[4]), 1.0 + float(error[5])
         x, y, angle = self.pose_in_error(error)
-        scene, reach = self._sized(error), YIELDS * self.scene.object.size
+        scene = self._sized(error)
+        reach = YIELDS * self.scene.object.size
         ranges = {"x": (x - reach, x + reach), "y": (y - reach, y + reach), "angle": (angle - YIELDS, angle + YIELDS)}
         # Where it does not yield, the response pins its pose.
         free = ranges if self.yields or self.scene.object.free is not None else None

@@ -91,7 +91,8 @@ def robust_problem(
     Its unknowns are those of the nominal problem and of each error, one below the other; its parameters their numbers
     likewise, and the errors (3,) of the pose.
     """
-    parts, count = [nominal, *others], len(others)
+    parts = [nominal, *others]
+    count = len(others)
     sizes, numbers = [part.problem.x.size for part in parts], [part.problem.numbers.size for part in parts]
     x = ca.MX.sym("x", sum(sizes))
     p = ca.MX.sym("p", sum(numbers) + 3 * count)
@@ -269,13 +270,15 @@ class JointSolverRun:
 
     def _offsets(self, scene: GraspScene, start: GraspStart) -> Array:
         """By how much the object's pose is off in each error, in units of the problem (3 K,)."""
-        in_error, units = _in_error(scene, start), Units.of(scene)
+        in_error = _in_error(scene, start)
+        units = Units.of(scene)
         moved = (np.array(in_error.pose_in_error(error)) - in_error.pose for error in self.errors)
         return np.concatenate([np.zeros(0), *(np.array(units.pose(pose.tolist())) for pose in moved)])
 
     def _sides(self, scene: GraspScene, start: GraspStart, features: dict[str, Feature]) -> list[_Side]:
         """Scene, start and features of the nominal grasp and of each error."""
-        in_error, sides = _in_error(scene, start), [(scene, start, features)]
+        in_error = _in_error(scene, start)
+        sides = [(scene, start, features)]
         for error, on in zip(self.errors, self.touching, strict=True):
             whole, sits = start, features
             if on.keys() != start.contacts.keys():

@@ -68,7 +68,9 @@ class Responder:
     """
 
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any], budget: Budget) -> None:
-        self.scene, self.arrays, self._budget = scene, dict(arrays), budget
+        self.scene = scene
+        self.arrays = dict(arrays)
+        self._budget = budget
         self.in_error = InError(scene, arrays)
         self.start = GraspStart.of(scene, self.arrays)
         self._known: list[Response] = []
@@ -116,7 +118,9 @@ class Responder:
             holds = any(reserve_of(attempt) >= HOLDS for attempt in attempts)
             self._far = 0 if holds else self._far + 1
         attempt = max(reversed(attempts), key=reserve_of)
-        reserve, margin, weakest = reserve_of(attempt), np.nan, ""
+        reserve = reserve_of(attempt)
+        margin = np.nan
+        weakest = ""
         if np.isfinite(reserve):
             margin, weakest = _least_margin(solver, scene, attempt)
             if reserve >= HOLDS:  # a cone at its edge, up to rounding
@@ -158,10 +162,13 @@ class Responder:
 
     def _near_object(self, response: Response, names: Sequence[str]) -> Iterator[tuple[str, ContactStart]]:
         """Contacts that are off and nearly touch the object or are deep in it, deepest first, and where."""
-        scene, arrays, near = response.scene, response.arrays, []
+        scene = response.scene
+        arrays = response.arrays
+        near = []
         x, y, angle = arrays["object.pose"].tolist()
         for setup in scene.setups if names else ():
-            line, length = arrays[f"{setup.name}.backbone"], setup.finger.rod.length
+            line = arrays[f"{setup.name}.backbone"]
+            length = setup.finger.rod.length
             for name, s in zip(setup.switches, (*setup.middle_places, length), strict=True):
                 if name not in names:
                     continue

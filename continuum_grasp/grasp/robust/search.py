@@ -62,9 +62,12 @@ class Exchange:
         self, scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], budget: Budget, errors: Sequence[Array] = ()
     ) -> None:
         self.scene, self.budget, self.arrays = scene, budget, arrays
-        self.responses, self.first, self.touching = [], [], ()
+        self.responses = []
+        self.first = []
+        self.touching = ()
         tried = {error.tobytes(): error for error in (*errors, *tried_errors(scene, bounds, arrays))}
-        self._errors, self.chosen = list(tried.values()), list(range(len(errors)))
+        self._errors = list(tried.values())
+        self.chosen = list(range(len(errors)))
         self.iterations, self.optimal = 0, True
 
     def active(self, arrays: Mapping[str, Any]) -> list[Response]:
@@ -137,7 +140,9 @@ def _solved(
 
 def worst_vertex(response: Response) -> Array:
     """An error with the states (6 + K,) at which the reserve is least, to first order; itself without slope."""
-    error, attempt, solver = response.error.copy(), response.attempt, response.solver
+    error = response.error.copy()
+    attempt = response.attempt
+    solver = response.solver
     if not attempt.converged:
         return error
     # What is minimized is the reserve turned around.

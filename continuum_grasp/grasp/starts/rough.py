@@ -93,7 +93,8 @@ def _places(gap: Array, places: Array, inside: Array, count: int) -> tuple[Array
 
 def _different(ends: Array, off: Array, count: int) -> list[int]:
     """The best curves, so many, none of which is a neighbor of one before."""
-    apart, rows = 4.0 * _MOST_BEND / (_ENDS - 1), list[int]()
+    apart = 4.0 * _MOST_BEND / (_ENDS - 1)
+    rows = list[int]()
     for row in np.argsort(off, kind="stable").tolist():
         if all(np.abs(ends[row] - ends[other]).max() > apart for other in rows):
             rows.append(row)

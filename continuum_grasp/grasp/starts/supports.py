@@ -45,7 +45,8 @@ def support_contacts(scene: GraspScene, pose: Pose, wanted: Collection[str]) -> 
 
 def touching_supports(scene: GraspScene, pose: Pose) -> frozenset[str]:
     """Names of the walls and pegs that the object touches at a pose, to within a millionth of its size."""
-    shapes, near = object_outlines(scene), scene.touching_gap
+    shapes = object_outlines(scene)
+    near = scene.touching_gap
     return frozenset(
         body.name
         for body in scene.places

@@ -88,7 +88,8 @@ class GraspStart:
             shape = FingerShape(setup, arrays)
             ends = shape.joints
             joints = tuple(float(ends[count]) for count in setup.before)
-            line, sides = arrays[f"{finger}.backbone"], []
+            line = arrays[f"{finger}.backbone"]
+            sides = []
             for name, joint in zip(setup.middle_names, joints, strict=True):
                 angle = float(np.interp(joint, line[:, 0], line[:, 3]))
                 across = np.array([np.cos(angle), np.sin(angle)])

@@ -67,14 +67,13 @@ def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw
     stiffness = numbers["bending_stiffness"] * family.mesh.own_stiffness
     stops, soft = finger.stops, finger.softening
     if stops is not None and finger.stop_curvature is not None:
-        ports, change = points(family, _POINTS, finger.stop_curvature), (stops.stiffness_ratio - 1.0) * stiffness
+        ports = points(family, _POINTS, finger.stop_curvature)
+        change = (stops.stiffness_ratio - 1.0) * stiffness
         # 0.005: share of the curvature where links touch within which they do so smoothly; 0.02 costs 3e-3 of it
         laws.append(Limit(ports, signs=stops.signs, rounding=0.005, change=change, with_rest=True))
     if soft is not None:
-        ports, change = (
-            points(family, _POINTS, Curve.along(finger.rod.length, soft.curvature)),
-            numbers["softening_ratio"] - 1.0,
-        )
+        ports = points(family, _POINTS, Curve.along(finger.rod.length, soft.curvature))
+        change = numbers["softening_ratio"] - 1.0
         at = "softening_curvature"
         scale = numbers[at] / numbers_of(finger)[at].value if numbers.is_runtime(at) else 1.0
         laws.append(Limit(ports, rounding=soft.rounding, change=change * stiffness, scale=scale))

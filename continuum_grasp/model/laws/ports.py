@@ -21,7 +21,9 @@ def cells(family: Family, count: int) -> tuple[Port, ...]:
     linear acts as the elasticity does where elements bend as evenly as they can. Of an even moment that is the harmonic
     mean, by which a soft piece beside a stiff one is seen as what it bends; of a constant curvature the plain one.
     """
-    mesh, base, ports = family.mesh, family.mesh.own_stiffness, list[Port]()
+    mesh = family.mesh
+    base = family.mesh.own_stiffness
+    ports = list[Port]()
     count, power = (count, -1.0) if family.degree else (1, 1.0)
     for element in range(family.elements):
 
@@ -43,7 +45,8 @@ def points(family: Family, count: int, *curves: Curve) -> tuple[Port, ...]:
     """The curvature at ``count`` points of each part of an element between jumps of the rod or of curves, by Gauss
     quadrature, with the values of curves there.
     """
-    mesh, ports = family.mesh, list[Port]()
+    mesh = family.mesh
+    ports = list[Port]()
     for element, h in enumerate(mesh.lengths):
         start, end = mesh.span(element)
         edges = [start, *_jumps(mesh, start, end, mesh.stiffness, mesh.rest, *curves), end]
@@ -62,7 +65,8 @@ def linear_points(family: Family) -> tuple[Port, ...]:
     """
     from scipy.linalg import eigh
 
-    mesh, ports = family.mesh, list[Port]()
+    mesh = family.mesh
+    ports = list[Port]()
     for element, h in enumerate(mesh.lengths):
         start, end = mesh.span(element)
         if mesh.constant(mesh.stiffness, element) is not None:

@@ -144,7 +144,8 @@ class PolygonSurface(Surface[OffsetPolygon]):
     # -- contact of a grasp
 
     def point(self, place: ca.SX, feature: ca.SX) -> SurfacePoint:
-        point, angle = feature[:2], feature[2]
+        point = feature[:2]
+        angle = feature[2]
         for k in range(WINDOW):
             start, low, high, dx, dy, normal, bend, reach = ca.vertsplit(feature[3 + 8 * k : 11 + 8 * k])
             run = ca.fmin(ca.fmax(place - start, low), high)
@@ -155,7 +156,8 @@ class PolygonSurface(Surface[OffsetPolygon]):
 
     def wall_clearance(self, normal: ca.SX, point: ca.SX, angle: ca.SX, pose: ca.SX, numbers: ca.SX) -> list[ca.SX]:
         c, s = ca.cos(pose[2]), ca.sin(pose[2])
-        turn, radius = ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c)), numbers[-1]
+        turn = ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c))
+        radius = numbers[-1]
         outermost = [numbers[2 * k : 2 * k + 2] for k in range(self.corners)]
         for k in range(self.arcs):
             x, y, reach, middle, half = ca.vertsplit(numbers[2 * self.corners + 5 * k :][:5])
@@ -181,7 +183,8 @@ class PolygonSurface(Surface[OffsetPolygon]):
 
     def feature(self, part: OffsetPolygon, piece: int, grown: float) -> Feature:
         every = pieces_of(part)
-        middle, count = every[piece], len(every)
+        middle = every[piece]
+        count = len(every)
         before, after = [piece], [piece]
         for side, ends in ((-1, before), (1, after)):
             while abs(ends[-1] - piece) < WINDOW // 2 and len(before) + len(after) <= count:
@@ -194,9 +197,12 @@ class PolygonSurface(Surface[OffsetPolygon]):
         lengths = [_length(every[k % count], speed, grown) for k in window]
         start = -float(sum(lengths[: len(before) - 1]))
         rows = []
-        anchor, low = every[window[0] % count].point(0.0), start
+        anchor = every[window[0] % count].point(0.0)
+        low = start
         for k, size in zip(window, lengths, strict=True):
-            at, first, last = every[k % count], k == window[0], k == window[-1]
+            at = every[k % count]
+            first = k == window[0]
+            last = k == window[-1]
             anchor -= cmath.rect(at.reach, at.normal)
             # Beyond the ends of the window it goes on: derivatives there are not those of a limit.
             span = at.span / size
@@ -210,7 +216,8 @@ class PolygonSurface(Surface[OffsetPolygon]):
         return Feature(numbers, (lower,), (upper,), _curvature(middle), piece, grown)
 
     def beyond(self, part: OffsetPolygon, feature: Feature, side: int) -> tuple[Feature, tuple[float, ...]] | None:
-        every, count = pieces_of(part), len(pieces_of(part))
+        every = pieces_of(part)
+        count = len(pieces_of(part))
         used = [row for row in np.reshape(feature.numbers[3:], (WINDOW, 8)).tolist() if row[1] != row[2]]
         starts = sum(row[0] < -SAME for row in used)
         last = feature.piece + (len(used) - 1 - starts if side > 0 else -starts)
@@ -331,7 +338,8 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     least, height, away, face = sides[0]
     for other, above, offset, normal in sides[1:]:
         nearer = ca.SX(other < least)
-        least, height = ca.fmin(other, least), height + (above - height) * nearer
+        least = ca.fmin(other, least)
+        height = height + (above - height) * nearer
         away, face = chosen(nearer, offset, away), chosen(nearer, normal, face)
     size = length(away)
     if len(core) == 2:

@@ -36,7 +36,8 @@ class PolygonOutline(PartOutline):
     """Outline of an offset polygon: faces, each with the corner at its end, which may be smooth."""
 
     def __init__(self, faces: Sequence[Face], radius: float) -> None:
-        self.radius, count = radius, len(faces)
+        self.radius = radius
+        count = len(faces)
         self._start = np.array([complex(*face.start) for face in faces])
         self._end = np.array([complex(*face.end) for face in faces])
         self._low, self._bent, self._reach = np.array([(f.normal, f.turn, f.radius) for f in faces]).T
@@ -52,7 +53,8 @@ class PolygonOutline(PartOutline):
         # A reflex corner is passed at once, and so is a smooth one.
         turns[reflex | (turns < SAME)] = 0.0
         if count == 1:
-            turns, reflex = np.zeros(1), np.zeros(1, bool)
+            turns = np.zeros(1)
+            reflex = np.zeros(1, bool)
         self._normals, self._turns = normals, turns
         # Those of both faces at a corner, for the side of a point.
         self._before = np.exp(1j * normals) + np.roll(np.exp(1j * self._low), -1)
@@ -82,7 +84,8 @@ class PolygonOutline(PartOutline):
         w = np.mod(w, self.period)
         piece = np.clip(np.searchsorted(self._starts, w, side="right") - 1, 0, len(self._starts) - 2)
         local = w - self._starts[piece]
-        face, corner = piece // 2, piece % 2 == 1
+        face = piece // 2
+        corner = piece % 2 == 1
         rate = self._rates[face, piece % 2]
         angle = np.where(corner, self._normals[face], self._low[face]) + local * rate
         normal = np.exp(1j * angle)
@@ -112,9 +115,12 @@ class PolygonOutline(PartOutline):
     @property
     def rough_numbers(self) -> list[float]:
         if self.is_round:
-            start, along, radius = self._base, np.zeros(1, complex), self.radius + float(self._reach[0])
+            start = self._base
+            along = np.zeros(1, complex)
+            radius = self.radius + float(self._reach[0])
         else:
-            start, radius = self._chords(), self.radius
+            start = self._chords()
+            radius = self.radius
             along = np.roll(start, -1) - start
         length = np.abs(along)
         unit = np.where(length > 0.0, along, 1.0) / np.where(length > 0.0, length, 1.0)
@@ -146,7 +152,8 @@ class PolygonOutline(PartOutline):
         along, square, height = (np.empty((*points.shape, len(self._start))) for _ in range(3))
         line = self._is_line
         turned = (points[..., None] - self._start[line]) * np.conj(self._along[line])
-        on, out = turned.real, -turned.imag
+        on = turned.real
+        out = -turned.imag
         beyond = on - np.clip(on, 0.0, self._lengths[line])
         along[..., line], square[..., line], height[..., line] = on, beyond**2 + out**2, out
         if not line.all():
@@ -163,7 +170,8 @@ class PolygonOutline(PartOutline):
         if len(self._start) == 2 and line.all():
             square = square + np.where(height < 0.0, _SLOT * self._extent**2, 0.0)
         face = np.argmin(square, axis=-1)
-        walked, core = picked(along, face), np.sqrt(picked(square, face))
+        walked = picked(along, face)
+        core = np.sqrt(picked(square, face))
         if len(self._start) == 2 and line.all():
             over = walked - np.clip(walked, 0.0, self._lengths[face])
             return np.hypot(over, picked(height, face)) - self.radius, face, walked
@@ -182,7 +190,8 @@ class PolygonOutline(PartOutline):
         turned = np.mod(np.angle(direction) - self._low, math.tau) < self._bent
         # An arc that faces there reaches farther than its ends.
         tops = self._base[turned] + self._reach[turned] * direction
-        points, heights = np.append(points, tops), np.append(heights, (tops * np.conj(direction)).real)
+        points = np.append(points, tops)
+        heights = np.append(heights, (tops * np.conj(direction)).real)
         below = heights.max() - heights
         if below[len(self._end) :].min(initial=1.0) == 0.0:
             return [(complex(points[int(np.argmin(below))]) + self.radius * direction, 0.0)]

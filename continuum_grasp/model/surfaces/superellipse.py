@@ -114,7 +114,9 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
 
 def smooth_support(beta: ca.SX, shape: ca.SX) -> ca.SX:
     """Support function of a superellipse (a, b, p, center, angle)."""
-    a, b, dual = shape[0], shape[1], shape[2] / (shape[2] - 1.0)
+    a = shape[0]
+    b = shape[1]
+    dual = shape[2] / (shape[2] - 1.0)
     # 1e-14: rounding of the support function [1, in squared units of the problem]
     square = (ca.vertcat(a * ca.cos(beta - shape[5]), b * ca.sin(beta - shape[5]))) ** 2 + 1e-14
     center = ca.cos(beta) * shape[3] + ca.sin(beta) * shape[4]
@@ -147,7 +149,8 @@ def _on_superellipse(a: float, b: float, power: float, way: Vec) -> tuple[Vec, V
     """Point in a direction, its derivative with respect to the direction's angle, outward normal, curvature."""
     c, s = way.x, way.y
     if power == 2.0:
-        point, slope = Vec(a * c, b * s), Vec(-a * s, b * c)
+        point = Vec(a * c, b * s)
+        slope = Vec(-a * s, b * c)
         size = length(slope)
         return point, slope, Vec(slope.y / size, -slope.x / size), a * b / size**3
     cs = [(each * each + TINY) ** (0.5 * power - 1.0) for each in (c, s)]
@@ -191,7 +194,8 @@ class _SuperellipseOutline(PartOutline):
     def _quadrant(self, turn: Array) -> tuple[Array, Array, Array, Array]:
         """Point, normal, speed, and turning of the normal, at polar angles of the first quadrant."""
         (a, b), p = self.axes, self.exponent
-        c, s = np.maximum(np.cos(turn), 0.0), np.sin(turn)
+        c = np.maximum(np.cos(turn), 0.0)
+        s = np.sin(turn)
         cp, sp = c ** (p - 1.0), s ** (p - 1.0)
         norm = (cp * c + sp * s) ** (1.0 / p)
         along, across = b * cp, a * sp
@@ -203,7 +207,8 @@ class _SuperellipseOutline(PartOutline):
     def walk(self, w: Array) -> Walk:
         w = np.mod(w, math.tau)
         # By symmetry from the first quadrant.
-        left, low = (w > 0.5 * math.pi) & (w <= 1.5 * math.pi), w > math.pi
+        left = (w > 0.5 * math.pi) & (w <= 1.5 * math.pi)
+        low = w > math.pi
         turn = np.where(left, np.where(low, w - math.pi, math.pi - w), np.where(low, math.tau - w, w))
         point, normal, speed, turning = self._quadrant(turn)
         flip_x, flip_y = np.where(left, -1.0, 1.0), np.where(low, -1.0, 1.0)

@@ -107,8 +107,11 @@ class TouchingCircle:
 
     def distance(self, point: ca.SX) -> ca.SX:
         """Distance (1, K) of points (2, K), each from a circle of its own (5, K)."""
-        off, normal, bend = point - self.numbers[:2, :], self.numbers[2:4, :], self.numbers[4, :]
-        along, across = ca.sum1(off * normal), off[1, :] * normal[0, :] - off[0, :] * normal[1, :]
+        off = point - self.numbers[:2, :]
+        normal = self.numbers[2:4, :]
+        bend = self.numbers[4, :]
+        along = ca.sum1(off * normal)
+        across = off[1, :] * normal[0, :] - off[0, :] * normal[1, :]
         # |x - c| - r without a difference of large numbers; TINY: differentiable at the center.
         reach = ca.sqrt((1.0 + bend * along) ** 2 + (bend * across) ** 2 + TINY)
         away: ca.SX = (bend * ca.sum1(off**2) + 2.0 * along) / (1.0 + reach)

@@ -258,7 +258,8 @@ def _blocks(support: Support, name: str, far: float, depth: float) -> list[tuple
         return [(np.concatenate([face, [face[2] + depth * right, corner, face[0] + depth * left]]), face)]
     blocks = []
     for wall in support.walls(name):
-        normal, reach = np.array(wall.normal), min(wall.half_length, far)
+        normal = np.array(wall.normal)
+        reach = min(wall.half_length, far)
         face = np.array(wall.point) + np.outer([-reach, reach], [-normal[1], normal[0]])
         blocks.append((np.concatenate([face, face[::-1] - depth * normal]), face))
     return blocks

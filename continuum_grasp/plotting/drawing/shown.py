@@ -38,7 +38,8 @@ class ShownFigure(Figure):
 
         Axes of equal scales take two passes: one measures them before they shrink, and would cut their title.
         """
-        engine, own_dpi = self.get_layout_engine(), self.dpi
+        engine = self.get_layout_engine()
+        own_dpi = self.dpi
         if engine is None:
             super().savefig(*arguments, dpi=dpi, **named)
             return

@@ -181,7 +181,8 @@ class StyledAxes:
         from matplotlib import rc_context
         from matplotlib.text import Text
 
-        ax, buffer = self.ax, io.StringIO()
+        ax = self.ax
+        buffer = io.StringIO()
         figure = cast("Figure", ax.get_figure(root=True))
         titles = {ax.get_title(loc=where) for where in ("left", "center", "right")} - {""}
         heads = [artist for artist in ax.get_children() if isinstance(artist, Text) and artist.get_text() in titles]

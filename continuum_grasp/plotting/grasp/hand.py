@@ -64,7 +64,8 @@ def _align(planes: list[Axes]) -> None:
     """Give planes one scale: the same spans around what each shows. Bases are above, as in the hand."""
     spans = np.array([[ax.dataLim.width, ax.dataLim.height] for ax in planes]).max(axis=0)
     for ax in planes:
-        middle, half = 0.5 * (np.asarray(ax.dataLim.min) + np.asarray(ax.dataLim.max)), 0.53 * spans
+        middle = 0.5 * (np.asarray(ax.dataLim.min) + np.asarray(ax.dataLim.max))
+        half = 0.53 * spans
         ax.set_xlim(middle[0] + half[0], middle[0] - half[0])
         ax.set_ylim(middle[1] + half[1], middle[1] - half[1])
 
@@ -84,7 +85,8 @@ def _colors(result: Any) -> dict[str, str]:
 def _draw_space(ax: Any, result: Any, lines: dict[str, Array], scale: float) -> None:
     from matplotlib.colors import LightSource
 
-    scene, colors = result.scene, _colors(result)
+    scene = result.scene
+    colors = _colors(result)
     corners, triangles = result.body.triangles()
     surface = 1e3 * corners
     ax.computed_zorder = False  # by the depth of whole surfaces, which passes fingers through an object that they touch
@@ -99,17 +101,20 @@ def _draw_space(ax: Any, result: Any, lines: dict[str, Array], scale: float) -> 
         )
         boxes.append(patch.reshape(-1, 3))
     for setup, frame in zip(scene.setups, result.frames, strict=True):
-        length, half = setup.finger.rod.length, float(setup.finger.profile.half_thickness(0.0))
+        length = setup.finger.rod.length
+        half = float(setup.finger.profile.half_thickness(0.0))
         line = lines.get(setup.name, np.array([[0.0] * 4, [length, 0.0, length, 0.0]]))
         points = 1e3 * _tube(frame, line, half)[::-1]
         layer = _layer(points, surface)
         ax.plot_surface(*np.moveaxis(points, -1, 0), color=colors[setup.name], alpha=0.9, zorder=layer, **look)
         boxes.append(points.reshape(-1, 3))
     for contact in result.contacts:
-        start, push = 1e3 * contact.position, -1e3 * scale * contact.force
+        start = 1e3 * contact.position
+        push = -1e3 * scale * contact.force
         ax.quiver(*(start - push), *push, color=Color.INK, linewidth=1.4, arrow_length_ratio=0.25, zorder=_LAYERS[3])
     low, high = (getattr(np.concatenate(boxes), side)(axis=0) for side in ("min", "max"))
-    center, reach = 0.5 * (low + high), 0.5 * float((high - low).max())
+    center = 0.5 * (low + high)
+    reach = 0.5 * float((high - low).max())
     ax.set(**{f"{name}lim": (c - reach, c + reach) for name, c in zip("xyz", center, strict=True)})
     high_end = center + reach * np.array([1.0, 1.0, 1.08])
     ax.set_box_aspect((1.0, 1.0, 1.0))
@@ -130,7 +135,9 @@ def _layer(points: Array, surface: Array) -> float:
 
 def _patch(scene: Any, support: Any) -> Array:
     """Points (2, 49, 3) of the disc of a support, or of one below the object and the hand [m]."""
-    normal, center, radius = np.array(support.normal), np.array(support.point), support.radius
+    normal = np.array(support.normal)
+    center = np.array(support.point)
+    radius = support.radius
     if math.isinf(radius):
         bases = [base.position for base in scene.hand.named_bases.values()]
         around = np.array([scene.object.position, *bases])

@@ -148,7 +148,8 @@ def plot_robustness(result: GraspResult) -> list[Axes]:
 
 
 def _shapes(ax: Axes, result: GraspResult, robustness: Robustness) -> Axes:
-    scene, drawn = result.scene, []
+    scene = result.scene
+    drawn = []
     both: list[tuple[Mapping[str, Array], str, str, float]] = [
         (robustness.nominal_arrays, Color.GRAY, robustness.names[1], 0.35)
     ]

@@ -111,7 +111,8 @@ def _sheet(view: GraspView, numbers: bool, resisted: ArrayLike | bool) -> Axes:
     ax = _at(figure, _LEFT, height - above - size[1], size[0], size[1])
     ax.set_anchor("NW")
     ax.set_title(title, **_title_style(view.result))
-    right, top = _LEFT + size[0] + _BETWEEN, height - above
+    right = _LEFT + size[0] + _BETWEEN
+    top = height - above
     if rows:
         _write_panel(_at(figure, right, top - text, _PANEL, text), rows)
     if discs:
@@ -154,7 +155,9 @@ def _title_style(result: GraspResult) -> dict[str, Any]:
 
 def _labels(view: GraspView, forces: bool) -> list[Label]:
     """Labels of contacts and weight; with the forces where they do not stand beside the picture."""
-    labels, nowhere, scene = [], np.zeros(2), view.scene
+    labels = []
+    nowhere = np.zeros(2)
+    scene = view.scene
     unit = view.result.force_units[1]
     written = partial(view.result.force_text, unit=unit)
     for contacts in view.places:
@@ -198,7 +201,8 @@ def _draw_fingers(ax: Axes, view: GraspView) -> list[Array]:
         color = view.color(name)
         line = backbone[:, 1:3]
         drawn += [body, draw_clamp(ax, line, finger)]
-        edge, style = lighter(color, 0.25), "solid" if view.result.verified else "dashed"
+        edge = lighter(color, 0.25)
+        style = "solid" if view.result.verified else "dashed"
         look = {"facecolor": lighter(color, 0.78), "edgecolor": edge, "linewidth": 1.1, "linestyle": style}
         draw_body(ax, body, alpha=1.0 if view.found else 0.6, joinstyle="round", **look)
         for tendon in _tendons_inside(finger):
@@ -221,7 +225,8 @@ def _draw_contacts(ax: Axes, view: GraspView) -> tuple[list[Array], list[Array]]
     # 0.3: length of a friction cone as a part of the object's width: a little shorter than the greatest force
     reach = 0.3 * view.extent
     for contact, *others in view.places:
-        color, at = view.color(contact.name), contact.position
+        color = view.color(contact.name)
+        at = contact.position
         for half, alpha in _cone_angles(view, contact):
             spread = np.linspace(-half, half, 21)
             wedge = np.array([at, *(at + reach * turned(-contact.normal, turn) for turn in spread)])

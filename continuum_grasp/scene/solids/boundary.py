@@ -34,14 +34,16 @@ def _grown(part: OffsetPolygon) -> tuple[Face, ...]:
     if len(core) == 1:
         (x, y), angle = core[0], 0.0
         return (Face((x + r, y), (x + r, y), angle, math.tau, r),)
-    ends, arcs = list[tuple[PlanePoint, PlanePoint]](), list[Face | None]()
+    ends = list[tuple[PlanePoint, PlanePoint]]()
+    arcs = list[Face | None]()
     for (x, y), (low, turn) in zip(core, part.turns, strict=True):
         if turn > 0.0:
             a, b = ((x + r * math.cos(t), y + r * math.sin(t)) for t in (low, low + turn))
             ends.append((a, b))
             arcs.append(Face(a, b, low, turn, r))
         else:  # the edges meet before they are as long
-            reach, middle = r / math.cos(0.5 * turn), low + 0.5 * turn
+            reach = r / math.cos(0.5 * turn)
+            middle = low + 0.5 * turn
             met = (x + reach * math.cos(middle), y + reach * math.sin(middle))
             ends.append((met, met))
             arcs.append(None)
@@ -142,7 +144,8 @@ def whole_section(part: Part) -> tuple[Face, ...]:
     faces = boundary(part)
     points = points_of(faces, 0.25 * _PANEL)
     x, y = zip(*points, strict=True)
-    size, left = max(max(x) - min(x), max(y) - min(y)), min(x)
+    size = max(max(x) - min(x), max(y) - min(y))
+    left = min(x)
     near = SHARE * size
     if left > near:
         return faces

@@ -108,7 +108,8 @@ class Cylinder(SolidBody):
     @property
     def volume(self) -> float:
         # A full cylinder less what the rims leave out of it (Pappus's theorem).
-        r, big = self.edge_radius, 0.5 * self.diameter
+        r = self.edge_radius
+        big = 0.5 * self.diameter
         cut = (2.0 - 0.5 * math.pi) * r * r
         centroid = big - r * (10.0 - 3.0 * math.pi) / (12.0 - 3.0 * math.pi)
         return math.pi * big**2 * self.height - 2.0 * math.pi * centroid * cut

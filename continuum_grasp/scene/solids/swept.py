@@ -88,8 +88,12 @@ class Cone(TurnedBody):
 
     @property
     def _part(self) -> OffsetPolygon:
-        a, b, h, r = 0.5 * self.diameter_below, 0.5 * self.diameter_above, 0.5 * self.height, self.edge_radius
-        lean, ends = math.hypot(b - a, 2.0 * h) / (2.0 * h), list[list[tuple[float, float]]]()
+        a = 0.5 * self.diameter_below
+        b = 0.5 * self.diameter_above
+        h = 0.5 * self.height
+        r = self.edge_radius
+        lean = math.hypot(b - a, 2.0 * h) / (2.0 * h)
+        ends = list[list[tuple[float, float]]]()
         # What is a radius inside of the side and of both ends; where its sides meet before an end, that is a cap.
         for z in (r - h, h - r):
             across = a + (b - a) * (z + h) / (2.0 * h) - r * lean
@@ -155,7 +159,8 @@ class Extruded(SolidBody):
 
     @property
     def volume(self) -> float:
-        r, area = self.edge_radius, integral(self.core, lambda x, y: x)
+        r = self.edge_radius
+        area = integral(self.core, lambda x, y: x)
         around, more = length(self.core), growth(self.core)
         # Slices are all that is within sqrt(r^2 - z^2) of the core, z beyond its height.
         rims = 2.0 * (area * r + around * math.pi * r * r / 4.0 + more * 2.0 * r**3 / 3.0)

@@ -61,11 +61,13 @@ def _read(file: Path, scale: float | None, changed: int, count: int) -> Triangle
     mesh.apply_scale(factor)
     mesh.apply_translation(-mesh.center_mass)
     corners = np.array(mesh.vertices, dtype=float)
-    triangles, normals = np.array(mesh.faces), corner_normals(mesh)
+    triangles = np.array(mesh.faces)
+    normals = corner_normals(mesh)
     # An arc whose tangent turns by an angle is an eighth of that angle times its chord away from the chord.
     ends = corners[triangles], normals
     chords, turns = (np.linalg.norm(np.roll(part, -1, axis=1) - part, axis=2) for part in ends)
-    size, off = float(np.linalg.norm(corners, axis=1).max()), float((chords * turns).max()) / 8.0
+    size = float(np.linalg.norm(corners, axis=1).max())
+    off = float((chords * turns).max()) / 8.0
     surface = TriangleMesh(corners, triangles, normals, float(mesh.volume), size, off)
     for array in (surface.corners, surface.triangles, surface.normals):
         array.setflags(write=False)
@@ -76,7 +78,8 @@ def load_closed(file: Path, scale: float | None) -> tuple[Any, float]:
     """Return a closed mesh as its file has it, and the length of a unit of it [m]; raises `KeyedError`."""
     import trimesh
 
-    name, form = file.name, file.suffix.lower()
+    name = file.name
+    form = file.suffix.lower()
     if form not in MESHES:
         raise KeyedError(f"file: expected {', '.join(MESHES)}, got {name}")
     try:
@@ -179,7 +182,8 @@ def corner_normals(mesh: Any) -> Array:
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    faces, count = mesh.faces, 3 * len(mesh.faces)
+    faces = mesh.faces
+    count = 3 * len(mesh.faces)
     smooth = mesh.face_adjacency_angles < CREASE
     pairs, edges = mesh.face_adjacency[smooth], mesh.face_adjacency_edges[smooth]
     # Number of the corner of each of both triangles at each end of their edge.

@@ -106,11 +106,14 @@ def choices(
 
 def _placements(scene: Scene, counts: Sequence[int]) -> Iterator[tuple[tuple[float, ...], bool]]:
     """Element lengths, and whether they are aligned; those that the scene fixes alone."""
-    profile, contacts, fixed = scene.finger.profile, scene.contacts, scene.fidelity.elements
+    profile = scene.finger.profile
+    contacts = scene.contacts
+    fixed = scene.fidelity.elements
     if isinstance(fixed, tuple):
         yield element_lengths(profile, contacts, fixed), False
         return
-    marks, least = _marks(scene), len(contacts) + 1
+    marks = _marks(scene)
+    least = len(contacts) + 1
     if fixed is not None:
         counts = (fixed,)
     elif least > max(counts):
@@ -125,7 +128,8 @@ def _placements(scene: Scene, counts: Sequence[int]) -> Iterator[tuple[tuple[flo
 
 def _marks(scene: Scene) -> tuple[float, ...]:
     """Contacts, and places inside the finger at which the curvature or the bending moment has a kink or jumps."""
-    length, finger = scene.finger.rod.length, scene.finger
+    length = scene.finger.rod.length
+    finger = scene.finger
     places = [load.at for load in (*scene.loads, *scene.initial.held_by)]
     places += [mass.at for mass in finger.masses if mass.mass > 0.0]
     # Kinks of stiffness and rest curvature, as samples have at each of them, cost nothing.
@@ -143,7 +147,9 @@ def _bending_range(scene: Scene, truth: Truth, lengths: tuple[float, ...]) -> fl
     bending_range = scene.fidelity.bending_range
     if bending_range is not None:
         return bending_range
-    moving, start, wanted = scene.time is not None, 0.0, 0.0
+    moving = scene.time is not None
+    start = 0.0
+    wanted = 0.0
     for h in lengths:
         # 1.1: declared range per reach of the exact rod: a coarse model may bend a little further
         reach = 1.1 * truth.curvature_reach(start, start + h, moving)
@@ -200,7 +206,8 @@ def assess(choice: Choice, truth: Truth, *, stop_at: float = math.inf) -> Assess
 
 def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float = math.inf) -> Errors:
     """Errors of any model with ``truth.loads``; where it ``moves``, those of frequencies too. See ``assess``."""
-    core, length = Core(model, compiled=False), model.finger.rod.length
+    core = Core(model, compiled=False)
+    length = model.finger.rod.length
     tip = shape = radius = 0.0
     frequencies = np.zeros(2)
     for true in truth.cases:
@@ -209,7 +216,8 @@ def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float =
         except (SolverError, InputError):
             return Errors(math.inf, math.inf, np.full(2, np.nan), math.inf)
         off = np.linalg.norm(at_rest.backbone(STATIONS) - true.backbone, axis=1) / length
-        tip, shape = max(tip, float(off[-1])), max(shape, float(off.max()))
+        tip = max(tip, float(off[-1]))
+        shape = max(shape, float(off.max()))
         if shape > stop_at:
             return Errors(tip, shape, np.full(2, np.nan), math.nan)
         if true.frequencies_hz is not None and moves:
@@ -225,7 +233,9 @@ def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float =
 def _at_rest(true: TrueCase, model: FingerModel) -> Equilibrium:
     """The model's equilibrium, sought from the exact shape."""
     signals = Signals(true.scene, model, true.scene.loads)
-    u, w, guess = signals.u(0.0)[0], signals.w(0.0)[0], coordinates_near(model, true.rod.angle, true.rod.curvature)
+    u = signals.u(0.0)[0]
+    w = signals.w(0.0)[0]
+    guess = coordinates_near(model, true.rod.angle, true.rod.curvature)
     return equilibrium_under(model, u, w, guess=guess, reached_by=true.scene.initial.reached_by or "pulling")
 
 
@@ -236,7 +246,9 @@ def coordinates_near(model: FingerModel, angle: Curve, curvature: Curve, inset: 
     """
     edges = np.concatenate([[0.0], np.cumsum(model.lengths)])
     edges[-1] = model.finger.rod.length  # the sum may be beyond the tip by rounding, where there is no shape
-    family, first, last = model.structure.family, edges[:-1, None], edges[1:, None]
+    family = model.structure.family
+    first = edges[:-1, None]
+    last = edges[1:, None]
     short = 1e-9 * edges[-1] if inset is None else inset[:, None]
     inside = np.clip(first + (last - first) * family.places, first + short, last - short)
     curvatures = curvature(inside.ravel()).reshape(inside.shape)

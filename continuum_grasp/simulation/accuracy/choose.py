@@ -233,7 +233,8 @@ def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, st
         asked = scene.model_copy(update=changed)
 
     def choose(work: Path) -> Path:
-        chosen, written = choose_fidelity(asked), work / "choice.json"
+        chosen = choose_fidelity(asked)
+        written = work / "choice.json"
         written.write_text(json.dumps([chosen.scene.fidelity.model_dump(mode="json"), str(chosen)]), encoding="utf-8")
         written.chmod(0o600)
         return written

@@ -35,7 +35,9 @@ def plot_accuracy(report: AccuracyReport, *, ax: Sequence[Axes] | None = None) -
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    columns, rows, fronts = report.choices.columns, report.choices.rows, report.fronts
+    columns = report.choices.columns
+    rows = report.choices.rows
+    fronts = report.fronts
     if ax is None:
         count = max(len(fronts), 1)
         ax = list(StyledAxes.figure(4.6 * count, 4.2).subplots(1, count, squeeze=False)[0])

@@ -177,7 +177,8 @@ def row_of(choice: Choice, truth: Truth, reference: TipMotion | None) -> tuple[A
     """Measure a choice: its row of the table; None where it cannot have as many nodes as its accuracy takes."""
     if not choice.open:
         return None
-    assessment, model = assess(choice, truth), choice.model
+    assessment = assess(choice, truth)
+    model = choice.model
     scene = choice.scene.model_copy(update={"fidelity": choice.fidelity})
     time, factor, motion = math.nan, math.nan, math.nan
     # 10_000: instructions of the forward dynamics up to which a model is compiled and timed; compiling larger ones

@@ -47,7 +47,8 @@ _HALVED = Consumer("accuracy in space", {"initial.friction_states": "belongs to 
 
 def refined(scene: Scene, model: FingerModel) -> Scene:
     """The scene with every element of its model halved; InputError where the scene is one of that model alone."""
-    count, length = len(model.lengths), model.finger.rod.length
+    count = len(model.lengths)
+    length = model.finger.rod.length
     _HALVED.check(scene)
     # 0.25: length of an element per the mean up to which it is not halved. Short ones enclose couples, 2 % of the
     # length among two to eight others; their half would be the stiffest by far. Those of a taper of 1:16 differ less
@@ -77,7 +78,8 @@ def refined(scene: Scene, model: FingerModel) -> Scene:
 
 def translated(model: FingerModel, q: Array, u: Array, finer: FingerModel) -> Array:
     """Coordinates (n,) of a finer model near the shape q of a model under an input u."""
-    core, family = Core(model, compiled=False), finer.structure.family
+    core = Core(model, compiled=False)
+    family = finer.structure.family
     # The curvature by differences inside the elements, where the angle is smooth.
     step = 1e-5 * np.diff([0.0, *accumulate(finer.lengths)])
 
@@ -108,10 +110,13 @@ def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[flo
         return at_both_ends(motion)
     began = perf_counter()
     # 4.0: time of a motion per that with half its elements, where none was measured yet
-    last, growth, reached = began - started, 4.0, ""
+    last = began - started
+    growth = 4.0
+    reached = ""
     while True:
         finer: Trajectory | None = None
-        error, trouble = np.inf, ""
+        error = np.inf
+        trouble = ""
         if growth * last > _LONG:
             count = 2 * len(motion.model.lengths)
             _LOG.info("%snext a motion of %d elements, about %.0f s", reached, count, growth * last)
@@ -123,7 +128,8 @@ def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[flo
         except Interrupted as stop:
             raise Interrupted("interrupted after the end of the motion", result=motion) from stop
         except InputError as reason:
-            error, trouble = np.nan, f"the error that the elements leave is not known: {reason}"
+            error = np.nan
+            trouble = f"the error that the elements leave is not known: {reason}"
         except (NumericalError, SolverError) as reason:
             trouble = f"the error that the elements leave cannot be estimated; with twice as many: {reason}"
         motion = replace(motion, space_error=error)
@@ -240,7 +246,8 @@ def _between(first: RestingShape, other: RestingShape) -> float:
 
 def error_of_modes(coarse: Modes) -> Array:
     """`Modes.space_error`."""
-    finer, frequencies = finer_equilibrium(coarse.equilibrium), coarse.frequencies_hz
+    finer = finer_equilibrium(coarse.equilibrium)
+    frequencies = coarse.frequencies_hz
     if not isinstance(finer, Equilibrium) or finer.scene is None:
         return np.full(len(frequencies), finer)
     true = modes_of(finer.scene, about=finer).frequencies_hz[: len(frequencies)]

@@ -47,7 +47,8 @@ class ChainIntegration(Integration):
 
 def chain_source(model: SharedChains) -> str:
     """C of the motion of plants: what surrounds the chains, and their steps."""
-    chains, names = [plant.chain for plant in model.chains], model.around.name_in()
+    chains = [plant.chain for plant in model.chains]
+    names = model.around.name_in()
     symbols = {name: ca.SX.sym(name, *model.around.size_in(name)) for name in names}
     places = ca.SX.sym("places", symbols["places"].numel())
     tension, x, u = symbols["tension"], symbols["others"], symbols["u"]

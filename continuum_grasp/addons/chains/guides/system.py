@@ -58,7 +58,8 @@ class ChainSystem(Model):
         object_parameters: Sequence[str] = (),
     ) -> None:
         _check(scene, parameters)
-        self.scene, finger = scene, scene.finger
+        self.scene = scene
+        finger = scene.finger
         self.length, self.pitch = finger.rod.length, finger.rod.length / hinges
         self.links = Links.of(finger, hinges, even=True)
         self.tendons = guided_tendons(finger, self.links.at, axial_stiffness)
@@ -68,7 +69,9 @@ class ChainSystem(Model):
         )
         self.surroundings = scene if scene.object is not None else None
         model = self.finger_model
-        self.n, self.u_names, self.nu = hinges, model.u_names, model.nu
+        self.n = hinges
+        self.u_names = model.u_names
+        self.nu = model.nu
         self._finger_parameters, self._object_parameters = tuple(parameters), tuple(object_parameters)
         values = {"bending_stiffness": 1.0, "material_damping": 1.0, "tendon_friction": 1.0, "friction_factor": 1.0}
         values |= {"object_mass": 1.0 if scene.object is None else scene.object.mass}
@@ -157,7 +160,8 @@ class ChainSystem(Model):
 
     def _of_winches(self, others: ca.SX | Array) -> list[tuple[Winch, list[Scalar]]]:
         """The winches with their states."""
-        winches, at = [], 0
+        winches = []
+        at = 0
         for winch in self.winches:
             states: list[Scalar] = [others[k] for k in range(at, at + winch.states)]
             winches.append((winch, states))
@@ -246,7 +250,8 @@ class ChainSystem(Model):
 
     def sections(self, stations: Sequence[float]) -> ca.Function:
         """``(x, u, p) -> r, angle`` of sections [m], as of a ``System``; a hinge spreads its bend over its part."""
-        x, angles = self._x, list[Scalar]()
+        x = self._x
+        angles = list[Scalar]()
         for at in stations:
             whole = min(int(at / self.pitch), self.n - 1)
             angle = self.scene.finger.base.angle + ca.sum1(x[:whole])
@@ -257,7 +262,9 @@ class ChainSystem(Model):
     @property
     def _tensions(self) -> list[Scalar]:
         """Tension of each tendon at its drive [N]."""
-        x, n, paths = self._x, self.n, list[Scalar]()
+        x = self._x
+        n = self.n
+        paths = list[Scalar]()
         for j, tendon in enumerate(self.tendons):
             tendon_states = x[2 * n + j * (n + 1) : 2 * n + (j + 1) * (n + 1)]
             stretched = ca.dot(ca.DM(tendon.gives[1:]), tendon_states[: tendon.guides])
@@ -277,7 +284,8 @@ class ChainSystem(Model):
 
     def friction_along(self, x: ca.SX, u: ca.SX, tendon: int, start: float, end: float) -> ca.SX:
         """Direction of friction on a tendon between two positions [m]: the loss there per the greatest one."""
-        cable, n = self.tendons[tendon], self.n
+        cable = self.tendons[tendon]
+        n = self.n
         first = int(cable.conduit > 0.0)
         base = self.tensions(x[: self.nx], u[: self.nu], ca.SX.zeros(self.np))[tendon]
         at = 2 * n + tendon * (n + 1)

@@ -60,7 +60,8 @@ class Bench:
     """
 
     def __init__(self, scene: ControlScene, friction: bool = False, compiled: bool = True) -> None:
-        self.scene, finger = scene, scene.finger
+        self.scene = scene
+        finger = scene.finger
         initial = scene.initial.replaced(reached_by=None, friction_states=None)
         finger = finger.with_tendons(friction=0.0) if finger.has_tendon_friction else finger
         # A tip moment that depends on the shape, as friction makes it, is not for all families.
@@ -69,7 +70,8 @@ class Bench:
             plant = PlantDifferences(fidelity=scene.fidelity.replaced(family=None), tendon_friction=_FRICTION)
         plain = scene.replaced(mounting=None, loads=(), plant=plant, finger=finger, initial=initial)
         around = PlantModel(plain).scene
-        damped, lag = around.finger.damping.material > 0.0, scene.lag
+        damped = around.finger.damping.material > 0.0
+        lag = scene.lag
         names = ["bending_stiffness", "tip_mass"] + ["material_damping"] * damped
         self.unknowns = read_unknowns(around, names)
         if lag is not None:
@@ -162,7 +164,8 @@ class Bench:
             return rates.ravel()[rows], slope[np.ix_(rows, sought)]
 
         # Friction that rests anywhere makes the Jacobian singular.
-        none, ends = np.zeros(len(sought)), {"ftol": 1e-15, "xtol": 1e-15, "gtol": None}
+        none = np.zeros(len(sought))
+        ends = {"ftol": 1e-15, "xtol": 1e-15, "gtol": None}
         solution = least_squares(lambda moved: rate(moved)[0], none, lambda moved: rate(moved)[1], **ends)
         # 1e-6: rate that counts as none, beside the greatest one before
         if not np.abs(solution.fun).max() <= 1e-6 * (1.0 + np.abs(rate(none)[0]).max()):
@@ -199,7 +202,9 @@ class BenchBlock(MeasuredBlock):
     def __init__(self, bench: Bench, log: Log, way: Mounting) -> None:
         lines = tuple(Connection(of=k + 1) for k in range(bench.model.nu))
         self.way = way.replaced(drives=way.drives or lines, tensions=way.tensions or lines)
-        self.bench, self._log, self.scene = bench, log, bench.model.scene
+        self.bench = bench
+        self._log = log
+        self.scene = bench.model.scene
         self._delay = [unknown.name for unknown in bench.unknowns].index(DELAY)
         greatest = float(max(bench.scene.input_limits[1]))
         length = bench.scene.finger.rod.length
@@ -222,7 +227,8 @@ class BenchBlock(MeasuredBlock):
 
     def mounting(self, values: Array) -> Mounting:
         """The mounting by the values of the unknowns."""
-        count, of_bench = len(self.bench.unknowns), self.bench.zeros
+        count = len(self.bench.unknowns)
+        of_bench = self.bench.zeros
         x, y, angle, scale, *biases = values[count:].tolist()
         shifts = values[count - len(of_bench) : count] @ np.array(of_bench)
         zeros = dict(zip(self._cells, biases, strict=True))
@@ -254,7 +260,9 @@ class BenchBlock(MeasuredBlock):
 
     def _seen(self, values: Array, bench: Bench | None = None, friction: float = 0.0) -> Array:
         """Readings (m,) on a bench, its own where not given."""
-        bench, log, mounting = bench or self.bench, self._log, self.mounting(values)
+        bench = bench or self.bench
+        log = self._log
+        mounting = self.mounting(values)
         t, base = bench.shown(log, mounting, values[: len(bench.unknowns)], friction)
         then = log.at - values[self._delay]
         moved = np.column_stack([np.interp(then, t, column) for column in base.T])

@@ -109,7 +109,8 @@ def commission(
 
 def _played(scene: ControlScene, plan: ExperimentPlan, plant: Callable[[ControlScene], Plant]) -> ControlLog:
     """Log of the simulated plant, as its bench counts, while it follows a plan."""
-    simulated, readings = plant(scene.replaced(mounting=None)), []
+    simulated = plant(scene.replaced(mounting=None))
+    readings = []
     # 3.0: time in which a simulated plant comes to rest before a plan is played [s]
     for _ in range(math.ceil(3.0 / simulated.period)):  # its drives and its model do not begin alike
         simulated.advance(plan.commands[0])

@@ -74,7 +74,8 @@ def design_commissioning(
     ('commanded_tension_1 [N]', 'commanded_tension_2 [N]')
     """
     known = checked(scene)
-    bench, period = Bench(known), known.controller.step
+    bench = Bench(known)
+    period = known.controller.step
     options = Excitation(duration=CheckedArgument("duration", duration).number(), sample=period, reach=reach)
     around = bench.model.scene
     design = CommandDesign(around, patterns_of(around), options)

@@ -253,7 +253,8 @@ def _forces(model: PlantModel, scene: Scene) -> Array:
 
 def _check_plant(plants: Plants, k: int, separate: PlantModel) -> None:
     """Refuse a scene whose plant, built separately with the same parameters, has other equations than the model."""
-    shared, why = plants.model, None
+    shared = plants.model
+    why = None
     if separate.x_names != shared.x_names or separate.w_names != shared.w_names:
         why = "its plant has other states or forces"
     # 1e-8: greatest relative difference of starts [1]: folded constants round otherwise, by 1e-13

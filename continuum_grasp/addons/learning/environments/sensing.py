@@ -66,7 +66,8 @@ class ControlPeriods:
         reading ``use`` greater than 1.
         """
         count = len(x)
-        cost, ended = np.empty(count), np.empty(count, dtype=np.int8)
+        cost = np.empty(count)
+        ended = np.empty(count, dtype=np.int8)
         whole = ctypes.c_longlong
         arrays = [array.ctypes for array in (x, u, held, w, p, r, bounds, cost, readings)]
         self._code(whole(count), whole(substeps), ctypes.c_double(h), *arrays, ctypes.c_void_p(ended.ctypes.data))
@@ -96,7 +97,8 @@ class Sensing:
 
 def sensing_of(plants: Plants, sensors: str | Sequence[str] | None) -> Sensing:
     """Compile the periods of plants, with the readings of sensors; see ``FingerVectorEnv``."""
-    model, scene = plants.model, plants.scenes[0]
+    model = plants.model
+    scene = plants.scenes[0]
     x, u, w, p = model.symbols
     whole = dict(zip(model.x_names, ca.vertsplit(x), strict=True))
     known = {STATE: whole}
@@ -163,7 +165,8 @@ class Observed:
 
 def observed_of(plants: Plants, sensing: Sensing, of_state: Array) -> Observed:
     """List what is observed; ``of_state`` (nx, 2) are the bounds of states."""
-    scene, model = plants.scenes[0], plants.model
+    scene = plants.scenes[0]
+    model = plants.model
     state_ranges = dict(zip(model.x_names, of_state, strict=True)) if STATE in sensing.sensors else {}
     sensed = [
         state_ranges[n] if n in state_ranges else measurement_range(scene, plants.prediction, n) for n in sensing.names
@@ -205,7 +208,8 @@ def state_bounds(plants: Plants, radius: float) -> Array:
     ``radius`` is the fastest rate of the model [1/s].
     """
     model, scenes = plants.model, plants.scenes
-    n, system = model.system.n, model.elements
+    n = model.system.n
+    system = model.elements
     reach = np.array(system.finger_model.structure.coordinate_limits())
     start = plants.start[:, :n]
     bounds = np.tile([-UNLIMITED, UNLIMITED], (model.nx, 1))

@@ -47,7 +47,8 @@ def choose_substeps(plants: Plants, sensing: Sensing, change: Array | float, rad
         for k in (substeps, 2 * substeps):
             if k not in ends:
                 ends[k] = _tips(plants, sensing, change, chosen, commands, k)
-        coarse, fine = ends[substeps], ends[2 * substeps]
+        coarse = ends[substeps]
+        fine = ends[2 * substeps]
         within: NDArray[np.bool_] = np.isfinite(fine[..., 0])
         # Steps that are too long for all plants lose them at once.
         # 0.1: least share of these periods in which plants must be within the range of their model
@@ -80,7 +81,8 @@ def _tips(
     substeps: int,
 ) -> Array:
     """Tips (periods, count, 2) [m] of plants under commands; NaN from where one leaves the range of its model."""
-    count, periods = len(chosen), sensing.periods
+    count = len(chosen)
+    periods = sensing.periods
     x = plants.start[chosen]
     held = np.tile(plants.model.rest_input, (count, 1))
     p, w = plants.p[chosen], plants.forces[chosen]

@@ -122,7 +122,8 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
     ) -> None:
         self.num_envs = CheckedArgument("num_envs", num_envs).whole()
         self._plants: Plants = plants_of(*scenes_of(scene))
-        plants, first = self._plants, self._plants.scenes[0]
+        plants = self._plants
+        first = self._plants.scenes[0]
         self.scenes, self.keys, self.values = plants.scenes, plants.keys, plants.values
         self.metadata = {"autoreset_mode": AutoresetMode(autoreset_mode), "render_modes": []}
         self._mode = self.metadata["autoreset_mode"]
@@ -209,7 +210,8 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
 
     def _begin(self, lanes: NDArray[np.int64], number: Any = None) -> None:
         """Start episodes of some plants."""
-        plants, count = self._plants, len(self.scenes)
+        plants = self._plants
+        count = len(self.scenes)
         if number is None:
             drawn = self.np_random.integers(count, size=len(lanes)) if count > 1 else np.zeros(len(lanes), np.int64)
         else:
@@ -319,7 +321,8 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
 
     def _begin_at_once(self, info: dict[str, Any]) -> None:
         """Reset in the step in which episodes end; the last observation and info of these are in ``info``."""
-        done, last = self._done.copy(), self._observation()
+        done = self._done.copy()
+        last = self._observation()
         final = np.full(self.num_envs, None, dtype=object)
         for lane in np.flatnonzero(done):
             final[lane] = last[lane].copy()

@@ -36,7 +36,9 @@ class RowFunction:
     def __init__(
         self, function: ca.Function, core: Core, check: Check | None = None, origin: Operator | None = None
     ) -> None:
-        self.name, self.function, self.origin = function.name(), function, origin
+        self.name = function.name()
+        self.function = function
+        self.origin = origin
         self._core, self._check = core, check
         self._batch = core.on_rows(function)
 
@@ -87,7 +89,9 @@ class Recursion:
     """
 
     def __init__(self, function: ca.Function, core: Core, like: Sequence[int] = (), back: bool = False) -> None:
-        self.function, self.like, self.back = function, tuple(like), back
+        self.function = function
+        self.like = tuple(like)
+        self.back = back
         self._core = core
         self._operators: dict[tuple[int, Check | None], Rollout] = {}
         self.scan = core.over_steps(function)
@@ -123,7 +127,10 @@ class Rollout:
     """A recursion over a number of steps: of a carry (count, size) and signals (count, rows, size)."""
 
     def __init__(self, recursion: Recursion, steps: int, check: Check | None, origin: Operator | None) -> None:
-        self.name, self.recursion, self.steps, self.origin = recursion.function.name(), recursion, steps, origin
+        self.name = recursion.function.name()
+        self.recursion = recursion
+        self.steps = steps
+        self.origin = origin
         self._check = check
 
     def __call__(self, arrays: Sequence[Array]) -> list[Array]:
@@ -135,7 +142,8 @@ class Rollout:
         return outputs
 
     def shapes(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
-        f, count = self.recursion.function, shapes[0][0]
+        f = self.recursion.function
+        count = shapes[0][0]
         times = [self.steps + 1, *(shapes[1 + k][1] for k in self.recursion.like)]
         return [(count, time, f.nnz_out(k)) for k, time in enumerate(times)]
 

@@ -63,7 +63,8 @@ class TorchOperators(Operators):
 
     def _arrays(self, given: Mapping[str, Any]) -> tuple[dict[str, Any], Callable[[Array], Any]]:
         torch = self._toolkit
-        arrays, types = {}, []
+        arrays = {}
+        types = []
         for name, value in given.items():
             if not isinstance(value, torch.Tensor):
                 raise not_an_array(name, value, "a tensor")
@@ -129,7 +130,8 @@ def _function() -> Any:
 
         @staticmethod
         def vmap(info: Any, dims: Any, operator: Operator, *arrays: Any) -> Any:
-            size, rows = info.batch_size, []
+            size = info.batch_size
+            rows = []
             for array, dim in zip(arrays, dims[1:], strict=True):
                 wide = array.unsqueeze(0).expand(size, *array.shape) if dim is None else array.movedim(dim, 0)
                 rows.append(wide.flatten(0, 1))  # reshaped to -1, what has no entries is ambiguous

@@ -74,7 +74,8 @@ def _expanded(
 ) -> Iterator[tuple[Any, str, tuple[str, ...]]]:
     from ezdxf.xclip import XClip
 
-    name, block = str(insert.dxf.name), insert.block()
+    name = str(insert.dxf.name)
+    block = insert.block()
     if block is None or block.block.is_xref:
         ignored[f"block {name!r}, which is in another file"] += 1
         return
@@ -98,7 +99,8 @@ def _hidden(document: Any, name: str) -> str:
 def _curve(entity: Any, layer: str, blocks: tuple[str, ...], ignored: Counter[str]) -> DrawnCurve | None:
     from ezdxf.path import make_path
 
-    kind, handle = entity.dxftype(), _handle(entity)
+    kind = entity.dxftype()
+    handle = _handle(entity)
     if kind not in _CURVES or (kind == "POLYLINE" and not (entity.is_2d_polyline or entity.is_3d_polyline)):
         ignored[kind] += 1
         return None

@@ -21,7 +21,8 @@ def read_cut(given: OutlineFile) -> Drawing:
 
     mesh, factor = load_closed(Path(given.file), given.scale)
     cut = given.cut or PlaneCut()
-    point, normal = np.array(cut.point) / factor, np.array(cut.normal) / np.linalg.norm(cut.normal)
+    point = np.array(cut.point) / factor
+    normal = np.array(cut.normal) / np.linalg.norm(cut.normal)
     section = mesh.section(plane_origin=point, plane_normal=normal)
     if section is None:
         heights = (mesh.vertices @ normal) * factor

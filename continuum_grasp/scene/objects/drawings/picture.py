@@ -17,7 +17,8 @@ def read_png(given: OutlineFile) -> Drawing:
     """Read the silhouettes, from the largest on; `ValueError` where one reaches the edge of the picture."""
     import contourpy
 
-    dark, threshold = _darkness(given.file), given.threshold
+    dark = _darkness(given.file)
+    threshold = given.threshold
     sides = {"top": dark[0], "bottom": dark[-1], "left": dark[:, 0], "right": dark[:, -1]}
     if cut := [side for side, pixels in sides.items() if pixels.max() >= threshold]:
         raise ValueError(

@@ -27,7 +27,8 @@ def read_csv(given: OutlineFile) -> Drawing:
     """
     from continuum_grasp.scene.table import DataTable
 
-    table, scale = DataTable.read(given.file, ("x", "y")), given.scale
+    table = DataTable.read(given.file, ("x", "y"))
+    scale = given.scale
     x, y = _column(table, "x"), _column(table, "y")
     factors = [float(units_of("m")[column.unit]) for column in (x, y) if column.unit]
     if len(factors) == 1:

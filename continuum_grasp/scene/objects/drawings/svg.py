@@ -209,7 +209,8 @@ class _Plain:
         _check(element, label)
         data = element.get("d", "")
         clipped = tuple(self._cutting[outer] for outer in (*within, element) if outer in self._cutting)
-        count, group = len(self.shapes), tuple(map(id, within))
+        count = len(self.shapes)
+        group = tuple(map(id, within))
         self.shapes.append(_Shape(label, tuple(dict.fromkeys(names)), group, count, data, self._clip, clipped))
         number = {_NUMBER: str(count), "d": data}
         return Element(element.tag, {**element.attrib, **_without_percent(element, viewport), **number})
