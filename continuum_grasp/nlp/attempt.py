@@ -164,7 +164,7 @@ class Start:
         return Approach(self.option_set, self.barrier, self.multipliers is not None)
 
     def stalling(self) -> Stalling | None:
-        """What says of a run from here whether it stalls; None where it never does."""
+        """A rule that says of a run from here whether it stalls; None where it never does."""
         if self.patience is None and self.standstill is None:
             return None
         return Stalling(self.patience, self.standstill)

@@ -211,7 +211,7 @@ def test_the_deadline_ends_it(method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_ctrl_c_ends_it_after_the_iteration(method):
-    """It is pressed while the third iteration is taken from the budget."""
+    """Pressed while the third iteration is taken from the budget."""
     problem, start, _ = problem_71()
 
     class Pressing(Budget):
