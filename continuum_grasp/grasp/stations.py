@@ -213,7 +213,7 @@ def _eigenvalue(at: Tried, in_space: bool) -> float:
     return stability.in_space.eigenvalue if stability.in_plane else -np.inf
 
 
-def _slope(scene: GraspScene, at: Tried, in_space: bool) -> Array:
+def _slope(scene: GraspScene, at: Tried, in_space: bool = False) -> Array:
     """Derivative of the eigenvalue by the unknowns, by differences."""
     solver, attempt = at.solver, at.attempt
 

@@ -103,7 +103,7 @@ def stable(*found, value=-0.09):
 
     def grasp(eigenvalue, objective=1.0, acceptable=False):
         attempt = Some(x=np.zeros(1), start=None, features={}, objective=objective, converged=True)
-        certificate = Some(stability=Some(eigenvalue=eigenvalue))
+        certificate = Some(stability=Some(eigenvalue=eigenvalue, in_plane=False, in_space=None, why=""))
         return Some(attempt=attempt, certificate=certificate, acceptable=acceptable, solver=solver)
 
     def attempt(*_, numbers, **options):
