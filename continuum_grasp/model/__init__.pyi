@@ -2,6 +2,7 @@ from .actuation import Lag as Lag
 from .cables import soft as soft
 from .contact_law import TouchLaw as TouchLaw
 from .contacts import Contacts as Contacts
+from .drive_commands import DriveCommands as DriveCommands
 from .equations import Equations as Equations
 from .family import Family as Family
 from .finger_model import FingerModel as FingerModel
