@@ -98,7 +98,8 @@ class SerialBoard:
             raise InputError(f"a serial board needs pyserial: {install_line('serial')}") from None
         self._readings = CheckedArgument("readings", readings).whole()
         self._sent = 0
-        self._rest, self._number = b"", -1
+        self._rest = b""
+        self._number = -1
         self.damaged = self.missed = 0
         try:
             self._port: Any = serial.serial_for_url(port, baudrate, timeout=0.0, write_timeout=0.1)

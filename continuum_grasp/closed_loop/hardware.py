@@ -215,22 +215,28 @@ class _Loop:
     """The cycles of one run, and what they recorded."""
 
     def __init__(self, controller: Controller, driver: Driver, first: Array, soft: float, watchdog: float) -> None:
-        self.controller, self.driver = controller, driver
+        self.controller = controller
+        self.driver = driver
         scene = controller.scene
         names = (controller.measurement_names, controller.stages.u_names)
         wired = Wiring.of(scene.mounting, *names, "mounting")
         self._wired = None if scene.mounting is None else wired
         self._rest, (low, high) = np.array(scene.rest_input), np.array(scene.input_limits)
         self._range = np.maximum(high - low, 1e-12)
-        self._start, self._soft, self._watchdog = first, soft, watchdog
+        self._start = first
+        self._soft = soft
+        self._watchdog = watchdog
         self._last: Array = first
         self._command: Command | None = None
         self._none = np.full(len(controller.measurement_names), np.nan)
-        self.u, self.y = list[Array](), list[Array]()
-        self.jitter, self.latency = list[float](), list[float]()
+        self.u = list[Array]()
+        self.y = list[Array]()
+        self.jitter = list[float]()
+        self.latency = list[float]()
         self.overruns = self.skipped = 0
         self.status, self.health = dict.fromkeys(CommandStatus, 0), dict.fromkeys(Health, 0)
-        self.ended, self.cause = "finished", "the duration is over"
+        self.ended = "finished"
+        self.cause = "the duration is over"
         self.arm: Callable[[bool], object] = lambda on: None
 
     def run(self, cycles: int, spin: float) -> None:

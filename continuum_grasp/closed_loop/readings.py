@@ -34,7 +34,10 @@ class Readings:
     """Values over time of everything that the controller's problem names; bending is that of its model's elements."""
 
     def __init__(self, scene: ControlScene, plant: PlantModel, stages: Stages, prediction: Prediction) -> None:
-        self._scene, self._plant, self._stages, self._prediction = scene, plant, stages, prediction
+        self._scene = scene
+        self._plant = plant
+        self._stages = stages
+        self._prediction = prediction
         self._numbers = plant.__getstate__()
         self._length = plant.scene.finger.rod.length
 

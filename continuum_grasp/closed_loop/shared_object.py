@@ -46,7 +46,8 @@ class SharedModel:
         for place, common in zip(self._at, shared, strict=True):
             place[common] = start + np.arange(common.size)
         self.nx = start + shared[0].size
-        self.nu, self.nw = sum(plant.nu for plant in plants), sum(plant.nw for plant in plants)
+        self.nu = sum(plant.nu for plant in plants)
+        self.nw = sum(plant.nw for plant in plants)
 
     # -- the plants' states, and the common one -----------------------------------------------------------------------
 

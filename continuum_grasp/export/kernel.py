@@ -82,7 +82,9 @@ class Kernel:
     """
 
     def __init__(self, name: str, function: ca.Function, text: str, *, called: bool = False) -> None:
-        self.name, self.text, self._called = name, text, called
+        self.name = name
+        self.text = text
+        self._called = called
         symbols = function.sx_in()
         values = zip(function.name_out(), function.call(symbols), strict=True)
         # Structural zeros too are written to arrays and structs, of which C must fill every entry.

@@ -34,7 +34,9 @@ class SweptKernel(Kernel):
     """
 
     def __init__(self, name: str, made: Kernels, text: str, driven: ca.Function | None = None) -> None:
-        self.name, self.text, self._made = name, text, made
+        self.name = name
+        self.text = text
+        self._made = made
         parts = dict(zip(_TEXTS, [*made.functions, *([] if driven is None else [driven])], strict=False))
         if not made.loaded:
             del parts["turn"], parts["loads"]

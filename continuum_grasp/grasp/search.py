@@ -44,7 +44,8 @@ class GraspSearch:
     """Finds and verifies grasps of a scene within a budget."""
 
     def __init__(self, scene: GraspScene, budget: Budget) -> None:
-        self.scene, self.budget = scene, budget
+        self.scene = scene
+        self.budget = budget
         self.settled: list[Candidate] = []  # fingers that hold the object, those of least tension first
         self.tried: list[Tried] = []
         self.good: list[Tried] = []  # those that the certificate confirms

@@ -36,7 +36,8 @@ class FingerShape:
         def stored(key: str) -> Array:
             return np.asarray(arrays[f"{setup.name}.{key}"], dtype=float)
 
-        self.profile, self.channels = setup.finger.profile, setup.finger.channels
+        self.profile = setup.finger.profile
+        self.channels = setup.finger.channels
         self.lengths, self.q, self.tip, self._shapes = (
             stored(key) for key in ("lengths", "q", "tip_curvature", "curvature_shapes")
         )

@@ -32,7 +32,11 @@ class Panel(ABC):
     """
 
     def __init__(self, rule: Collocation, start: Scalar, length: Scalar, point: ca.SX, angle: Scalar) -> None:
-        self.rule, self.start, self.length, self.point, self.angle = rule, start, length, point, angle
+        self.rule = rule
+        self.start = start
+        self.length = length
+        self.point = point
+        self.angle = angle
         _, bends, bend = self.up_to(None)
         self.tangents, self.end_angle = _tangents(angle + bends), angle + bend  # at the nodes (2, m)
         self.end = point + length * (self.tangents @ ca.DM(rule.weights))
@@ -58,7 +62,8 @@ class _Uniform(Panel):
     """An element that is a link of the model."""
 
     def __init__(self, link: Link, density: Scalar, *place: Any) -> None:
-        self.link, self.density = link, density
+        self.link = link
+        self.density = density
         super().__init__(*place)
 
     def up_to(self, s: Scalar | None) -> tuple[Scalar, ca.SX, Scalar]:

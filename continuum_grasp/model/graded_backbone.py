@@ -49,7 +49,9 @@ class _Part(Panel):
     """A part of an element between two breaks of the curves."""
 
     def __init__(self, backbone: GradedBackbone, element: int, number: int, *place: Any) -> None:
-        self._backbone, self._element, self._number = backbone, element, number
+        self._backbone = backbone
+        self._element = element
+        self._number = number
         super().__init__(*place)
 
     def up_to(self, s: Scalar | None) -> tuple[Scalar, ca.SX, Scalar]:

@@ -76,7 +76,8 @@ class MomentLinearFamily(Family):
         every = range(self.elements)
         self._left = [k for k, moment in enumerate(known) if any(self._rest_of(moment, j) for j in every)]
         elements = [self._shapes(k) for k in range(self.elements)]
-        self._elements, self._are_clothoids = [shapes for shapes, _ in elements], [uniform for _, uniform in elements]
+        self._elements = [shapes for shapes, _ in elements]
+        self._are_clothoids = [uniform for _, uniform in elements]
 
     def _rest_of(self, moment: Curve, element: int) -> bool:
         start, end = self.mesh.span(element)

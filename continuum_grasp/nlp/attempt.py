@@ -93,7 +93,8 @@ class Stalling:
     """
 
     def __init__(self, patience: int | None, standstill: int | None) -> None:
-        self._patience, self._standstill = patience, standstill
+        self._patience = patience
+        self._standstill = standstill
         # Iterations without a change since the violation was so much, those in a row, and the violation before.
         self._idle = 0
         self._mark = np.inf

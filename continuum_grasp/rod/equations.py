@@ -51,7 +51,8 @@ class RodEquations:
     """
 
     def __init__(self, problem: RodProblem, mesh: PanelMesh) -> None:
-        self.problem, self.mesh = problem, mesh
+        self.problem = problem
+        self.mesh = mesh
         s = mesh.nodes
         place = problem.length * mesh.nodes
         self.bending_stiffness: Array = problem.profile.bending_stiffness(place) / problem.stiffness

@@ -42,7 +42,8 @@ class FingerSection(Value):
         """Torsional stiffness G J, per bending stiffness E I in the plane [1] (S. Timoshenko, J. N. Goodier, "Theory of
         Elasticity", chapter 10).
         """
-        r, shear = self.ratio, 2.0 * (1.0 + self.poissons_ratio)
+        r = self.ratio
+        shear = 2.0 * (1.0 + self.poissons_ratio)
         if self.shape != "rectangle":
             return 4.0 * r * r / (1.0 + r * r) / shear
         # J of a b^3 for the shorter side b, per I = w t^3 / 12.

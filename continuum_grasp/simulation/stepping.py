@@ -128,7 +128,9 @@ class Stepper:
     """
 
     def __init__(self, scene: Scene, time: Timing, model: FingerModel, progress: Callable[[float], None]) -> None:
-        self._time, self._model, self._progress = time, model, progress
+        self._time = time
+        self._model = model
+        self._progress = progress
         self.system = System(scene) if scene.object is not None else None
         self.moving = self.system or model
         self.core, self.signals = Core(self.moving), Signals(scene, model, nw=self.moving.nw)

@@ -25,7 +25,8 @@ class HandFingerChain:
 
     def __init__(self, result: Any, index: int, hinges: int) -> None:
         scene = result.scene
-        self.setup, self.frame = scene.setups[index], result.frames[index]
+        self.setup = scene.setups[index]
+        self.frame = result.frames[index]
         self.name, self.finger = self.setup.name, self.setup.finger
         self.links = Links.of(self.finger, hinges, even=True)
         self.section = (scene.hand.named_bases[self.name].finger or scene.hand.finger).cross_section

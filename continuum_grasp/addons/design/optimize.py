@@ -181,7 +181,9 @@ class _DesignSearch:
         self._first: Evaluation | None = None
         self._before: dict[str, GraspResult] = {}
         self._scale, self._grasps, self._why = 1.0, self.problem.snapshot(), ""
-        self._round, self._converged, self._ended = 0, True, ""
+        self._round = 0
+        self._converged = True
+        self._ended = ""
 
     def result(self) -> DesignResult:
         """Search, and judge what was found."""
@@ -279,7 +281,8 @@ class _DesignSearch:
             half *= 0.25
             # 0.02: half width of that box, in coordinates, below which the search ends
             if half < 0.02:
-                self._ended, self._converged = "beside this design grasps are lost", False
+                self._ended = "beside this design grasps are lost"
+                self._converged = False
                 return
 
     def _descend(self, half: float) -> bool:

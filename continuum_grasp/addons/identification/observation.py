@@ -107,7 +107,9 @@ class MeasuredStart:
     """
 
     def __init__(self, model: FingerModel, readings: Sequence[Reading], t: Array, z: Array, name: str) -> None:
-        self._model, self._name, self._z = model, name, z
+        self._model = model
+        self._name = name
+        self._z = z
         readings = [reading for reading in readings if not reading.of_drive]
         rod = model.finger.rod
         length = model.finger.rod.length

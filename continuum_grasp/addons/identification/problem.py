@@ -98,7 +98,8 @@ class FitProblem(MeasuredNumbers):
     """
 
     def __init__(self, blocks: Sequence[MeasuredBlock], unknowns: Sequence[Unknown]) -> None:
-        self.blocks, self.sought = list(blocks), tuple(unknowns)
+        self.blocks = list(blocks)
+        self.sought = tuple(unknowns)
         self.unknowns, mixes = with_sets(unknowns, blocks)
         self.shared = sum(unknown.per != "set" for unknown in self.unknowns)
         self.sets = tuple(block.measured for block in blocks)

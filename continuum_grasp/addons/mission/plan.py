@@ -230,7 +230,9 @@ class PhasePlan:
         self.decision: int = LiftDecision.WAITS
         self.bears: int = Bearing.UNKNOWN
         self.grip: int = Grip.USUAL
-        self.noticed, self.lost, self._asks = 0, 0.0, False
+        self.noticed = 0
+        self.lost = 0.0
+        self._asks = False
 
     @property
     def phase(self) -> str:

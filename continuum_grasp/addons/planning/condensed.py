@@ -66,7 +66,10 @@ class Condensed:
     """
 
     def __init__(self, problem: PlanProblem, tolerance: float, feasible: float, least: float = 1.0) -> None:
-        self.problem, self.tolerance, self.feasible, self.least = problem, tolerance, feasible, least
+        self.problem = problem
+        self.tolerance = tolerance
+        self.feasible = feasible
+        self.least = least
         assembly, grid = problem.assembly, problem.grid
         low, high = np.array(assembly.low), np.array(assembly.high)
         self._states = grid.s[1:].ravel()
@@ -215,7 +218,8 @@ class _Model:
     """The problem at a motion: QP of the free unknowns."""
 
     def __init__(self, problem: Condensed, point: _Point) -> None:
-        self._problem, self._point = problem, point
+        self._problem = problem
+        self._point = point
         assembly = problem.problem.assembly
         states, free = problem._states, problem._free
         both = assembly.first_order(point.w).sparse().tocsr()
@@ -229,7 +233,9 @@ class _Model:
         whole = np.zeros((point.w.size, free.size))
         whole[free, np.arange(free.size)] = 1.0
         whole[states] = by_free
-        self._full_slope, self._others, self._whole = slope, others, whole
+        self._full_slope = slope
+        self._others = others
+        self._whole = whole
         self.hessian = whole.T @ (full @ whole)
         self.gradient = whole.T @ slope
         self.slope = np.vstack([others @ whole, by_free[problem._bounded]])

@@ -130,7 +130,8 @@ class StateBounds:
     """
 
     def __init__(self, assembly: Assembly, motion: PlannedMotion, grid: PlanGrid, relaxed: bool) -> None:
-        self._assembly, self._motion = assembly, motion
+        self._assembly = assembly
+        self._motion = motion
         # Terms of each bound by its key, columns that they read, and their numbers.
         self._terms: dict[str, tuple[Term, Indices, Array]] = {}
         bounded = motion.bounded

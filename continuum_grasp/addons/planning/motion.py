@@ -60,7 +60,8 @@ class PlannedMotion:
         for k, tendon in zip(self.bounded.groups.get("tension", ()), scene.finger.tendon_list, strict=False):
             self.bounded.least[k] = scene.least_tension / tendon.max_tension
         self.linear = scene.input.form == "linear"
-        self.nx, self.nu = model.nx, model.nu
+        self.nx = model.nx
+        self.nu = model.nu
         self.input_unit = split_unit(model.u_names[0]).unit
         self.ns = self.nx + (self.nu if self.linear else 0)
         self.first_duration = first_duration(scene)

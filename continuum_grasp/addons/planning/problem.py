@@ -64,7 +64,10 @@ class PlanProblem:
         counts: Indices | None = None,
         presses: bool = False,
     ) -> None:
-        self.motion, self.relaxed, self.one_way, self.presses = motion, relaxed, one_way, presses
+        self.motion = motion
+        self.relaxed = relaxed
+        self.one_way = one_way
+        self.presses = presses
         self._counts = np.ones(motion.scene.intervals, dtype=np.int64) if counts is None else counts
         settles = one_way is None and bool(motion.friction_states)
         self.goal = goal_parts(motion, settles, presses)

@@ -83,12 +83,15 @@ class PlanSearch:
     """
 
     def __init__(self, scene: PlanScene, warm: MotionPlan | None = None, near: Posture | None = None) -> None:
-        self.scene, self.warm, self.near = scene, warm, near
+        self.scene = scene
+        self.warm = warm
+        self.near = near
         self.attempts: list[tuple[str, Attempt]] = []
         self.relaxed: list[tuple[str, Attempt]] = []
         self.best: Attempt | None = None
         self.diagnosis: Diagnosis | None = None
-        self.interrupted, self.can_press = False, False
+        self.interrupted = False
+        self.can_press = False
         self.motion = PlannedMotion(scene)
         # Where inputs alone are unknowns as of a goal: a micrometer on 1 m, and rates of 1e-5 of their range.
         self.feasible = MET if scene.transcription == "single_shooting" else FEASIBLE
@@ -180,7 +183,8 @@ class PlanSearch:
                 if found and (missed or not self._misses(self.attempts[-1][1])):
                     break
             else:
-                self.problem, self.best = problem, best
+                self.problem = problem
+                self.best = best
                 return
 
     def _try_one_way(self) -> None:

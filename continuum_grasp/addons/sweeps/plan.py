@@ -59,7 +59,8 @@ class SweepPlan:
 
     def __init__(self, variation: Variation) -> None:
         sweep = variation.sweep
-        self.sweep, self.variation = sweep, variation
+        self.sweep = sweep
+        self.variation = variation
         varied: list[VariedKey[Any]] = [*variation.axes, *variation.draws, *variation.ties]
         self.keys: tuple[str, ...] = tuple(entry.key for entry in varied)
         self.paths: tuple[KeyPath, ...] = tuple(entry.path for entry in varied)

@@ -20,7 +20,8 @@ class ExecutorPool:
     """
 
     def __init__(self, executor: Executor, workers: Callable[[], int]) -> None:
-        self._executor, self._count = executor, workers
+        self._executor = executor
+        self._count = workers
         self._out: set[Future[Any]] = set()
 
     @property

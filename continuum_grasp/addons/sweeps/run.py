@@ -132,7 +132,10 @@ def sweep(
 
 class _SweepRun:
     def __init__(self, plan: SweepPlan, job: Job, folder: Path, progress: Callable[[float, str], None] | None) -> None:
-        self.plan, self.job, self.folder, self.listener = plan, job, folder, progress
+        self.plan = plan
+        self.job = job
+        self.folder = folder
+        self.listener = progress
         self.there = bytearray(len(plan))
         self.counts: Counter[str] = Counter()
         self.file = TableFile(folder / TABLE)

@@ -50,9 +50,12 @@ class Filtered(Summarized):
         adapted: tuple[AdaptedState, ...] = (),
     ) -> None:
         self._names = names
-        self.z, self.p, self.then = parts["z"], parts["p"], parts["then"]
+        self.z = parts["z"]
+        self.p = parts["p"]
+        self.then = parts["then"]
         self.covariance = parts["covariance"].reshape(self.z.size, -1)
-        self.innovation, self.innovation_variance = parts["innovation"], parts["innovation_variance"]
+        self.innovation = parts["innovation"]
+        self.innovation_variance = parts["innovation_variance"]
         self.verdict = tuple(MeasurementVerdict(int(v)) for v in parts["verdict"])
         self.adapted = {each.name: each.read(self.p, self.z, self.std) for each in adapted}
         self.anomaly = Anomaly.ESTIMATE_RESTARTED if restarted else Anomaly(0)
@@ -140,7 +143,8 @@ class Estimator(Remade, Summarized):
         self.period = parts.calls.period
         self.delay = parts.periods
         self.settings = parts.filter
-        self.names, self.measurement_names = parts.estimated_names, parts.measurement_names
+        self.names = parts.estimated_names
+        self.measurement_names = parts.measurement_names
         nu = parts.stages.nu
         np_ = parts.stages.np
         nz = e.nz

@@ -121,10 +121,15 @@ class _Record:
         most: int,
     ) -> None:
         self._host, self._double = builds
-        self._function, self._outputs, self._close = function, outputs, close
-        self._report, self._most = report, most
+        self._function = function
+        self._outputs = outputs
+        self._close = close
+        self._report = report
+        self._most = most
         self._limits = np.concatenate([loop.stages.u_min, loop.stages.u_max])
-        self._rows, self._calls, self._exact = list[Array](), list[_Call](), list[_Call]()
+        self._rows = list[Array]()
+        self._calls = list[_Call]()
+        self._exact = list[_Call]()
 
     def call(self, *parts: ArrayLike) -> _Call:
         """Code and outputs of the row that the parts make up."""
@@ -191,7 +196,8 @@ class ReplayedFinger:
     """The prediction as a plant, with what is measured of it."""
 
     def __init__(self, loop: Loop, rng: np.random.Generator) -> None:
-        self._loop, self._rng = loop, rng
+        self._loop = loop
+        self._rng = rng
         s = loop.stages
         self._parts = max(1, math.ceil(s.substeps * loop.period / s.stage - 1e-9))
         self.x = loop.first[: s.nd].copy()

@@ -118,7 +118,9 @@ class _Writer:
     """Texts of one package."""
 
     def __init__(self, loop: Loop, prefix: str, real: CReal) -> None:
-        self.loop, self.prefix, self.real = loop, prefix, real
+        self.loop = loop
+        self.prefix = prefix
+        self.real = real
         self.mpc = mpc = "mpc" in loop.parts
         needed: dict[str, object] = {"rti": mpc, "ekf": loop.estimation}
         needed |= {"supervisor": mpc, "controller": mpc, "mission": loop.phases}

@@ -94,7 +94,10 @@ class ObjectBalance:
     """The balance of a scene's object with a set of contacts, its fingers as they are in their maps."""
 
     def __init__(self, scene: GraspScene, on: frozenset[str], fingers: Sequence[MapFinger], pose: Pose) -> None:
-        self.scene, self.on, self.fingers, self.pose = scene, on, fingers, pose
+        self.scene = scene
+        self.on = on
+        self.fingers = fingers
+        self.pose = pose
         turn = cmath.exp(1j * pose[2])
         origin = complex(*pose[:2])
         self.center = origin + turn * complex(*scene.object.com)

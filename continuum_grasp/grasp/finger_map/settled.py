@@ -53,7 +53,8 @@ class SceneMaps:
     """
 
     def __init__(self, scene: GraspScene, wider: SceneMaps | None = None) -> None:
-        self.scene, self._wider = scene, wider
+        self.scene = scene
+        self._wider = wider
         self._maps: dict[tuple[str, Pose, Pose, frozenset[str], bool], FingerMap] = {}
 
     @cached_property

@@ -91,7 +91,9 @@ class GraspSolverRun:
 
     def __init__(self, spec: ProblemSpec) -> None:
         made = equations(spec)
-        self.problem, self.nlp, self._read = made.layout, made.nlp, made.read
+        self.problem = made.layout
+        self.nlp = made.nlp
+        self._read = made.read
         self.near = NearbySearch(self.problem, made.places)
         self._solvers: dict[tuple[Any, ...], Solver] = {}
 

@@ -62,7 +62,8 @@ class NearbySearch:
     """Looks for what is near the fingers of one problem."""
 
     def __init__(self, problem: Layout, places: ca.Function) -> None:
-        self._problem, self._places = problem, places
+        self._problem = problem
+        self._places = places
 
     def look(
         self, scene: GraspScene, x: Array, numbers: Array, probes: Mapping[str, Array] | None = None

@@ -33,7 +33,8 @@ class UnitFinger:
 
     def __init__(self, spec: FingerSpec, x: Columns, numbers: Columns, tip: ca.SX) -> None:
         """Add the finger's unknowns to ``x``; its tip bears a contact's (N, f, lift) in units of the problem."""
-        self.spec, self._numbers = spec, numbers
+        self.spec = spec
+        self._numbers = numbers
         self.curves = spec.curves.expressions(self.number("curves", spec.curves.size))
         self.shared = shared_by(spec)
         self.backbone = self.shared.backbone

@@ -61,7 +61,8 @@ class _Columns:
 
     def __init__(self, matrix: Array) -> None:
         column, row = np.nonzero(matrix.T)
-        self.shape, self.nnz = matrix.shape, row.size
+        self.shape = matrix.shape
+        self.nnz = row.size
         self.data = matrix[row, column]
         self.indices = row
         self.indptr = np.searchsorted(column, np.arange(matrix.shape[1] + 1))

@@ -75,11 +75,13 @@ class _Limits:
 
     def __init__(self, response: GraspResponse, tendons: Tendons, displacement_limit: float) -> None:
         contacts = response.contacts
-        self.names, self.setups = contacts.names, response.setups
+        self.names = contacts.names
+        self.setups = response.setups
         self.unit = response.to_wrenches(tendons)
         self.retensioned = response.to_tensions()
         self.forces = contacts.forces
-        self.friction, self.normal_max = contacts.friction, contacts.normal_max
+        self.friction = contacts.friction
+        self.normal_max = contacts.normal_max
         # The unit of force that makes the numbers of the SOCP near one, where nothing presses yet too [N].
         self.scale = max(float(np.abs(contacts.forces).max(initial=0.0)), 1e-3 * float(contacts.normal_max.max()))
         slack = EXACT * self.scale

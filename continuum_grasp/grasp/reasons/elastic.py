@@ -49,7 +49,8 @@ class Elastic:
     """Relaxed limits that give a grasp where a search found none; ``found`` has the best of each set so far."""
 
     def __init__(self, scene: GraspScene, search: GraspSearch) -> None:
-        self.scene, self.search = scene, search
+        self.scene = scene
+        self.search = search
         self.found: dict[Limits, Repair] = {}
         self.totals: dict[Limits, list[float]] = {}  # of all starts, infinite where one gave no grasp
 

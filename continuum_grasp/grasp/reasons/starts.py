@@ -24,7 +24,8 @@ class Starts:
     """
 
     def __init__(self, scene: GraspScene, search: GraspSearch) -> None:
-        self._scene, self._search = scene, search
+        self._scene = scene
+        self._search = search
 
     @cached_property
     def near(self) -> list[GraspStart]:

@@ -61,14 +61,17 @@ class Exchange:
     def __init__(
         self, scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], budget: Budget, errors: Sequence[Array] = ()
     ) -> None:
-        self.scene, self.budget, self.arrays = scene, budget, arrays
+        self.scene = scene
+        self.budget = budget
+        self.arrays = arrays
         self.responses = []
         self.first = []
         self.touching = ()
         tried = {error.tobytes(): error for error in (*errors, *tried_errors(scene, bounds, arrays))}
         self._errors = list(tried.values())
         self.chosen = list(range(len(errors)))
-        self.iterations, self.optimal = 0, True
+        self.iterations = 0
+        self.optimal = True
 
     def active(self, arrays: Mapping[str, Any]) -> list[Response]:
         """Responses of a grasp to what its problem must have, the worst that fail now included; none where none fails,

@@ -55,7 +55,8 @@ class PolygonOutline(PartOutline):
         if count == 1:
             turns = np.zeros(1)
             reflex = np.zeros(1, bool)
-        self._normals, self._turns = normals, turns
+        self._normals = normals
+        self._turns = turns
         # Those of both faces at a corner, for the side of a point.
         self._before = np.exp(1j * normals) + np.roll(np.exp(1j * self._low), -1)
         extent = float(np.abs(self._start - self._start.mean()).max()) if count > 1 else float(self._reach[0])

@@ -172,8 +172,10 @@ class _SuperellipseOutline(PartOutline):
     """Outline of a superellipse; w is the polar angle of the scaled superellipse."""
 
     def __init__(self, center: complex, angle: float, semi_axes: tuple[float, float], exponent: float) -> None:
-        self.center, self.angle = center, angle
-        self.axes, self.exponent = semi_axes, exponent
+        self.center = center
+        self.angle = angle
+        self.axes = semi_axes
+        self.exponent = exponent
         self.extent = math.hypot(*semi_axes)
         # A table of places: even in the polar angle, and even in the normal's angle, which changes fast at corners.
         tilts = np.linspace(0.0, 0.5 * math.pi, 17)

@@ -72,7 +72,8 @@ class ChainSystem(Model):
         self.n = hinges
         self.u_names = model.u_names
         self.nu = model.nu
-        self._finger_parameters, self._object_parameters = tuple(parameters), tuple(object_parameters)
+        self._finger_parameters = tuple(parameters)
+        self._object_parameters = tuple(object_parameters)
         values = {"bending_stiffness": 1.0, "material_damping": 1.0, "tendon_friction": 1.0, "friction_factor": 1.0}
         values |= {"object_mass": 1.0 if scene.object is None else scene.object.mass}
         self.p_names = [*parameters, *object_parameters]

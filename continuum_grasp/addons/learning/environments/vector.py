@@ -124,14 +124,17 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         self._plants: Plants = plants_of(*scenes_of(scene))
         plants = self._plants
         first = self._plants.scenes[0]
-        self.scenes, self.keys, self.values = plants.scenes, plants.keys, plants.values
+        self.scenes = plants.scenes
+        self.keys = plants.keys
+        self.values = plants.values
         self.metadata = {"autoreset_mode": AutoresetMode(autoreset_mode), "render_modes": []}
         self._mode = self.metadata["autoreset_mode"]
         self._low, self._high = np.array(first.input_limits)
         rate_limit = first.controller.input.rate_max
         self._change = math.inf if rate_limit is None else rate_limit * plants.period
         model = plants.model
-        self.x_names, self.action_names = model.x_names, model.u_names
+        self.x_names = model.x_names
+        self.action_names = model.u_names
         radius = model.method_for(plants.period).radius
         if substeps is None:
             check_stiffness(radius, plants.period)
@@ -158,7 +161,8 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         self._sensing.periods(*at_rest, self._x_bounds, self._first, 0, 0.0)
         count = self.num_envs
         self.drawn = np.zeros(count, dtype=np.int64)
-        self.x, self._u = np.empty((count, model.nx)), np.empty((count, model.nu))
+        self.x = np.empty((count, model.nx))
+        self._u = np.empty((count, model.nu))
         self._p = np.empty((count, plants.p.shape[1]))
         self._w = np.empty((count, model.nw))
         self._at = np.zeros(count, dtype=np.int64)

@@ -39,7 +39,8 @@ class RowFunction:
         self.name = function.name()
         self.function = function
         self.origin = origin
-        self._core, self._check = core, check
+        self._core = core
+        self._check = check
         self._batch = core.on_rows(function)
 
     def __call__(self, arrays: Sequence[Array]) -> list[Array]:
