@@ -178,7 +178,12 @@ def run_hardware(
         except BaseException as raised:
             error = raised
             of_user = isinstance(raised, KeyboardInterrupt)
-            loop.ended = "silent" if isinstance(raised, HangsError) else "interrupted" if of_user else "failed"
+            if isinstance(raised, HangsError):
+                loop.ended = "silent"
+            elif of_user:
+                loop.ended = "interrupted"
+            else:
+                loop.ended = "failed"
             loop.cause = str(raised) or type(raised).__name__
         if not (hold and loop.ended == "finished"):
             with interrupts_held(quietly=True):

@@ -152,7 +152,11 @@ class RtiSolver(CompiledController):
         InputError
             If something has another size or other names, or is not finite.
         """
-        initial_input = named("u", u, self.stages.u_names) if isinstance(u, Mapping) else self.safe if u is None else u
+        initial_input: ArrayLike = self.safe
+        if isinstance(u, Mapping):
+            initial_input = named("u", u, self.stages.u_names)
+        elif u is not None:
+            initial_input = u
         before = CheckedArgument("u", initial_input).vector(self.stages.nu)
         self._start(np.zeros(self.stages.nd), before)
         if guess is not None:

@@ -302,4 +302,8 @@ class Budget:
     @property
     def cut(self) -> str:
         """Limit that cut the search short: ``clock``, ``iterations``, or none."""
-        return "clock" if self.stopped else "iterations" if self.left <= 0 else ""
+        if self.stopped:
+            return "clock"
+        if self.left <= 0:
+            return "iterations"
+        return ""

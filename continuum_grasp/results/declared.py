@@ -134,5 +134,10 @@ class Picture(File):
 def attribute(of: Any, path: str) -> Any:
     """An attribute, dots lead into attributes and mappings; None where one on the path is None or not in a mapping."""
     for part in path.split("."):
-        of = of.get(part) if isinstance(of, Mapping) else None if of is None else getattr(of, part)
+        if isinstance(of, Mapping):
+            of = of.get(part)
+        elif of is None:
+            of = None
+        else:
+            of = getattr(of, part)
     return of

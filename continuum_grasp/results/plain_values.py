@@ -21,7 +21,11 @@ from continuum_grasp.base import InputError
 def _json_number(value: float) -> float | str:
     if math.isfinite(value):
         return value
-    return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+    if math.isnan(value):
+        return "NaN"
+    if value > 0:
+        return "Infinity"
+    return "-Infinity"
 
 
 def plain(value: Any, key: str = "", number: Callable[[float], Any] = _json_number) -> Any:

@@ -221,7 +221,12 @@ class DesignResult(Result):
         for k, (coordinate, u) in enumerate(zip(self.space.coordinates, self.best.coordinates.tolist(), strict=True)):
             value = coordinate.way.value(u)
             slope = float(total[k]) / coordinate.way.slope(value)
-            at = "least" if u < 1e-6 else "greatest" if u > 1.0 - 1e-6 else ""
+            if u < 1e-6:
+                at = "least"
+            elif u > 1.0 - 1e-6:
+                at = "greatest"
+            else:
+                at = ""
             influences.append(Influence(coordinate.key, coordinate.unit, value, slope, 0.01 * float(total[k]), at))
         count = len(self.space.coordinates)
         for k, tolerated in enumerate(self.space.tolerated):

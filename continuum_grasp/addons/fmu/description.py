@@ -156,7 +156,12 @@ def base_unit(unit: str) -> dict[str, int] | None:
     at = 0
     while not at or at < len(unit):
         match = _FACTOR.match(unit, at)
-        inner = None if match is None else _BASE.get(match[3]) if match[2] is None else base_unit(match[2])
+        if match is None:
+            inner = None
+        elif match[2] is None:
+            inner = _BASE.get(match[3])
+        else:
+            inner = base_unit(match[2])
         if match is None or inner is None:
             return None
         power = (-1 if match[1] else 1) * int(match[4] or 1)

@@ -183,8 +183,15 @@ def units_of(
     """
     identifier = prefix_of(name)
     versions = CheckedArgument("fmi", [fmi] if isinstance(fmi, str) else fmi).some_of(VERSIONS, "version")
-    has = WHAT[:1] if isinstance(scene, Scene) else WHAT[1:] if isinstance(scene, _MISSIONS) else WHAT
-    asked = has if what is None else [what] if isinstance(what, str) else what
+    asked: Sequence[str]
+    if what is not None:
+        asked = [what] if isinstance(what, str) else what
+    elif isinstance(scene, Scene):
+        asked = WHAT[:1]
+    elif isinstance(scene, _MISSIONS):
+        asked = WHAT[1:]
+    else:
+        asked = WHAT
     kinds = CheckedArgument("what", asked).some_of(WHAT, "part")
     given_options: dict[str, Any] = {f"what={kind}": "what" for kind in kinds}
     given_options |= {key: bool(options.get(key)) for key in ("step", "ranges", "substeps")}

@@ -35,7 +35,12 @@ def measured_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], len
         group = what if reading.of_mode else f"{reading.kind} {'on paths' if moves else 'of poses'}"
         if reading.sigma is not None:
             group = f"{data.name}: {reading.kind if moves else what}"
-        place = None if reading.of_drive or reading.of_mode else length if reading.at is None else reading.at
+        if reading.of_drive or reading.of_mode:
+            place = None
+        elif reading.at is None:
+            place = length
+        else:
+            place = reading.at
         unit = UNIT_OF[reading.quantity]
         columns.append(MeasuredColumn(what, group, unit, reading.sigma, reading.quantity, place))
     values = np.stack([np.broadcast_to(reading.values, at.shape) for reading in data.measured], axis=1).astype(float)

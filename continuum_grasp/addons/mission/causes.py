@@ -283,7 +283,11 @@ def _at(t: Array, values: Array, instant: float) -> float:
     """A value at an instant, to a period; NaN where the mission was stopped before."""
     k = int(np.searchsorted(t, instant - 1e-6))
     near = k == len(t) and k > 1 and instant < 2.0 * t[-1] - t[-2]  # the end of a phase between two periods
-    return float(values[-1]) if near else float(values[k]) if k < len(t) else math.nan
+    if near:
+        return float(values[-1])
+    if k < len(t):
+        return float(values[k])
+    return math.nan
 
 
 def _degrees(angle: float) -> str:

@@ -303,7 +303,11 @@ def _column(values: list[Any], words: bool) -> NDArray[Any]:
 
 
 def _word(value: Any) -> str:
-    return "" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return str(value)
 
 
 def _places(values: NDArray[Any]) -> tuple[NDArray[Any], Indices]:

@@ -309,7 +309,12 @@ def _controller_rows(loop: Loop, real: CReal, begin: _Begin) -> tuple[_Record, l
             if episode and k % 27 == 5:  # off, or beyond what can be commanded
                 applied = np.clip([pair[k % 2] for pair in loop.applied.bounded], -UNLIMITED, UNLIMITED) * (k % 4 > 1)
             # Kind of the call as in tests/check.h: usual, without a plan before, or hard.
-            kind = 1 if not planned else 2 if episode else 0
+            if not planned:
+                kind = 1
+            elif episode:
+                kind = 2
+            else:
+                kind = 0
             settings = _settings(loop, episode, k)
             y = _spoilt(loop, finger.measured(u), episode, k, rng)
             switch = (_HELD - k % _HELD) * loop.period / loop.stages.stage

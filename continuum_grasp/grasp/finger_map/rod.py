@@ -240,7 +240,11 @@ class MapFinger:
     @property
     def lanes(self) -> int:
         """Slopes that are computed at a time."""
-        return 8 if self.numbers <= 8 else 16 if self.numbers <= 16 else 24
+        if self.numbers <= 8:
+            return 8
+        if self.numbers <= 16:
+            return 16
+        return 24
 
     def traced(self, z: Array, *, slopes: bool = True, entered: float = 0.0) -> Traced:
         """Integrate equilibria (B, 4 + 3 k), which may be so deep in obstacles [L]."""

@@ -123,7 +123,12 @@ def object_poses(scene: GraspScene, on: frozenset[str]) -> list[Pose]:
     # Of the further ones every other lies flat, too, where a face can.
     # 6: further poses of a free object
     for k, pose in enumerate(_spread(bounds, 6)):
-        angle = scene_pose[2] if is_round else flat[k % len(flat)] if flat and k % 2 else pose[2]
+        if is_round:
+            angle = scene_pose[2]
+        elif flat and k % 2:
+            angle = flat[k % len(flat)]
+        else:
+            angle = pose[2]
         held = [bounds[0], bounds[1], (angle, angle) if flat and k % 2 else bounds[2]]
         tries.append(((pose[0], pose[1], angle), held))
 

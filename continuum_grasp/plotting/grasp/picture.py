@@ -171,13 +171,12 @@ def _labels(view: GraspView, forces: bool) -> list[Label]:
         labels.append(Label("\n".join(lines), view.color(first.name), first.position, first.normal))
     if scene.weight:
         out = scene.gravity[2]
-        into = (
-            "\nslanted"
-            if any(scene.gravity[:2]) and out
-            else f"\n{'into' if out < 0.0 else 'out of'} plane"
-            if out
-            else ""
-        )
+        if any(scene.gravity[:2]) and out:
+            into = "\nslanted"
+        elif out:
+            into = f"\n{'into' if out < 0.0 else 'out of'} plane"
+        else:
+            into = ""
         text = f"weight {amount_text(scene.weight, 'N', '.2f')}{into}"
         labels.append(Label(text, Color.INK, view.center_of_mass, nowhere, on_body=True))
     if not view.contacts:

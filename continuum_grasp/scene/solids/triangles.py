@@ -116,7 +116,11 @@ def _factor(name: str, mesh: Any, scale: float | None) -> float:
         raise KeyedError(f"scale: missing; {name} does not say how long a unit of it is: scale: 1 mm, or 1 m")
     if scale is not None and stated is not None and abs(scale - stated) > 1e-9 * stated:
         raise KeyedError(f"scale: {scale:g} m, but {name} says that its unit is a {mesh.units}; leave scale out")
-    return scale if scale is not None else stated if stated is not None else 1.0
+    if scale is not None:
+        return scale
+    if stated is not None:
+        return stated
+    return 1.0
 
 
 def _check_size(name: str, mesh: Any, factor: float) -> None:

@@ -105,7 +105,12 @@ def sensing_of(plants: Plants, sensors: str | Sequence[str] | None) -> Sensing:
     if scene.estimator is not None:
         known |= model.sensor_expressions(scene.estimator.measured, plants.prediction)
     measured = tuple(name for name in known if name != STATE) or (STATE,)
-    asked = measured if sensors is None else (sensors,) if isinstance(sensors, str) else tuple(sensors)
+    if sensors is None:
+        asked = measured
+    elif isinstance(sensors, str):
+        asked = (sensors,)
+    else:
+        asked = tuple(sensors)
     if not asked or any(name not in known or asked.count(name) > 1 for name in asked):
         raise InputError(
             f"expected each once of {', '.join(known)} (what estimator.measured has), got {list(asked)}", key="sensors"

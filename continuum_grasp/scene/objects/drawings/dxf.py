@@ -93,7 +93,11 @@ def _hidden(document: Any, name: str) -> str:
     if not document.layers.has_entry(name):
         return ""
     layer = document.layers.get(name)
-    return "frozen" if layer.is_frozen() else "off" if layer.is_off() else ""
+    if layer.is_frozen():
+        return "frozen"
+    if layer.is_off():
+        return "off"
+    return ""
 
 
 def _curve(entity: Any, layer: str, blocks: tuple[str, ...], ignored: Counter[str]) -> DrawnCurve | None:
