@@ -48,9 +48,9 @@ def _jumps(scene: ControlScene) -> bool:
 
 
 def _never_saturates(drive: WinchDrive | None) -> WinchDrive | None:
-    # 1e12: the greatest number that a scene has [N m]
-    servo = isinstance(drive, MotorDrive) and drive.position_gain is not None
-    return drive.replaced(torque_max=1e12) if drive and servo else drive
+    if isinstance(drive, MotorDrive) and drive.position_gain is not None:
+        return drive.unlimited()
+    return drive
 
 
 class ControlScene(CommandedScene):

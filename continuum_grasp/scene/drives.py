@@ -11,7 +11,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Distance, Extent, NonNegative, Positive, TimeConstant, Value
+from continuum_grasp.scene.value import GREATEST, Distance, Extent, NonNegative, Positive, TimeConstant, Value
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.profile import Channel
@@ -148,6 +148,10 @@ class MotorDrive(_Winch):
     """Play of the gear, as an angle of the drum from flank to flank [rad]; of one_pulley."""
     gear_stiffness: Annotated[Positive, Field(examples=[20.0]), Unit("N m/rad")] | None = None
     """Stiffness of the gear at the drum [N m/rad]; needed for backlash, without it a part of ``series_stiffness``."""
+
+    def unlimited(self) -> MotorDrive:
+        """The motor with so much torque that it never saturates, and stands wherever it is to stand."""
+        return self.replaced(torque_max=GREATEST)
 
     @property
     def key(self) -> str:

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.assembly import Overrides
     from continuum_grasp.scene.document import Document, KeyPath
 
+GREATEST = 1e12
+"""Greatest number that a scene states, in its SI unit: one beyond is in another unit, or mistyped."""
 PARALLEL = 1e-6
 """Sine of an angle below which two directions, or those of two surfaces, count as parallel [1]."""
 SAME = 1e-9
@@ -272,10 +274,9 @@ def _classes(module: str) -> dict[str, ast.ClassDef]:
 _Entry = TypeVar("_Entry")
 ListOf: TypeAlias = Annotated[tuple[_Entry, ...], Field(strict=False)]
 """A list in a file, which is a tuple in Python."""
-# Wide enough for any finger in SI units: a value beyond is in another unit, or mistyped.
-Real = Annotated[float, Field(ge=-1e12, le=1e12)]
-Positive = Annotated[float, Field(ge=1e-12, le=1e12)]
-NonNegative = Annotated[float, Field(ge=0.0, le=1e12)]
+Real = Annotated[float, Field(ge=-GREATEST, le=GREATEST)]
+Positive = Annotated[float, Field(ge=1e-12, le=GREATEST)]
+NonNegative = Annotated[float, Field(ge=0.0, le=GREATEST)]
 Length = Annotated[float, Field(ge=1e-6, le=1e4), Unit("m")]
 """Length of a finger or of a part of it [m]."""
 Extent = Annotated[float, Field(ge=1e-9, le=1e8), Unit("m")]

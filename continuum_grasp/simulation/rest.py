@@ -276,9 +276,8 @@ def _locked(drive: Any) -> Any:
         return LengthDrive(kind="length", time_constant=1.0, **same)  # of no effect at rest
     # A servo and a gear of twice the stiffness each yield together what the gear does.
     stiffness = 2.0 * drive.gear_stiffness
-    # 1e12: torque that holds a motor wherever it stands [N m]: the greatest number that a scene has
-    servo = {"position_gain": stiffness, "rate_gain": 0.0, "torque_max": 1e12}
-    return drive.replaced(gear_stiffness=stiffness, **servo)
+    servo = drive.replaced(gear_stiffness=stiffness, position_gain=stiffness, rate_gain=0.0)
+    return servo.unlimited()
 
 
 def rest_under(

@@ -7,7 +7,6 @@ from tests.similarity.constants import constants
 LEFT = {
     ("model/surfaces/polygon_outline.py", "SHARP"): "radius of an edge without one",
     ("model/surfaces/offset_polygon.py", "_SKIN"): "rounding of positions",
-    ("simulation/rest.py", "1e12"): "beyond all numbers of a scene",
     ("simulation/accuracy/space.py", "_LONG"): "patience of a user, which changes no result",
     ("simulation/accuracy/motion.py", "1.0"): "motions of users, whose durations are theirs",
     ("simulation/stepping.py", "_BESIDE"): "rounding of instants",

@@ -15,7 +15,7 @@ from continuum_grasp.addons.identification.unknowns import ALONG, DELAY, LAG, Un
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.model import Parameters
 from continuum_grasp.results import Dimension, File, Picture, Stored, yaml_text
-from continuum_grasp.scene import Finger, FingerScene, PointMass, Rod
+from continuum_grasp.scene import Finger, FingerScene, PointMass
 
 
 @dataclass(frozen=True)
@@ -251,7 +251,7 @@ def _changes(finger: Finger, target: str, value: float, added: bool) -> Mapping[
     if added:
         return {"base.position": (x + value, y) if target == "base_position_x" else (x, y + value)}
     if target in ("bending_stiffness", "linear_density", "rotary_inertia"):
-        return {f"rod.{key}": number for key, number in _rod(finger.rod, target, value).items()}
+        return {f"rod.{key}": number for key, number in _rod(finger, target, value).items()}
     if target == "tip_mass":
         others = [mass for mass in finger.masses if not finger.rod.is_tip(mass.at)]
         return {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}
@@ -261,11 +261,12 @@ def _changes(finger: Finger, target: str, value: float, added: bool) -> Mapping[
     return dict.fromkeys(numbers[target].places(finger), value)
 
 
-def _rod(rod: Rod, target: str, value: float) -> dict[str, float]:
-    """Changes of the rod in its own terms: section and material, or linear density and bending stiffness.
+def _rod(finger: Finger, target: str, value: float) -> dict[str, float]:
+    """Changes of a finger's rod in its own terms: section and material, or linear density and bending stiffness.
 
     The values are factors for a graded rod.
     """
+    rod = finger.rod
     if rod.graded:
         if target == "bending_stiffness" and isinstance(rod.youngs_modulus, float) and rod.one_modulus:
             return {"youngs_modulus": value * rod.youngs_modulus}
