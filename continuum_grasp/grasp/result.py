@@ -13,6 +13,7 @@ import numpy as np
 
 from continuum_grasp.base import Array, InputError, amount_text, check_arguments, named_value
 from continuum_grasp.grasp.certificate.certificate import Certificate
+from continuum_grasp.grasp.certificate.space import ASIDE
 from continuum_grasp.grasp.stored import DIMENSIONS, STORED
 from continuum_grasp.grasp.values import (
     NEAR,
@@ -228,6 +229,12 @@ class GraspResult(Result):
             warnings.append("the grasp is unstable: small motions that the contacts allow lower the energy")
         elif self.solved and stability.in_space is not None and not stability.stable:
             warnings.append(f"the grasp is not stable in space: {stability.in_space}")
+        shortest = min(setup.finger.rod.length for setup in self.scene.setups)
+        if stability.in_space is not None and stability.in_space.sinks > ASIDE * shortest:
+            sinks = amount_text(stability.in_space.sinks, "m", ".2g")
+            warnings.append(
+                f"fingers count as stiff out of the plane, but the weight moves the object by {sinks} there"
+            )
         if self._idle:
             warnings.append(
                 f"{' and '.join(self._idle)} on, but without a force: others hold the object, and what only touches "

@@ -206,6 +206,11 @@ def _certificate(certificate: Certificate) -> TextPart:
         *(f"FAILED: {failure.name}, {failure.value:.2e}, limit {failure.limit:.0e}" for failure in certificate.failed),
         f"stability: {word}, least eigenvalue {stability.eigenvalue:.3g} E I / L ({stability.assumptions})",
         *([] if space is None else [f"stability in space: {space} ({space.assumptions})"]),
+        *(
+            []
+            if space is None or not space.sinks
+            else [f"out of the plane the weight moves it by {1e3 * space.sinks:.2g} mm"]
+        ),
         str(error),
         f"model error, limit {1e3 * error.limit:.2g} mm{mark}: its bending moment is off by {error.moment:.1%} of the "
         "greatest, and the tension perhaps by as much",

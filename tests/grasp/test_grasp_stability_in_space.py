@@ -175,6 +175,16 @@ def test_what_is_upright_does_not_tilt():
     assert upright.stable
 
 
+@pytest.mark.parametrize("ratio", [1.0, 4.0])
+def test_the_weight_that_friction_carries_bends_the_fingers(ratio):
+    section, lateral, _ = ellipse(ratio)
+    weight = 1e-4
+    two = {"places": (0.0, math.pi), "gravity": cases.INTO_PLANE, "mass": weight / G, "upright": True}
+    found = in_space(*around(section, [(1e-3, 0.0, 0.5 * weight)] * 2, **two))
+    assert found.sinks == pytest.approx(0.5 * weight * L**3 / (3.0 * lateral), rel=0.01)
+    assert in_space(*around(section, [1e-3] * 3)).sinks == 0.0
+
+
 # -- supports ---------------------------------------------------------------------------------------------------------
 
 

@@ -16,6 +16,7 @@ from benchmarks.grasp_oracle import scenes
 from continuum_grasp import nlp
 from continuum_grasp.grasp import GraspResult, Reason, certify, changes, stations
 from continuum_grasp.grasp.certificate.model_error import ModelError
+from continuum_grasp.grasp.certificate.out_of_plane import stability_out_of_plane
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.reasons import diagnosis
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, is_clear, is_rare, ordered
@@ -540,3 +541,21 @@ def test_the_slope_of_the_least_eigenvalue_leads_to_stability():
 
     change = eigenvalue(at.attempt.x + step) - eigenvalue(at.attempt.x - step)
     assert change == pytest.approx(2.0 * slope @ step, rel=1e-5)
+
+
+def test_the_slope_of_the_least_eigenvalue_in_space_is_that_of_its_changes():
+    changes = {f"fingers.{name}.section": {"shape": "round"} for name in ("left", "right")}
+    scene = load(CONFIGS / "pinch.yaml").changed(changes)
+    search = GraspSearch(scene, Budget())
+    search.run()
+    at = next(t for t in search.good if not t.acceptable)
+    slope = _slope(scene, at, True)
+    step = 3e-6 * slope / np.linalg.norm(slope)
+
+    def eigenvalue(x):
+        moved = type(at.attempt)(**{**vars(at.attempt), "x": x})
+        grasp = certify(scene, at.solver.arrays(scene, moved)).grasp
+        return stability_out_of_plane(grasp, stations.LINKS).eigenvalue
+
+    change = eigenvalue(at.attempt.x + step) - eigenvalue(at.attempt.x - step)
+    assert change == pytest.approx(2.0 * slope @ step, rel=1e-4)

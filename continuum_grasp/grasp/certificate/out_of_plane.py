@@ -102,7 +102,8 @@ def stability_out_of_plane(grasp: RecomputedGrasp, links: int = LINKS) -> Spatia
     if found is None:
         return SpatialStability(float("inf"), float("inf"), assumptions=ASSUMPTIONS)
     least, vector = found
-    return SpatialStability(least / unit, least, system.describe(vector), vector[-6:], ASSUMPTIONS)
+    sinks = system.sinks(grasp.scene.object.mass) if least > 0.0 and grasp.scene.spatial else 0.0
+    return SpatialStability(least / unit, least, system.describe(vector), vector[-6:], ASSUMPTIONS, sinks)
 
 
 class FlatSystem(SpatialSystem):
@@ -110,7 +111,8 @@ class FlatSystem(SpatialSystem):
 
     def __init__(self, grasp: RecomputedGrasp, links: int) -> None:
         fingers = [FlatFinger(finger) for finger in grasp.fingers]
-        super().__init__(fingers, np.array(grasp.scene.gravity), flat(grasp.object.com), links)
+        self.gravity = np.array(grasp.scene.gravity)
+        super().__init__(fingers, self.gravity, flat(grasp.object.com), links)
         turn = np.eye(self.size)[-3:]  # of the object
         rows = [turn[:2]] if grasp.scene.upright else []  # something else bears what tilts it
         for contact in grasp.contacts:
@@ -143,17 +145,37 @@ class FlatSystem(SpatialSystem):
 
     def least(self) -> tuple[float, Array] | None:
         """Least eigenvalue of motions out of the plane [N m] and its mode; None where there are none."""
-        aside, within = self._free(self.aside), self._free(~self.aside)
-        if not aside.shape[1]:
+        free = self._free(self.aside)
+        if not free.shape[1]:
             return None
-        stiff, coupled = aside.T @ self.hessian @ aside, within.T @ self.hessian @ aside
+        stiff = self._stiffness(free)
+        if stiff is None:  # which `stability` finds, too
+            return least_mode(self.hessian, held_directions(self.rows))
+        values, vectors = np.linalg.eigh(stiff)
+        return float(values[0]), free @ vectors[:, 0]
+
+    def sinks(self, mass: float) -> float:
+        """Displacement of an object of some mass out of the plane by its weight and that of the fingers [m]."""
+        free = self._free(self.aside)
+        stiff, weight = self._stiffness(free), np.zeros(self.size)
+        if stiff is None or not free.shape[1]:
+            return float("nan")
+        weight[-4] = mass * self.gravity[2]
+        for chain, span in zip(self.chains, self.spans, strict=True):
+            weight[span] = chain.weights() @ self.gravity
+        moved = free @ np.linalg.solve(stiff, free.T @ (self.scale * weight))
+        return abs(float(self.scale[-4] * moved[-4]))
+
+    def _stiffness(self, free: Array) -> Array | None:
+        """Stiffness (m, m) of motions out of the plane (n, m), which those within it follow; None where these fail."""
+        within = self._free(~self.aside)
+        stiff, coupled = free.T @ self.hessian @ free, within.T @ self.hessian @ free
         if coupled.any():
             inner = within.T @ self.hessian @ within
-            if float(np.linalg.eigvalsh(inner)[0]) <= 0.0:  # which `stability` finds, too
-                return least_mode(self.hessian, held_directions(self.rows))
+            if float(np.linalg.eigvalsh(inner)[0]) <= 0.0:
+                return None
             stiff = stiff - coupled.T @ np.linalg.solve(inner, coupled)
-        values, vectors = np.linalg.eigh(0.5 * (stiff + stiff.T))
-        return float(values[0]), aside @ vectors[:, 0]
+        return np.asarray(0.5 * (stiff + stiff.T))
 
     def _free(self, among: Array) -> Array:
         """Orthonormal motions (n, m) among some coordinates that the contacts leave."""

@@ -26,7 +26,7 @@ from continuum_grasp.grasp.certificate.certificate import (
 )
 from continuum_grasp.grasp.certificate.check import CURLED, EXACT, GUARDED, Check, self_overlap, worst
 from continuum_grasp.grasp.certificate.recomputed import OF_FINGER
-from continuum_grasp.grasp.certificate.space import SpatialStability
+from continuum_grasp.grasp.certificate.space import ASIDE, SpatialStability
 from continuum_grasp.grasp.hand.recomputed import (
     OF_CONTACTS,
     HandTouch,
@@ -42,11 +42,6 @@ from continuum_grasp.scene import FAMILIES, HandScene
 
 TURNED = ", weight in any direction"
 """Ending of the names of checks that are about a weight of any direction."""
-ASIDE = 0.05
-"""Greatest displacement of a contact out of its finger's plane, per length of the finger [1]: at 0.03 the linear theory
-is within 0.4 % of a geometrically exact rod under loads to the side alone. Moments of forces in the plane about the
-displaced rod are left out: displacements of stable grasps are up to 0.31 mm off, in the main by them
-(``benchmarks.hand_mujoco``)."""
 RESTS = 2e-6
 """Limit of the gap between object and palm or table, and of what the object reaches into them, per size of the object
 [1]: scenes take it to lie against them up to 1e-6."""
