@@ -14,12 +14,9 @@ from continuum_grasp.rod.mesh import PanelMesh, panel_edges
 Complex = NDArray[np.complex128]
 
 BEND_ROUNDING = 1e-3
-"""Curvature times length below which the capstan law is rounded off [rad], so that its derivative exists: as the finger
-model does."""
-
-WAY_ROUNDING = 1e-3
-"""Bend beyond a place at which a tendon slides one way or the other there [rad]: with a coefficient of 0.4 the tip is
-off by 2e-6 rad."""
+"""Bend below which the capstan law is rounded off [rad], so that its derivative exists, as the finger model does:
+curvature times length, and the bend beyond a place at which a tendon slides one way or the other there. With a
+coefficient of 0.4 the latter moves the tip by 2e-6 rad."""
 
 
 @dataclass(frozen=True)
@@ -188,9 +185,9 @@ class RodEquations:
         if tendon.conduit_bend:
             # It slides there as at the base.
             whole = float(mesh.weights @ curvature)
-            root = float(np.hypot(whole, WAY_ROUNDING))
+            root = float(np.hypot(whole, BEND_ROUNDING))
             bend = bend + tendon.conduit_bend * whole / root
-            by_bend = by_bend + (tendon.conduit_bend * WAY_ROUNDING**2 / root**3) * mesh.weights
+            by_bend = by_bend + (tendon.conduit_bend * BEND_ROUNDING**2 / root**3) * mesh.weights
         share = np.exp(-friction * bend)
         return share, (-friction * share)[:, None] * by_bend
 
@@ -219,8 +216,8 @@ class RodEquations:
     def _ways(self, curvature: Array) -> tuple[Array, Array]:
         """Direction in which tendons slid, from -1 to 1, and its derivative by the bend beyond."""
         slid = self.mesh.backward @ curvature
-        root = np.sqrt(slid**2 + WAY_ROUNDING**2)
-        return slid / root, WAY_ROUNDING**2 / root**3
+        root = np.sqrt(slid**2 + BEND_ROUNDING**2)
+        return slid / root, BEND_ROUNDING**2 / root**3
 
     def _elastic(self, curvature: Array) -> tuple[Array, Array, Array]:
         """Elastic energy per length at the nodes, and its first and second derivative: moment and stiffness."""

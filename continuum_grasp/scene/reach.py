@@ -11,10 +11,7 @@ from continuum_grasp.base import InputError
 from continuum_grasp.scene.cost import CircleReference
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.value import doubt
-
-_ROUNDING = 1e-6
-"""Share of a reach by which a number may exceed it [1]: the tip of a straight finger, written with six digits."""
+from continuum_grasp.scene.value import WRITTEN, doubt
 
 
 class Reach:
@@ -79,7 +76,7 @@ class Reach:
     def _check_row(self, name: str, where: str, row: Sequence[float]) -> None:
         for x, y, reach in zip(row[::2], row[1::2], self._radii.get(name, ()), strict=False):
             far = math.dist((x, y), self.finger.base.position)
-            if far > reach * (1.0 + _ROUNDING):
+            if far > reach * (1.0 + WRITTEN):
                 words = f"({x:g}, {y:g}) m is {far:.4g} m from the finger's base"
                 raise InputError(f"out of reach: {words}, expected {reach:.4g} m at most", key=where)
         unit, why, pairs = self._limits.get(name, ("", "", ()))
@@ -98,7 +95,7 @@ class Reach:
         entries = [(-math.inf, math.inf, 0.0)] * size
         x, y = self.finger.base.position
         for k, reach in enumerate(self._radii.get(name, ())):
-            radius = reach * (1.0 + _ROUNDING)
+            radius = reach * (1.0 + WRITTEN)
             entries[2 * k : 2 * k + 2] = (x - radius, x + radius, radius), (y - radius, y + radius, 0.0)
         for k, (low, high) in zip(range(size), self._limits.get(name, ("", "", ()))[2], strict=False):
             margin = _margin(low, high)
@@ -108,13 +105,13 @@ class Reach:
 
 def _margin(low: float, high: float) -> float:
     """By how much a number may exceed its limits."""
-    return _ROUNDING * (high - low if math.isfinite(high) else abs(low))
+    return WRITTEN * (high - low if math.isfinite(high) else abs(low))
 
 
 def _check_circle(finger: Finger, key: str, circle: CircleReference) -> None:
     """Refuse a circle that no tip meets; doubt one that is met in part."""
     center, length = math.dist(circle.center, finger.base.position), finger.rod.length
-    near_by, far, limit = abs(center - circle.radius), center + circle.radius, length * (1.0 + _ROUNDING)
+    near_by, far, limit = abs(center - circle.radius), center + circle.radius, length * (1.0 + WRITTEN)
     if near_by > limit:
         words = f"the circle is nowhere nearer than {near_by:.4g} m to the finger's base"
         raise InputError(f"out of reach: {words}, expected {length:.4g} m at most", key=key)

@@ -41,6 +41,9 @@ PARALLEL = 1e-6
 SAME = 1e-9
 """Distance per length up to which two positions are the same, and difference up to which two ratios are [1]: above the
 rounding of sums of lengths."""
+WRITTEN = 1e-6
+"""Share of a size that is rounding of what is written, as with six digits [1]: of numbers in scenes, of coordinates in
+drawings."""
 _SHORT = 200
 """Characters up to which a value is shown as it is written [1]: two lines of a terminal."""
 

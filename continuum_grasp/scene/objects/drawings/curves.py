@@ -11,12 +11,11 @@ from typing import Any
 
 from continuum_grasp.base import Array
 from continuum_grasp.scene.polygons import PlanePoint, check_simple
+from continuum_grasp.scene.value import WRITTEN
 
 _GAP = 1e-4
 """Gap between ends that meet, as a part of what all open curves measure: files round to 0.01 px or 1e-4 inch, which is
 5e-5 of an object that is 200 px or 2 inches large."""
-_SAME = 1e-6
-"""Distance between points that are one, and area between curves that are one, as a part of the size [1]."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +135,7 @@ def sizes(size: PlanePoint) -> str:
 def distinct(points: Iterable[PlanePoint]) -> tuple[PlanePoint, ...]:
     """Points without those that repeat the one before, and without the last where it is the first."""
     chain = list(points)
-    least = _SAME * max((math.dist(chain[0], point) for point in chain), default=0.0)
+    least = WRITTEN * max((math.dist(chain[0], point) for point in chain), default=0.0)
     once: list[PlanePoint] = []
     for point in chain:
         if not once or math.dist(point, once[-1]) > least:
@@ -227,7 +226,7 @@ def _once_each(rings: list[DrawnCurve]) -> list[DrawnCurve]:
     """Rings without those that are drawn twice."""
     unique: list[DrawnCurve] = []
     for ring in rings:
-        least = _SAME * ring.solid.area
+        least = WRITTEN * ring.solid.area
         alike = [other for other in unique if abs(other.solid.area - ring.solid.area) <= least]
         if not any(ring.solid.symmetric_difference(other.solid).area <= least for other in alike):
             unique.append(ring)

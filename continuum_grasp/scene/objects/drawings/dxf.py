@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, distinct
+from continuum_grasp.scene.value import WRITTEN
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.objects.outline import OutlineFile
@@ -21,8 +22,6 @@ _UNITS = {
 _CURVES = ("LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "HELIX", "LWPOLYLINE", "POLYLINE")
 _CHORD = 1e-5
 """Distance of chords from a curve as a part of its size [1]: a hundredth of a tolerance of 0.1 mm on 100 mm."""
-_FLAT = 1e-6
-"""Part of the size of a curve by which its height may vary [1]: rounding of coordinates."""
 
 
 def read_dxf(given: OutlineFile) -> Drawing:
@@ -125,7 +124,7 @@ def _curve(entity: Any, layer: str, blocks: tuple[str, ...], ignored: Counter[st
     size = max(spans)
     if size <= 0.0:
         return None
-    flaw = "is not in a plane of constant z: draw it in the plane of x and y" if spans[2] > _FLAT * size else ""
+    flaw = "is not in a plane of constant z: draw it in the plane of x and y" if spans[2] > WRITTEN * size else ""
     points = distinct((p.x, p.y) for p in curve.flattening(_CHORD * size))
     return DrawnCurve(label, names, points, curve.is_closed, (layer, blocks), flaw=flaw) if len(points) > 1 else None
 
