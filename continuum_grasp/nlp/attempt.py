@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from continuum_grasp.base import Array
+from continuum_grasp.base import Array, interrupt_pressed
 from continuum_grasp.scene import SolverOptions
 
 STALLED, KNOWN, SPENT, STOP_REQUESTED = "Stalled", "Known", "Budget_Spent", "User_Requested_Stop"
@@ -293,6 +293,11 @@ class Budget:
             return True
         self.stopped |= time.monotonic() > self.until
         return self.stopped
+
+    @property
+    def stops(self) -> bool:
+        """Whether a run has to end: Ctrl-C was pressed, or the budget is over."""
+        return interrupt_pressed() or self.over
 
     @property
     def outcome_of_stop(self) -> str:

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, cast
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.base import interrupt_pressed, interrupts_held
+from continuum_grasp.base import interrupts_held
 from continuum_grasp.nlp.attempt import (
     KNOWN,
     STALLED,
@@ -218,5 +218,5 @@ class _Stop(ca.Callback):
             self.outcome = STALLED if self._stalls(violation) else ""
         if self._known.size and (np.abs(np.frombuffer(point[_UNKNOWNS]) - self._known) < CLOSE).all(axis=1).any():
             self.outcome = KNOWN
-        np.frombuffer(stop[0])[0] = interrupt_pressed() or self.until.over or bool(self.outcome)
+        np.frombuffer(stop[0])[0] = self.until.stops or bool(self.outcome)
         return 0

@@ -27,7 +27,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from continuum_grasp.addons.planning.problem import PlanProblem
-from continuum_grasp.base import Array, interrupt_pressed
+from continuum_grasp.base import Array
 from continuum_grasp.nlp import (
     Attempt,
     Budget,
@@ -117,7 +117,7 @@ class Condensed:
             if satisfied and len(passed) > _PATIENCE and passed[-1 - _PATIENCE] - point.f <= _PROGRESS * abs(point.f):
                 outcome = "Search_Direction_Becomes_Too_Small"
                 break
-            if count >= most or budget.over or interrupt_pressed():
+            if count >= most or budget.stops:
                 if count < most:
                     outcome = budget.outcome_of_stop
                 break
