@@ -335,7 +335,8 @@ class _Loop:
         controller = self.controller
         count = len(self.u)
         lacking = max(0, 2 - count)  # a log has two rows at least
-        u, y = np.array([*self.u, *[self._last] * lacking]), np.array([*self.y, *[self._none] * lacking])
+        u = np.array([*self.u, *[self._last] * lacking])
+        y = np.array([*self.y, *[self._none] * lacking])
         t = np.asarray(controller.period * np.arange(len(u)), dtype=float)
         return HardwareRun(
             ended=self.ended,

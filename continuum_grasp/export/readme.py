@@ -143,7 +143,8 @@ def _stateful(contents: Contents, stack: int) -> str:
     words = contents.words
     if loop is None or not contents.stateful:
         return ""
-    usual, first = _times(loop.calls.sqp_iterations), _times(loop.calls.start_iterations)
+    usual = _times(loop.calls.sqp_iterations)
+    first = _times(loop.calls.start_iterations)
     return contents.fill(
         "control/README.md",
         memory=[

@@ -104,7 +104,8 @@ class NLP:
         bounds = multipliers.bounds
         slope = gradient + np.array(jacobian.T @ forces).ravel() + bounds
         fixed = start.low == start.high  # no condition: the multiplier is whatever balances
-        low, high = np.concatenate([start.low, start.lower]), np.concatenate([start.high, start.upper])
+        low = np.concatenate([start.low, start.lower])
+        high = np.concatenate([start.high, start.upper])
         at = np.concatenate([x, g])
         scale = np.concatenate([np.ones(x.size), by_g])
         pressed = by_f * np.concatenate([bounds, forces]) / scale

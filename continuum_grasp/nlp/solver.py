@@ -148,7 +148,8 @@ class Solver(ABC):
     def _status(self, reported: SolverStatus, error: float, violation: float) -> SolverStatus:
         """The status of a point, which is solved if, and only if, the conditions of optimality say so."""
         # The last step of a solver may fail by rounding, or the budget end, at a solution.
-        tolerance, constraint_tolerance = self.settings.tolerance, self.settings.constraint_tolerance
+        tolerance = self.settings.tolerance
+        constraint_tolerance = self.settings.constraint_tolerance
         if error <= tolerance and violation <= constraint_tolerance:
             return SolverStatus.SOLVED
         if reported in (SolverStatus.SOLVED, SolverStatus.ACCEPTABLE, SolverStatus.FAILED):

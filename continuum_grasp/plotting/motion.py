@@ -215,7 +215,8 @@ def plot_coordinates(ax: Axes, trajectory: Moved) -> str:
 @over_time()
 def plot_energy(ax: Axes, trajectory: Trajectory) -> str:
     """Draw kinetic, potential and total energy over time."""
-    kinetic, potential = np.asarray(trajectory.kinetic), np.asarray(trajectory.potential)
+    kinetic = np.asarray(trajectory.kinetic)
+    potential = np.asarray(trajectory.potential)
     ax.plot(trajectory.t, kinetic, color=Color.ORANGE, linewidth=1.3, label="kinetic")
     ax.plot(trajectory.t, potential, color=Color.BLUE, linewidth=1.3, label="potential")
     ax.plot(trajectory.t, kinetic + potential, color=Color.INK, linewidth=1.8, label="total")

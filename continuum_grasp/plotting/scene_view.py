@@ -101,7 +101,8 @@ class SceneView:
     @cached_property
     def targets(self) -> dict[str, Array]:
         """Points (n, 2) that finger and object are led to, by what is led there."""
-        goal, reference = getattr(self.scene, "goal", None), getattr(self.scene, "reference", None)
+        goal = getattr(self.scene, "goal", None)
+        reference = getattr(self.scene, "reference", None)
         targets = {}
         if goal is not None:
             targets = {"goal of the tip": goal.tip and goal.tip.value, "goal": goal.shape and goal.shape.value}

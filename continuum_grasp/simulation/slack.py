@@ -42,7 +42,8 @@ def slack_times(finger: Finger, t: ArrayLike, tensions: ArrayLike) -> list[Slack
     times = list[SlackTime]()
     for k, tension in enumerate(np.asarray(tensions, dtype=float).T):
         slack = np.concatenate([[False], tension < least_pull(finger.tendon_list[k]), [False]])
-        starts, stops = np.flatnonzero(np.diff(slack.astype(int)) > 0), np.flatnonzero(np.diff(slack.astype(int)) < 0)
+        starts = np.flatnonzero(np.diff(slack.astype(int)) > 0)
+        stops = np.flatnonzero(np.diff(slack.astype(int)) < 0)
         after = [*instants.tolist(), np.inf]
         times += [SlackTime(k + 1, after[a], after[b]) for a, b in zip(starts, stops, strict=True)]
     return times

@@ -201,7 +201,11 @@ class SmallMotions:
 
 
 def small_motions(equilibrium: Equilibrium) -> SmallMotions:
-    model, q, u, w, p = equilibrium.model, equilibrium.q, equilibrium.u, equilibrium.w, equilibrium.p
+    model = equilibrium.model
+    q = equilibrium.q
+    u = equilibrium.u
+    w = equilibrium.w
+    p = equilibrium.p
     core = Core(model, compiled=False)
     n = model.n
     mass = core.mass_matrix(q, u, p)

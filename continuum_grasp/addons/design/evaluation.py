@@ -304,7 +304,8 @@ class DesignProblem:
                 quantities[coordinate.way.name] = value
                 slopes[coordinate.way.name] = coordinate.way.slope(value) * direction
         expression = self.expressions[text]
-        value, slope = expression.value(quantities), expression.gradient(quantities, slopes)
+        value = expression.value(quantities)
+        slope = expression.gradient(quantities, slopes)
         if not (np.isfinite(value) and np.isfinite(slope).all()):
             raise LostGrasp(f"{values.case}: {text} or its slope is not a finite number there ({value:g})")
         return DesignNumber(text, values.case, values.signs, value, slope)

@@ -371,7 +371,8 @@ class _DesignSearch:
         bad = [case for case in worst if case.signs not in known and np.isfinite(case.cost)]
         if not bad:
             return False
-        costly, broken = max(bad, key=lambda case: case.cost), max(bad, key=lambda case: case.violation)
+        costly = max(bad, key=lambda case: case.cost)
+        broken = max(bad, key=lambda case: case.violation)
         change = max(abs(case.cost - best.cost) for case in bad)
         # 0.02: cost by which a combination of errors must exceed those at hand, as a part of what errors change
         add = [costly.signs] if costly.cost > best.cost + max(0.02 * change, SAME * self._scale) else []

@@ -130,7 +130,8 @@ def plot_series(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
     for ((name, what), (column, moves, rows)), above, below in zip(series, panels[0::2], panels[1::2], strict=False):
         factor, unit = _shown_in(column.unit, result.measured[rows])
         at, inside = result.at[rows], result.fitted[rows]
-        measured, predicted = factor * result.measured[rows], factor * result.predictions[rows]
+        measured = factor * result.measured[rows]
+        predicted = factor * result.predictions[rows]
         dense = len(rows) > _DENSE
         # rows of their own are no points of a curve
         look: dict[str, Any] = {"linewidth": 1.2} if moves else {"linestyle": "none", "marker": "_", "markersize": 14}

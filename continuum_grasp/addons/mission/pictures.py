@@ -324,7 +324,8 @@ def plot_trials(outcomes: Sequence[Outcome]) -> list[Axes]:
             ax.plot(x[good], values[good], "o", color=Color.BLUE, markersize=3.5, alpha=0.8, markeredgewidth=0.0)
             ax.plot(x[~good], values[~good], "x", color=Color.ORANGE, markersize=6, markeredgewidth=1.6)
         row[0].set_ylabel(what, color=Color.INK, fontsize=9)
-        low, high = 1.1 * float(np.nanmin(values, initial=0.0)), float(np.nanmax(values, initial=0.0))
+        low = 1.1 * float(np.nanmin(values, initial=0.0))
+        high = float(np.nanmax(values, initial=0.0))
         row[0].set_ylim(low, high + 0.06 * (high - low) or 1.0)  # 0.06: a margin in which dots are whole
     held = f"{int(good.sum())} of {len(outcomes)} plants held and released"
     figure.head(held + ("" if good.all() else "; crosses: not"))

@@ -111,7 +111,8 @@ def fewest_evaluations(eigenvalues: Array, length: float, steps: int | None = No
 
     best = MOST_STEPS + 1, _MOST_STAGES
     for stages in range(2, _MOST_STAGES + 1):
-        low, high = (steps or 1) - 1, steps or min(best[0] * best[1] // stages, MOST_STEPS)
+        low = (steps or 1) - 1
+        high = steps or min(best[0] * best[1] // stages, MOST_STEPS)
         if high <= low or not stable(high, stages):
             continue
         while high - low > 1:

@@ -100,7 +100,10 @@ def plan(
 
 def _result(search: PlanSearch) -> MotionPlan:
     """The best plan, or what comes nearest."""
-    problem, attempt, scene, motion = search.problem, search.best, search.scene, search.motion
+    problem = search.problem
+    attempt = search.best
+    scene = search.scene
+    motion = search.motion
     if attempt is None:
         status, message, advice, violated = _failure(search)
         attempt = (search.attempts or search.relaxed)[-1][1]

@@ -89,7 +89,9 @@ class Sdirk2Stages:
         n = self.slope.size1_out(0)
         pattern = derivative_pattern(self.slope)
         start = symbols["start"]
-        k, before, reached = ca.SX.sym("k", n), ca.SX.sym("before", n), ca.SX.sym("reached", pattern)
+        k = ca.SX.sym("k", n)
+        before = ca.SX.sym("before", n)
+        reached = ca.SX.sym("reached", pattern)
         by_state, by_input = parts(symbols["jacobian"])
         unmoved = identity(pattern)
         # The base of the second stage goes on with the rate of the first, from which the derivatives there have come.

@@ -58,7 +58,8 @@ class _Host:
 
     def run(self, name: str, row: Array, outputs: int) -> tuple[int, Array]:
         """Code and outputs of a row, after those before."""
-        entries, out = np.ascontiguousarray(row, dtype=self.dtype), np.zeros(outputs, dtype=self.dtype)
+        entries = np.ascontiguousarray(row, dtype=self.dtype)
+        out = np.zeros(outputs, dtype=self.dtype)
         run = getattr(self._library, f"host_{name}")
         return int(run(self._memory, *(ctypes.c_void_p(array.ctypes.data) for array in (entries, out)))), out
 

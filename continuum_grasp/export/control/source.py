@@ -256,7 +256,8 @@ class _Writer:
 
     def source(self, words: dict[str, object]) -> str:
         loop, p = self.loop, self.prefix
-        settings, known = ([loop.settings] if self.mpc else []), ([loop.known] if loop.known else [])
+        settings = [loop.settings] if self.mpc else []
+        known = [loop.known] if loop.known else []
         inputs = [loop.command, loop.measurement, loop.start, *known, *settings]
         outputs = [loop.start, loop.measurement, loop.command, *known, *settings]
         files = {"given": True, "estimator": words["estimator"], "controller": self.mpc}

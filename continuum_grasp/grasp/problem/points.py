@@ -48,7 +48,8 @@ def _finger_start(setup: FingerSetup, finger: FingerLayout, whole: GraspStart, u
     joints = [s / length for s in start.joints]
     lengths = np.diff(node_places(setup, start.joints)) / length
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
-    knots, curvatures = np.array([start.knots]) / length, np.array([start.curvatures]) * length
+    knots = np.array([start.knots]) / length
+    curvatures = np.array([start.curvatures]) * length
     tensions = whole.tensions.get(setup.name, (tendons.min_tension,) * 2)
     pulls = [t * tendons.offset * length / stiffness for t in tensions]
     wound: Values = {}

@@ -323,7 +323,8 @@ def _parts(start: GraspStart) -> list[int]:
 
 def _after(attempt: GraspAttempt, before: GraspAttempt) -> GraspAttempt:
     """An attempt with the effort of another one, too."""
-    iterations, seconds = attempt.iterations + before.iterations, attempt.seconds + before.seconds
+    iterations = attempt.iterations + before.iterations
+    seconds = attempt.seconds + before.seconds
     return replace(attempt, iterations=iterations, seconds=seconds)
 
 

@@ -220,7 +220,10 @@ def finger_values(
     start = whole.fingers[setup.name]
     tensions = whole.tensions.get(setup.name, (0.0, 0.0))
     states = whole.friction_states.get(setup.name)
-    length, offset, greatest_tension, used = rod.length, tendons.offset, setup.max_tension, finger.tendons_used
+    length = rod.length
+    offset = tendons.offset
+    greatest_tension = setup.max_tension
+    used = finger.tendons_used
     moment = setup.stiffness / length
     rod_mass = rod.mass_per_length * length
     inner = inner_masses(finger)

@@ -93,7 +93,8 @@ def robust_problem(
     """
     parts = [nominal, *others]
     count = len(others)
-    sizes, numbers = [part.problem.x.size for part in parts], [part.problem.numbers.size for part in parts]
+    sizes = [part.problem.x.size for part in parts]
+    numbers = [part.problem.numbers.size for part in parts]
     x = ca.MX.sym("x", sum(sizes))
     p = ca.MX.sym("p", sum(numbers) + 3 * count)
     xs = ca.vertsplit(x, _starts(sizes))

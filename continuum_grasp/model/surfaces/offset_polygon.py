@@ -324,7 +324,8 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     seen: list[tuple[Scalar, Scalar, Vec, Vec]] = []
     for (ax, ay), (bx, by) in edges:
         long = math.hypot(bx - ax, by - ay)
-        along, normal = Vec((bx - ax) / long, (by - ay) / long), Vec((by - ay) / long, (ax - bx) / long)
+        along = Vec((bx - ax) / long, (by - ay) / long)
+        normal = Vec((by - ay) / long, (ax - bx) / long)
         away = at - Vec(ax, ay)
         s, height = along.dot(away), normal.dot(away)
         over = s - ca.fmin(ca.fmax(s, 0.0), long)

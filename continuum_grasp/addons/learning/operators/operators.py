@@ -169,7 +169,8 @@ class Operators(Remade, Summarized, ABC):
             If a state is not finite, unless ``nonfinite`` is ``nan``.
         """
         model = self.model
-        steps, step = CheckedArgument("steps", steps).whole(), CheckedArgument("step", step).number()
+        steps = CheckedArgument("steps", steps).whole()
+        step = CheckedArgument("step", step).number()
         substeps = CheckedArgument("substeps", substeps).whole()
         if x0 is None:
             raise InputError("expected an array, got None", key="x0")
