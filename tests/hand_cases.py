@@ -104,3 +104,42 @@ def resting(body, points, mass=0.1, extra=(), base=((0.1, 0.0, 0.05), (0, 0, 1),
     share = -9.81 * mass / max(len(points), 1)
     touches = [(f"table_{k + 1}", point, (0, 0, -1), (0, 0, share), 0.0, 0.0) for k, point in enumerate(points)]
     return scene, stored(scene, [*touches, *extra])
+
+
+def of_plane(scene, found, height):
+    """The hand of a planar scene whose fingers hold a disc alone, which is a cylinder of some height, and its grasp."""
+    bases, arrays = {}, {}
+    for setup in scene.setups:
+        name, (x, y, angle) = setup.name, (float(value) for value in found[f"{setup.name}.base"])
+        c, s = math.cos(angle), math.sin(angle)
+        own = {key: value for key, value in setup.finger.stated().items() if key not in ("base", "fidelity")}
+        own["fidelity"] = {"family": setup.family, "elements": setup.elements}
+        bases[name] = {"position": (x, y, 0.0), "direction": (-s, c, 0.0), "bends_toward": (-c, -s, 0.0), "finger": own}
+        keys = "family", "q", "lengths", "curvature_shapes", "tip_curvature", "tensions"
+        arrays |= {f"{name}.{key}": found[f"{name}.{key}"] for key in keys}
+        line = np.array(found[f"{name}.backbone"])
+        line[:, 1:3] = (line[:, 1:3] - [x, y]) @ [[c, -s], [s, c]]
+        line[:, 3] -= angle
+        arrays |= {f"{name}.base": np.zeros(3), f"{name}.backbone": line}
+    normals, (n, f, lift) = found["contact_normals"], found["contact_forces"].T
+    loads = n[:, None] * normals + f[:, None] * np.stack([-normals[:, 1], normals[:, 0]], axis=1)
+    none = np.zeros(len(n))
+    arrays |= {
+        "contact_names": found["contact_names"],
+        "contact_positions": np.column_stack([found["contact_positions"], none]),
+        "contact_normals": np.column_stack([normals, none]),
+        "contact_forces": np.column_stack([loads, -lift]),
+        "contact_stations": found["contact_stations"],
+        "contact_deflections": none,
+    }
+    disc = scene.object
+    tube = {"shape": "cylinder", "diameter": disc.diameter, "height": height, "edge_radius": 0.02 * height}
+    hand = HandScene.model_validate({
+        "schema_version": 1,
+        "hand": {"finger": next(iter(bases.values()))["finger"], "bases": bases},
+        "object": {**tube, "mass": disc.mass, "position": (*(float(v) for v in found["object.pose"][:2]), 0.0)},
+        "contacts": {key: getattr(scene.contacts, key) for key in ("friction", "normal_force_max", "reserve")},
+        "gravity": scene.gravity,
+        "stability": "ignore",
+    })  # fmt: skip
+    return hand, arrays

@@ -231,7 +231,7 @@ class GraspResult(Result):
             warnings.append(f"the grasp is not stable in space: {stability.in_space}")
         shortest = min(setup.finger.rod.length for setup in self.scene.setups)
         if stability.in_space is not None and stability.in_space.sinks > ASIDE * shortest:
-            sinks = amount_text(stability.in_space.sinks, "m", ".2g")
+            sinks = f"{1e3 * stability.in_space.sinks:.2g} mm"
             warnings.append(
                 f"fingers count as stiff out of the plane, but the weight moves the object by {sinks} there"
             )

@@ -68,7 +68,7 @@ class GraspScene(Configuration, Supported):
         f"""
         fidelity.frequencies: is not for grasps, which do not move
         contacts.middle with setups.stations: {_PLACES}
-        upright without spatial: has no effect on forces in the plane of the fingers: leave it out
+        upright without leaves_plane: has no effect on forces in the plane of the fingers: leave it out
         """
     )
 
@@ -85,7 +85,8 @@ class GraspScene(Configuration, Supported):
     bends the fingers, too; weight out of it is carried by friction: there fingers are taken to be stiff."""
     upright: bool = False
     """Whether something else than the contacts, as a face on a palm, bears moments that tilt the object out of the
-    plane. Else friction that carries its weight, at the height of its center of mass, must not tilt it."""
+    plane. Else friction that carries its weight, at the height of its center of mass, must not tilt it; nor, of fingers
+    with a ``section``, may a small push."""
     fidelity: Fidelity = Fidelity()
     """Resolution of the fingers' models."""
     objective: Aim | ObjectiveWeights = "least_tension"
@@ -184,6 +185,11 @@ class GraspScene(Configuration, Supported):
     def spatial(self) -> bool:
         """Whether forces act out of the plane of the fingers."""
         return self.gravity[2] != 0.0
+
+    @property
+    def leaves_plane(self) -> bool:
+        """Whether there are forces or, of fingers with sections, motions out of the plane of the fingers."""
+        return self.spatial or all(finger.section is not None for finger in self.named_fingers.values())
 
     @property
     def balances(self) -> tuple[int, ...]:

@@ -84,7 +84,8 @@ class GraspFinger(Finger):
     base_free: Freedom | None = None
     """Bounds within which the base's pose may be chosen; None: it is fixed."""
     section: FingerSection | None = None
-    """Cross-section of the backbone, for its stiffness out of the plane; None: motion in the plane alone is tested."""
+    """Cross-section of the backbone, similar all along, for its stiffness out of the plane; None: stability is tested
+    against motions in the plane alone."""
 
     def _check(self) -> None:
         if self.base_free is not None:

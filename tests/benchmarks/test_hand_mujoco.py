@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from benchmarks.grasp_populations import document
 from benchmarks.hand_mujoco import CONFIGS, shift_error
 from continuum_grasp.addons.chains.solid_geometry import solid_inertia
 from continuum_grasp.addons.chains.trial import HandInMujoco, try_in_mujoco
 from continuum_grasp.cli import grasps
-from continuum_grasp.grasp import GraspStatus, HandResult, optimize_grasp
-from continuum_grasp.scene import load
+from continuum_grasp.grasp import GraspStatus, HandResult, certify, optimize_grasp
+from continuum_grasp.grasp.hand.certificate import certify_hand
+from continuum_grasp.scene import GraspScene, load
 from tests import hand_cases as cases
 from tests.commands import run
 from tests.hand_cases import HALF, LATERAL, LENGTH, STIFFNESS
@@ -227,3 +229,37 @@ def test_objects_on_palm_and_table_are_held_and_pushed(name):
     assert tried["holds"], tried["words"]
     assert tried["moved"] < 5e-5
     assert tried["normal_force_error"] < 0.05
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(("k", "ratio", "returns"), [(9, 1.0, False), (9, 4.0, False), (8, 1.0, False), (8, 4.0, True)])
+def test_planar_grasps_tilt_out_of_the_plane_as_the_test_in_space_says(k, ratio, returns):
+    """Three tips that hold a disc in the plane, with a reserve, of two random scenes; a couple tilts it for 0.1 s."""
+    drawn = document("three", k, elements=8)
+    size = GraspScene.model_validate(drawn).object.size
+    section = {"shape": "ellipse", "thickness": 1e-3, "width": ratio * 1e-3}
+    for finger in drawn["fingers"].values():
+        finger["masses"] = ()
+        finger.get("contacts", {}).pop("friction", None)
+    disc = {"shape": "circle", "diameter": 1.6 * size, "mass": drawn["object"]["mass"], "position": (0.0, 0.0)}
+    drawn |= {"object": disc, "gravity": (0.0, 0.0, 0.0), "upright": False, "overlap": "allow", "stability": "require"}
+    drawn["contacts"] |= {"reserve": 0.3, "friction": max(0.8, drawn["contacts"]["friction"])}
+    drawn["solver"] = {"effort": "quick"}
+    planar = optimize_grasp(GraspScene.model_validate(drawn))
+    flat = planar.scene.changed({f"fingers.{name}.section": section for name in drawn["fingers"]})
+    stability = certify(flat, planar.arrays).stability
+    assert stability.in_plane
+    assert (stability.in_space.eigenvalue > 0.0) is returns
+    scene, arrays = cases.of_plane(flat, planar.arrays, 1.2 * size)
+    certificate = certify_hand(scene, arrays)
+    assert certificate.passed, certificate.failed
+    assert certificate.stability.eigenvalue == pytest.approx(stability.in_space.eigenvalue, rel=1e-6)
+    hand = HandInMujoco(HandResult(scene, GraspStatus.FEASIBLE, "", arrays, certificate))
+    axis = certificate.stability.mode[3:] / np.linalg.norm(certificate.stability.mode[3:])
+    greatest = max(contact.normal_force for contact in certificate.hand.touches)
+    hand.data.xfrc_applied[hand.body, 3:] = 0.01 * greatest * flat.object.size * axis
+    hand.farthest(0.1)
+    hand.data.xfrc_applied[:] = 0.0
+    hand.farthest(2.0)
+    degrees = math.degrees(hand.away[1])
+    assert degrees < 0.2 if returns else degrees > 3.0

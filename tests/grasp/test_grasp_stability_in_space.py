@@ -175,6 +175,13 @@ def test_what_is_upright_does_not_tilt():
     assert upright.stable
 
 
+def test_what_carries_no_weight_may_be_upright_where_fingers_have_sections():
+    two = {"places": (0.0, math.pi), "radius": 0.03}
+    assert in_space(*around(ellipse(4.0)[0], [0.05] * 2, upright=True, **two)).stable
+    with pytest.raises(ValueError, match="upright: has no effect"):
+        around(None, [0.05] * 2, upright=True, **two)
+
+
 @pytest.mark.parametrize("ratio", [1.0, 4.0])
 def test_the_weight_that_friction_carries_bends_the_fingers(ratio):
     section, lateral, _ = ellipse(ratio)
