@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 
 import numpy as np
@@ -47,15 +48,23 @@ def stored(scene, contacts, **fingers):
     return arrays
 
 
-def sag(force):
-    """Displacement of a straight finger's end by a force to the side that acts a half thickness ahead of it."""
-    return force * (LENGTH**3 / 3.0 + HALF * LENGTH**2 / 2.0) / LATERAL
+def sag(force, press=0.0):
+    """Displacement of a straight finger's end by a force to the side that acts a half thickness ahead of it, while one
+    along the finger presses it: E I w'' = force (L - s + h) + press (w(L) - w).
+    """
+    x = LENGTH * cmath.sqrt(press / LATERAL)
+    tangent, secant = x * x / 3.0 + 2.0 * x**4 / 15.0, x * x / 2.0 + 5.0 * x**4 / 24.0  # tan x / x - 1, 1 / cos x - 1
+    if abs(x) > 1e-3:
+        tangent, secant = cmath.tan(x) / x - 1.0, 1.0 / cmath.cos(x) - 1.0
+    if not press:
+        return force * (LENGTH**3 / 3.0 + HALF * LENGTH**2 / 2.0) / LATERAL
+    return force * (LENGTH * tangent + HALF * secant).real / press
 
 
 def squeezed_box(press=2.0, mass=0.05, body=None, density=1e-12, **contacts):
     """Two straight fingers press a box between their ends, and bear its weight by their stiffness to the side."""
     a, force = 0.5 * EXTENTS[0], 0.5 * 9.81 * mass
-    w, reach = sag(force), 0.5 * EXTENTS[0] + HALF + LENGTH
+    w, reach = sag(force, press), 0.5 * EXTENTS[0] + HALF + LENGTH
     bases = {
         "left": ((-reach, 0, w), (1, 0, 0), (0, 1, 0)),
         "right": ((reach, 0, w), (-1, 0, 0), (0, 1, 0)),

@@ -274,11 +274,13 @@ def independent(ratio, aside=0.0):
 def test_the_least_eigenvalue_is_that_of_an_independent_chain(ratio, aside, least):
     scene, arrays = independent(ratio, aside)
     certificate = certify_hand(scene, arrays)
-    assert certificate.passed, certificate
+    # That program leaves out what forces in the plane do to a finger that is displaced from it.
+    assert certificate.passed is (aside == 0.0), certificate
     found = certificate.stability
     assert found.stiffness == pytest.approx(least, rel=2e-3)
     assert found.eigenvalue == pytest.approx(found.stiffness / (STIFFNESS / LENGTH), rel=1e-12)
-    assert certificate.acceptable is found.stable is (least > 0.0)
+    assert found.stable is (least > 0.0)
+    assert certificate.acceptable is (found.stable and certificate.passed)
     if least < 0.0:
         assert found.motion == "turns about the hand's axis"
         assert certify_hand(scene.replaced(stability="ignore"), arrays).acceptable

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -128,23 +129,58 @@ def finger_bounds(setup: FingerSetup) -> tuple[list[float], list[float]]:
     return [least, least], [most if used in ("both", side) else 0.0 for side in ("left", "right")]
 
 
-def with_forces(scene: HandScene, equations: HandEquations, x: Array, p: Array) -> tuple[float, Array]:
-    """Residual of the equilibria and balances with the tensions and forces within their cones that leave the least, in
-    units of the problem; and the point with these.
+@dataclass(frozen=True)
+class ForceRows:
+    """Equilibria of fingers and balances of the object where postures stay: linear in tensions and contact forces.
 
-    All rows are linear in them where the posture stays: one conic problem.
+    Columns and rows belong to a finger, by index, or to all: -1.
+    """
+
+    matrix: Array
+    offset: Array
+    columns: Array  # places of the tensions and forces among the unknowns
+    column_owners: Array
+    row_owners: Array
+
+    @staticmethod
+    def of(equations: HandEquations, x: Array, p: Array) -> ForceRows:
+        """Those of a point."""
+        problem, columns, owners = equations.problem, list[Array](), list[int]()
+        fingers = [finger.name for finger in problem.spec.fingers]
+        named = [(f"{name}.pulls", k) for k, name in enumerate(fingers)]
+        named += [(f"force, {contact.spec.name}", contact.spec.finger) for contact in problem.contacts]
+        named += [(f"force, {carried.name}", -1) for carried in problem.carried]
+        for name, owner in named:
+            columns.append(np.arange(problem.x.size)[problem.x.at[name]])
+            owners += [owner] * len(columns[-1])
+        places = {f"finger equilibrium, {name}": k for k, name in enumerate(fingers)}
+        places |= {"object force balance": -1, "object moment balance": -1}
+        blocks = [block for block in problem.rows.blocks if block.name in places]
+        rows = np.concatenate([np.ravel(block.rows) for block in blocks])
+        row_owners = np.concatenate([np.full(block.rows.size, places[block.name]) for block in blocks])
+        values, slopes = (np.array(part) for part in equations.nlp.functions["jac_g"](x, p))
+        sought = np.concatenate(columns)
+        matrix = slopes[np.ix_(rows, sought)]
+        return ForceRows(matrix, values.ravel()[rows] - matrix @ x[sought], sought, np.array(owners), row_owners)
+
+    @staticmethod
+    def combined(each: Sequence[ForceRows]) -> ForceRows:
+        """Those of a hand whose finger k is as in the k-th of some points."""
+        matrix, offset = each[0].matrix.copy(), each[0].offset.copy()
+        for k, rows in enumerate(each):
+            columns, own = rows.column_owners == k, rows.row_owners == k
+            matrix[:, columns], offset[own] = rows.matrix[:, columns], rows.offset[own]
+        return replace(each[0], matrix=matrix, offset=offset)
+
+
+def best_forces(scene: HandScene, equations: HandEquations, p: Array, rows: ForceRows) -> tuple[float, Array]:
+    """Residual of rows, in units of the problem, with the tensions and forces within their cones that leave the least,
+    and these; infinite where the conic problem has no solution.
     """
     problem, unit = equations.problem, hand_units(scene).force
     contacts = [c.spec.name for c in problem.contacts] + [c.name for c in problem.carried]
-    names = [*(f"{setup.name}.pulls" for setup in scene.setups), *(f"force, {name}" for name in contacts)]
-    columns = np.concatenate([np.arange(problem.x.size)[problem.x.at[name]] for name in names])
-    blocks = [b for b in problem.rows.blocks if b.name.startswith(("finger equilibrium", "object "))]
-    rows = np.concatenate([np.ravel(block.rows) for block in blocks])
-    values, slopes = (np.array(part) for part in equations.nlp.functions["jac_g"](x, p))
-    matrix = slopes[np.ix_(rows, columns)]
-    offset = values.ravel()[rows] - matrix @ x[columns]
     # Unknowns are tensions and forces, then what they leave of each row.
-    sought, size = columns.size, columns.size + rows.size
+    sought, size = rows.columns.size, rows.columns.size + rows.offset.size
     low, high = np.full(size, -np.inf), np.full(size, np.inf)
     for k, setup in enumerate(scene.setups):
         low[2 * k : 2 * k + 2], high[2 * k : 2 * k + 2] = finger_bounds(setup)
@@ -160,11 +196,22 @@ def with_forces(scene: HandScene, equations: HandEquations, x: Array, p: Array) 
         across[c, 0, place + 1] = across[c, 1, place + 2] = 1.0
     cones = Cones(across, np.zeros((len(contacts), 2)), width, np.zeros(len(contacts)))
     # 1e-6: weight of forces beside what is left, so that they are unique
-    squares = np.concatenate([np.full(sought, 1e-6), np.ones(rows.size)])
-    wholes = np.hstack([matrix, -np.eye(rows.size)])
-    found = solve_conic(np.zeros(size), wholes, -offset, -offset, low, high, cones, squares)
+    squares = np.concatenate([np.full(sought, 1e-6), np.ones(rows.offset.size)])
+    wholes = np.hstack([rows.matrix, -np.eye(rows.offset.size)])
+    found = solve_conic(np.zeros(size), wholes, -rows.offset, -rows.offset, low, high, cones, squares)
     if not found.optimal:
-        return np.inf, x
+        return np.inf, np.zeros(sought)
+    return float(np.linalg.norm(found.x[sought:])), found.x[:sought]
+
+
+def with_shifts(equations: HandEquations, x: Array, p: Array) -> Array:
+    """A point whose turns and shifts to the side are those under its forces: the rows are linear in them."""
+    problem = equations.problem
+    columns = np.concatenate([
+        np.arange(problem.x.size)[at] for name, at in problem.x.at.items() if name.endswith(("turns", ".shifts"))
+    ])  # fmt: skip
+    rows = np.concatenate([np.ravel(b.rows) for b in problem.rows.blocks if " to the side, " in b.name])
+    values, slopes = (np.array(part) for part in equations.nlp.functions["jac_g"](x, p))
     x = x.copy()
-    x[columns] = found.x[:sought]
-    return float(np.linalg.norm(found.x[sought:])), x
+    x[columns] -= np.linalg.solve(slopes[np.ix_(rows, columns)], values.ravel()[rows])
+    return x

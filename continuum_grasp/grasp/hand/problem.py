@@ -8,7 +8,7 @@ n is the gradient of its distance d there, x = p + w z - h n the point touched:
     contact    d(p + w z) = h,  n . (t + w' z) = 0 (middle)
     finger     its planar equilibrium under the part of f = N n + f1 a + f2 b in the plane, and the couple
                z . ((x - p) x f); a = z x n / |z x n|, b = n x a
-    to the side  w and w' by unit loads: bending E I_l and torsion G J under the other part of f, and the other couples
+    to the side  w and w' by bending E I_l and torsion G J under f and its couples (`continuum_grasp.grasp.hand.lean`)
     object     m g - sum f = 0,  moments about the center of mass = 0, with the forces on palm and table, whose contacts
                are at given points
 
@@ -24,6 +24,7 @@ from functools import lru_cache
 
 import casadi as ca
 
+from continuum_grasp.grasp.hand.lean import EndLoad, Lean
 from continuum_grasp.grasp.problem.blocks import Columns, Expressed
 from continuum_grasp.grasp.problem.limits import friction_cone, keep_limits
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
@@ -34,9 +35,6 @@ from continuum_grasp.scene import HandScene
 
 RELAXED = ("tension", "friction", "normal force", "mass")
 """Limits of a hand that may be relaxed."""
-NODES = 3
-"""Gauss nodes per element of integrals to the side: shifts of shipped hands are 4e-10 of the length off at most, with 2
-nodes 9e-8; the certificate asks for 1e-6."""
 SURFACE = 45
 """Numbers of a surface near a place."""
 GRIPPED = 1e-3
@@ -107,7 +105,6 @@ class SpatialTouch:
     sine: ca.SX  # of the angle between the normal and that of the finger's plane
     force: ca.SX  # (3,) N and friction: along a, in the plane across the normal, and along b = n x a
     world: ca.SX  # (3,) force on the finger
-    shift: ca.SX  # of the backbone out of its plane
 
 
 @dataclass(frozen=True)
@@ -135,12 +132,11 @@ class HandProblem:
         self.carried = [self._carry(name) for name in spec.carried]
         tips = {c.spec.finger: c for c in self.contacts if c.spec.joint == -1}
         self.fingers, self.points = list[UnitFinger](), dict[str, ca.SX]()
-        # Of each finger its shifts out of the plane at the ends of its elements, and slopes there.
-        self.aside = list[tuple[list[ca.SX], list[ca.SX]]]()
         for k, of in enumerate(spec.fingers):
             # In the plane, friction along a has all of its couple about z but for the lean of the normal.
             tip = ca.vertcat(tips[k].force[0], tips[k].force[1] * tips[k].sine, 0.0) if k in tips else ca.SX(3, 1)
             self.fingers.append(UnitFinger(of, self.x, self.numbers, tip))
+        self.leans = [Lean(finger, self.x) for finger in self.fingers]
         for k, finger in enumerate(self.fingers):
             self._add_finger(k, finger)
         for k, m in spec.pairs:
@@ -168,8 +164,7 @@ class HandProblem:
         a = across / sine
         force = self.x(f"force, {name}", 3)
         world = force[0] * normal + force[1] * a + force[2] * ca.cross(normal, a)
-        shift = self.x(f"shift, {name}")
-        return SpatialTouch(contact, backbone, beyond, normal, sine, force, world, shift)
+        return SpatialTouch(contact, backbone, beyond, normal, sine, force, world)
 
     def _carry(self, name: str) -> CarriedPoint:
         axes, force = self.numbers(f"{name}.axes", 9).reshape((3, 3)), self.x(f"force, {name}", 3)
@@ -192,11 +187,23 @@ class HandProblem:
         couples = {c.spec.joint: -finger.half_at(self.end_of(c.spec)) * c.force[1] * c.sine / share for c in touching}
         missing = finger.missing_force(finger.q, finger.u, finger.loads(forces, couples))
         require(f"finger equilibrium, {name}", share * finger.number("length") * missing, "N m", name)
-        self.aside.append(self._lean(finger, axes, touching))
+        turns, shifts = self.leans[k].rows([self._end_load(contact, finger, axes) for contact in touching])
+        require(f"turns to the side, {name}", turns, "rad", name)
+        require(f"shifts to the side, {name}", finger.number("length") * shifts, "m", name)
         for contact in touching:
             self._close(contact, finger, axes)
         self._keep_clear(k)
         keep_limits(self, finger)
+
+    def _end_load(self, contact: SpatialTouch, finger: UnitFinger, axes: ca.SX) -> EndLoad:
+        """Force of a contact on its finger and the couple of it, in the axes of the finger's plane."""
+        end, force = self.end_of(contact.spec), axes.T @ contact.world / finger.number("force share")
+        return EndLoad(end, force, -finger.half_at(end) * ca.cross(axes.T @ contact.normal, force))
+
+    def shift_of(self, contact: SpatialContact) -> ca.SX:
+        """Shift of a contact's backbone out of its plane."""
+        finger = self.fingers[contact.finger]
+        return finger.number("length") * self.leans[contact.finger].shift(self.end_of(contact))
 
     def end_of(self, contact: SpatialContact) -> int:
         """Index of the element at whose end a contact sits."""
@@ -208,12 +215,12 @@ class HandProblem:
         name, end, require = contact.spec.name, self.end_of(contact.spec), self.rows.require
         key = f"contacts.{name}"
         thick = finger.half_at(end) * finger.number("length")
-        place = self.in_space(finger, axes, finger.ends[:, end]) + axes[:, 2] * contact.shift
+        place = self.in_space(finger, axes, finger.ends[:, end]) + axes[:, 2] * self.shift_of(contact.spec)
         require(f"contact place, {name}", place - contact.backbone, "m", key)
         require(f"contact gap, {name}", contact.beyond, "m", key)
         self.points[name] = contact.backbone - thick * contact.normal
         along = ca.vertcat(-ca.sin(finger.angles[end]), ca.cos(finger.angles[end]))
-        slope = self.aside[contact.spec.finger][1][end]
+        slope = self.leans[contact.spec.finger].slope(end)
         tilt = ca.dot(axes[:, :2] @ along + slope * axes[:, 2], contact.normal)
         if contact.spec.joint == 0:
             require(f"contact tangency, {name}", tilt, "rad", key)
@@ -225,63 +232,17 @@ class HandProblem:
         base = self.numbers(f"{finger.spec.name}.position", 3)
         return ca.repmat(base, 1, points.shape[1]) + axes[:, :2] @ points
 
-    def _lean(self, finger: UnitFinger, axes: ca.SX, touching: list[SpatialTouch]) -> tuple[list[ca.SX], list[ca.SX]]:
-        """Shifts out of the plane at the ends of the elements under the loads to the side, and slopes there; those of
-        contacts are unknowns that are required to be these.
-
-        By unit loads: one at the end of an element does work on what the loads bend and twist between base and end.
-        """
-        number, share = finger.number, finger.number("force share")
-        at, tangents, lengths, beyond, integral = finger.shared.backbone.nodes(NODES)(finger.q, finger.u, finger.p)
-        elements, count = finger.spec.elements, at.shape[1] // finger.spec.elements
-        loads = []
-        for contact in touching:
-            end = self.end_of(contact.spec)
-            local, normal = axes.T @ contact.world / share, axes.T @ contact.normal
-            couple = -finger.half_at(end) * ca.cross(normal, local)
-            place = finger.shared.backbone.joints(finger.q, finger.u, finger.p)[0][:, end]
-            loads.append((contact, (end + 1) * count, place, local[2], couple))
-        across = ca.vertcat(-tangents[1, :], tangents[0, :])  # z x t
-        twist, bend = ca.SX(1, elements * count), ca.SX(1, elements * count)
-        if finger.spec.weighs:
-            lever = number("side weight") * (integral - ca.repmat(beyond.T, 2, 1) * at)
-            twist, bend = ca.sum1(lever * across), -ca.sum1(lever * tangents)
-        for _, upto, place, side, couple in loads:
-            away = ca.repmat(place, 1, upto) - at[:, :upto]
-            t, n = tangents[:, :upto], across[:, :upto]
-            rest = ca.SX(1, elements * count - upto)
-            twist += ca.horzcat(side * ca.sum1(away * n) + couple[:2].T @ t, rest)
-            bend += ca.horzcat(couple[:2].T @ n - side * ca.sum1(away * t), rest)
-        turned, leaned = twist / number("torsion"), bend / number("lateral")
-        ends = finger.shared.backbone.joints(finger.q, finger.u, finger.p)[0]
-        shifts, slopes = list[ca.SX](), list[ca.SX]()
-        for end in range(elements):
-            upto = (end + 1) * count
-            away = ca.repmat(ends[:, end], 1, upto) - at[:, :upto]
-            t, n = tangents[:, :upto], across[:, :upto]
-            work = turned[:upto] * ca.sum1(away * n) - leaned[:upto] * ca.sum1(away * t)
-            shifts.append(number("length") * (work @ lengths[:upto]))
-            turn = (ca.repmat(turned[:upto], 2, 1) * t + ca.repmat(leaned[:upto], 2, 1) * n) @ lengths[:upto]
-            angle = finger.angles[end]
-            slopes.append(-ca.dot(turn, ca.vertcat(-ca.cos(angle), -ca.sin(angle))))
-        for contact in touching:
-            name, end = contact.spec.name, self.end_of(contact.spec)
-            self.rows.require(f"shift to the side, {name}", contact.shift - shifts[end], "m", f"contacts.{name}")
-            shifts[end] = contact.shift
-        return shifts, slopes
-
     def guarded(self, k: int) -> ca.SX:
         """Places (3, K) of finger k that must stay clear, displaced by cubics between the ends of its elements."""
         finger, axes = self.fingers[k], self.frames[k]
         points, owners, _, _ = finger.guarded
-        shifts, slopes = ([ca.SX(0), *part] for part in self.aside[k])
-        aside = []
+        lean, aside = self.leans[k], list[ca.SX]()
         for element, share in zip(owners, finger.guarded_shares, strict=True):
-            length = finger.lengths[element] * finger.number("length")
+            first, last = lean.shift(element - 1), lean.shift(element)
             behind, ahead = share**2 * (3.0 - 2.0 * share), share * (1.0 - share)
-            bent = slopes[element] * (1.0 - share) - slopes[element + 1] * share
-            aside.append(shifts[element] + (shifts[element + 1] - shifts[element]) * behind + length * ahead * bent)
-        return self.in_space(finger, axes, points) + axes[:, 2] @ ca.horzcat(*aside)
+            bent = lean.slope(element - 1) * (1.0 - share) - lean.slope(element) * share
+            aside.append(first + (last - first) * behind + finger.lengths[element] * ahead * bent)
+        return self.in_space(finger, axes, points) + axes[:, 2] @ (finger.number("length") * ca.horzcat(*aside))
 
     def _keep_clear(self, k: int) -> None:
         """Guarded places keep clear of the object as it is near them."""
@@ -378,7 +339,13 @@ def hand_equations(spec: HandSpec) -> HandEquations:
     for contact in problem.contacts:
         finger = problem.fingers[contact.spec.finger]
         along = ca.SX(finger.edges[problem.end_of(contact.spec) + 1])
-        touches += [problem.points[contact.spec.name], contact.normal, contact.world, along, contact.shift]
+        touches += [
+            problem.points[contact.spec.name],
+            contact.normal,
+            contact.world,
+            along,
+            problem.shift_of(contact.spec),
+        ]
     for carried in problem.carried:
         touches += [carried.point, carried.normal, carried.world, ca.SX(0.0), ca.SX(0.0)]
     for k, finger in enumerate(problem.fingers):

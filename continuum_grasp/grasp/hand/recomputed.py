@@ -1,11 +1,12 @@
 """Everything about a hand's grasp that follows from its stored numbers, computed anew by numpy alone.
 
 A finger lies in a plane with axes x, y and normal z, along which it is displaced by w. Its sections turn by a small
-vector psi in the plane. With the tangent t, across = z x t, contact forces f beyond s and their couples c, to the side,
+vector psi in the plane. With the tangent t, across = z x t, contact forces f beyond s and their couples c,
 
-    M = sum c + (p_c - p) x f,  psi' = (M . t / G J) t + (M . across / E I_l) across,  w' = -psi . across
+    M = sum c + (p_c - p + (w_c - w) z) x f,  m = M + M_z z x psi,
+    psi' = (m . t / G J) t + (m . across / E I_l) across,  w' = -psi . across
 
-which two quadratures along the finger give. The couple of a force at the skin is c = -h n x f.
+to first order in psi and w: a linear system by collocation. The couple of a force at the skin is c = -h n x f.
 """
 
 from __future__ import annotations
@@ -22,8 +23,12 @@ from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.recomputed import TRACE, RecomputedFinger
 from continuum_grasp.grasp.hand.frames import PlaneFrame
 from continuum_grasp.grasp.hand.surfaces import PlacedSolid
+from continuum_grasp.rod import DenseRod
 from continuum_grasp.scene import HandScene
 
+PANEL = 1 / 16
+"""Length of the panels for displacements to the side, per length of the finger, with five Gauss points each: those of
+shipped hands are then 2e-13 of the length off at most."""
 IDLE = 1e-3
 """Greatest friction force, per greatest force, up to which palm or table hold nothing [1]: optima leave 3e-4 of the
 weight at contacts that carry nothing."""
@@ -116,44 +121,60 @@ class SpatialFinger:
 
     def respond(self) -> None:
         """Compute the displacement to the side, from the contacts."""
-        mesh, start = self.plane.rod.mesh, self.plane.rod.start
-        angle = self.plane.rod.angle(self.plane.curvature)
+        plane, edges = self.plane, self.plane.rod.edges
+        rod = DenseRod(plane.finger, plane.rod.joints, PANEL, plane.base)
+        angle = rod.angle(plane.shape.curvature(rod.nodes))
         along, across = np.stack([-np.sin(angle), np.cos(angle)]), -np.stack([np.cos(angle), np.sin(angle)])
-        points = start[:, None] + mesh.to_nodes(along)
-        moment = self._moment(points)
-        twist = (moment * along).sum(axis=0) / self.torsion
-        bend = (moment * across).sum(axis=0) / self.lateral
-        turn = twist * along + bend * across
-        slope = -(mesh.to_nodes(turn) * across).sum(axis=0)
-        edge_angle = self.plane.angles
-        edge_across = -np.stack([np.cos(edge_angle), np.sin(edge_angle)])
-        self.turns = mesh.to_edges(turn).T  # psi (P + 1, 2), w and w' (P + 1,) at the ends of panels
-        self.deflections = mesh.to_edges(slope)
+        soft = _squares(along) / self.torsion + _squares(across) / self.lateral
+        # Of turns (2 N,), x before y, the displacements at nodes.
+        shifting = -np.hstack([rod.mesh.forward * part for part in across])
+        moment, added = self._moments(rod, along, across, shifting)
+        turning = np.block([[rod.mesh.forward * part for part in row] for row in soft])
+        turns = np.linalg.solve(np.eye(len(turning)) - turning @ added, turning @ moment)
+        bent = np.einsum("ijn,jn->in", soft, (moment + added @ turns).reshape(2, -1))
+        slopes = -(turns.reshape(2, -1) * across).sum(axis=0)
+        edge_across = -np.stack([np.cos(plane.angles), np.sin(plane.angles)])
+        # psi (P + 1, 2), w and w' (P + 1,) at the ends of panels.
+        self.turns = np.stack([rod.mesh.integrate(part, edges) for part in bent], axis=1)
+        self.deflections = rod.mesh.integrate(slopes, edges)
         self.slopes = -(self.turns.T * edge_across).sum(axis=0)
         # The displaced backbone (P + 1, 3), as the hand sees it.
-        self.points = self.frame.world(np.column_stack([self.plane.points, self.deflections]))
+        self.points = self.frame.world(np.column_stack([plane.points, self.deflections]))
 
-    def _moment(self, points: Array) -> Array:
-        """Moment in the plane (2, G) of what is beyond each Gauss point (2, G) [N m]."""
-        rod, profile = self.plane.rod, self.plane.profile
-        s, moment = rod.nodes, np.zeros(points.shape)
+    def _moments(self, rod: DenseRod, along: Array, across: Array, shifting: Array) -> tuple[Array, Array]:
+        """Moments in the plane (2 N,) of what is beyond each node, in the axes of its section where it did not turn,
+        and the matrix (2 N, 2 N) of what turns of the sections add to them [N m].
+        """
+        plane, mesh, s = self.plane, rod.mesh, rod.nodes
+        points = rod.start[:, None] + mesh.to_nodes(along)
+        sideways, about = np.zeros((2, s.size)), np.zeros(s.size)
+        added = np.zeros((2, s.size, 2 * s.size))
 
-        def lever(away: Array) -> Array:  # D x z
-            return np.stack([away[1], -away[0]])
+        def add(force: Array, away: Array, shifts: Array) -> None:
+            """Loads (3,) at places away (2, N), displaced by turns times shifts (N, 2 N) more than the nodes."""
+            sideways[:] += force[2] * np.stack([away[1], -away[0]])  # D x z
+            about[:] += away[0] * force[1] - away[1] * force[0]
+            added[:] += np.stack([-force[1] * shifts, force[0] * shifts])  # z x F
 
-        for contact in self.contacts:
-            place = self.plane.points[self.plane.joint_edges[contact.joint]]
-            beyond = contact.twisting[:, None] + contact.side * lever(place[:, None] - points)
-            moment += np.where(s < contact.station, beyond, 0.0)
-        if self.gravity[2]:
-            density = profile.linear_density(s)
-            mass = rod.mesh.to_edges(density)[-1] - rod.mesh.to_nodes(density)
-            first = (density * points) @ rod.weights
-            moment += self.gravity[2] * lever(first[:, None] - rod.mesh.to_nodes(density * points) - mass * points)
-            for body in self.plane.finger.masses:
-                place = self.plane.points[rod.edge_index(body.at)]
-                moment += np.where(s < body.at, body.mass * self.gravity[2] * lever(place[:, None] - points), 0.0)
-        return moment
+        loads = [(c.station, np.append(c.force, c.side), np.append(c.twisting, c.couple)) for c in self.contacts]
+        loads += [(body.at, body.mass * self.gravity, np.zeros(3)) for body in plane.finger.masses]
+        for station, force, couple in loads:
+            there = s < station
+            place = plane.points[plane.rod.edge_index(station)]
+            shift = -(np.where(there, rod.weights, 0.0) * across).ravel()
+            add(force, (place[:, None] - points) * there, (shift - shifting) * there[:, None])
+            sideways += couple[:2, None] * there
+            about += couple[2] * there
+        if self.gravity.any():
+            density = plane.profile.linear_density(s)
+            beyond = mesh.backward * density
+            mass = beyond.sum(axis=1)
+            add(self.gravity, points @ beyond.T - mass * points, beyond @ shifting - mass[:, None] * shifting)
+        # Sections that turned see the moment about the normal from the side: M z x psi.
+        nodes = np.arange(s.size)
+        added[0, nodes, s.size + nodes] -= about
+        added[1, nodes, nodes] += about
+        return sideways.ravel(), added.reshape(2 * s.size, 2 * s.size)
 
     def place(self, contact: HandTouch) -> None:
         """Find where a contact is in the hand, from the displacement."""
@@ -161,6 +182,11 @@ class SpatialFinger:
         angle = self.plane.angles[edge]
         contact.deflection, contact.center = float(self.deflections[edge]), self.points[edge]
         contact.tangent = self.frame.axes @ np.array([-np.sin(angle), np.cos(angle), self.slopes[edge]])
+
+
+def _squares(vectors: Array) -> Array:
+    """Matrices v v^T (2, 2, N) of vectors (2, N)."""
+    return np.asarray(vectors[:, None] * vectors)
 
 
 class RecomputedHand:

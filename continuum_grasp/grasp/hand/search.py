@@ -13,7 +13,16 @@ from continuum_grasp.base import Numbers as Array
 from continuum_grasp.base import interrupts_held
 from continuum_grasp.grasp.hand.body import BodySurface
 from continuum_grasp.grasp.hand.frames import PlaneFrame
-from continuum_grasp.grasp.hand.numbers import PRESSED, finger_bounds, hand_numbers, hand_units, surfaces, with_forces
+from continuum_grasp.grasp.hand.numbers import (
+    PRESSED,
+    ForceRows,
+    best_forces,
+    finger_bounds,
+    hand_numbers,
+    hand_units,
+    surfaces,
+    with_shifts,
+)
 from continuum_grasp.grasp.hand.problem import RELAXED, SURFACE, HandEquations, HandProblem, HandSpec, hand_equations
 from continuum_grasp.grasp.hand.starts import DEPTH, FingerPlane, TouchingPosture, postures
 from continuum_grasp.grasp.problem.points import bending_arrays, coordinates
@@ -40,6 +49,8 @@ PATIENCE = 20
 grasp take 5 to 45 in all."""
 EFFORT = 1e-3
 """Weight of the tensions beside a limit that is relaxed, so that they are unique."""
+FAR = 1e-3
+"""Violation, in units of the problem, above which a run does not begin with the multipliers of the one before."""
 SETTLED = 1e-7
 """By how much cubics may miss the object at contacts, per length or in its normals; the certificate allows ten
 times that."""
@@ -75,6 +86,7 @@ class HandSearch:
         self.scene, self.budget, self.body = scene, budget, BodySurface(scene)
         self._solver, self._frames = settings_of(scene).solver(), PlaneFrame.each(scene)
         self.units = hand_units(scene)
+        self._met = dict[HandSpec, list[Array]]()  # solutions of first runs by structure
         self.held = False  # whether a grasp was found that is as the scene asks
         # Fingers that touch the object in no posture, by set of contacts.
         self.untouched = dict[frozenset[str], list[str]]()
@@ -86,7 +98,7 @@ class HandSearch:
         """Sets of contacts that the scene leaves to choose: the same kinds for all fingers, where they are free."""
         sets = dict[frozenset[str], None]()
         carried = {contact.name for contact in self.scene.support_contacts}
-        for middle, tip in ((False, True), (True, False), (True, True)):
+        for middle, tip in ((True, False), (False, True), (True, True)):
             on = set[str]()
             for setup in self.scene.setups:
                 (one,) = setup.middles
@@ -97,34 +109,37 @@ class HandSearch:
         return list(sets)
 
     def run(self) -> Iterator[HandTried]:
-        """Solve starts of each set of contacts, the likeliest first, until ``held`` is set."""
-        effort = self.scene.solver.effort
+        """Solve the likeliest start of each set of contacts, then the next of each, until ``held`` is set."""
+        thorough = self.scene.solver.effort == "thorough"
+        once, twice = list[frozenset[str]](), list[frozenset[str]]()
         for on in self.modes:
             # Fingers that touch with both of their contacts rarely hold with less, and take twice the equations.
-            spec = HandSpec.of(self.scene, on)
-            if self.held and effort != "thorough" and len(spec.contacts) > len(self.scene.setups):
-                continue
-            equations = hand_equations(spec)
-            each = [self._postures(setup, frame, on, POSTURES[effort]) for setup, frame in self._fingers]
-            if not all(each):
-                self.untouched[on] = [s.name for s, found in zip(self.scene.setups, each, strict=True) if not found]
-                continue
-            starts = [(*self._start(equations, on, chosen), chosen) for chosen in _likeliest(each)]
-            starts.sort(key=lambda start: start[0])
-            for left, x, p, chosen in starts[: SOLVED[effort]]:
-                if self.budget.over:
-                    return
-                if self.held and effort != "thorough" and left > LEFT:
+            (once if len(HandSpec.of(self.scene, on).contacts) <= len(self.scene.setups) else twice).append(on)
+        for modes in (once, twice):
+            if self.held and not thorough:
+                return
+            ranked = {on: self._ranked(on) for on in modes}
+            for n in range(SOLVED[self.scene.solver.effort]):
+                for on, starts in ranked.items():
+                    if self.budget.over:
+                        return
+                    if n < len(starts) and (thorough or not self.held or starts[n][0] <= LEFT):
+                        yield from self._tried(on, starts[n][1])
+                if self.held and not thorough:
                     break
-                tried = self._solve(equations, on, chosen, x, p)
-                lighter = self._without_idle(tried) if tried.attempt.converged else None
-                # Palm or table that carries nothing would count as what holds the object in place.
-                if lighter is None or not lighter.attempt.converged or not spec.carried:
-                    yield tried
-                if lighter is not None:
-                    yield lighter
-                if self.held and effort != "thorough":
-                    break
+
+    def _tried(self, on: frozenset[str], chosen: tuple[TouchingPosture, ...]) -> Iterator[HandTried]:
+        """What comes of a posture of each finger, with all contacts and without those that are idle."""
+        equations = hand_equations(HandSpec.of(self.scene, on))
+        tried = self._solve(equations, on, chosen, *self._start(equations, on, chosen))
+        if tried.attempt.known:
+            return
+        lighter = self._without_idle(tried) if tried.attempt.converged else None
+        # Palm or table that carries nothing would count as what holds the object in place.
+        if lighter is None or not lighter.attempt.converged or not tried.equations.problem.spec.carried:
+            yield tried
+        if lighter is not None:
+            yield lighter
 
     def _without_idle(self, tried: HandTried) -> HandTried | None:
         """A grasp without contacts that press nothing, where the scene leaves them to choose; None where all press."""
@@ -140,7 +155,7 @@ class HandSearch:
         if on == tried.on:
             return None
         lighter = hand_equations(replace(HandSpec.of(self.scene, on), pairs=tried.equations.problem.spec.pairs))
-        _, x, p = self._start(lighter, on, tried.chosen)
+        x, p = self._start(lighter, on, tried.chosen)
         before, after = tried.equations.problem, lighter.problem
         for name in before.x.at.keys() & after.x.at.keys():
             x[after.x.at[name]] = tried.attempt.x[before.x.at[name]]
@@ -152,8 +167,8 @@ class HandSearch:
         The forces to start with are those of a search whose limit is ``eased`` by an amount.
         """
         equations, problem = tried.equations, tried.equations.problem
-        _, x, _ = eased._start(equations, tried.on, tried.chosen)
-        _, _, p = self._start(equations, tried.on, tried.chosen)
+        x, _ = eased._start(equations, tried.on, tried.chosen)
+        _, p = self._at(equations, tried.on, tried.chosen)
         p[problem.numbers.at["effort weight"]] = EFFORT
         p[problem.numbers.at["relaxation weights"]] = np.array([1.0 if name == limit else 0.0 for name in RELAXED])
         at = problem.x.at[f"relaxed {limit}"]
@@ -164,7 +179,7 @@ class HandSearch:
     def again(self, tried: HandTried) -> HandTried:
         """Solve from a point that was found, with the numbers of this scene."""
         problem = tried.equations.problem
-        _, _, p = self._start(tried.equations, tried.on, tried.chosen)
+        _, p = self._at(tried.equations, tried.on, tried.chosen)
         x = tried.attempt.x.copy()
         for name in RELAXED:
             x[problem.x.at[f"relaxed {name}"]] = 0.0
@@ -172,7 +187,7 @@ class HandSearch:
 
     def next_to(self, tried: HandTried, equations: HandEquations, numbers: Values) -> HandTried:
         """Solve other equations of the same unknowns, with some numbers, from a point that was found."""
-        _, _, p = self._start(equations, tried.on, tried.chosen)
+        _, p = self._at(equations, tried.on, tried.chosen)
         p = self._near(equations, tried.attempt.x, p)
         for name, value in numbers.items():
             p[equations.problem.numbers.at[name]] = value
@@ -216,10 +231,41 @@ class HandSearch:
 
     # -- a start -------------------------------------------------------------------------------------------------
 
+    def _ranked(self, on: frozenset[str]) -> list[tuple[float, tuple[TouchingPosture, ...]]]:
+        """Combinations of postures for a set of contacts and the residual that the best forces leave, the least first;
+        none where a finger has no posture.
+        """
+        each = [self._postures(setup, frame, on, POSTURES[self.scene.solver.effort]) for setup, frame in self._fingers]
+        if not all(each):
+            self.untouched[on] = [s.name for s, found in zip(self.scene.setups, each, strict=True) if not found]
+            return []
+        equations = hand_equations(HandSpec.of(self.scene, on))
+        # Rows of a finger and its part of the object's balance are the same whatever the other fingers do.
+        points = list[tuple[Array, ForceRows]]()
+        for n in range(max(len(found) for found in each)):
+            x, p = self._at(equations, on, tuple(found[min(n, len(found) - 1)] for found in each))
+            points.append((p, ForceRows.of(equations, x, p)))
+        ranked = list[tuple[float, tuple[TouchingPosture, ...]]]()
+        for chosen in _likeliest(each):
+            places = [found.index(posture) for found, posture in zip(each, chosen, strict=True)]
+            rows = ForceRows.combined([points[place][1] for place in places])
+            left, _ = best_forces(self.scene, equations, points[0][0], rows)
+            ranked.append((left, chosen))
+        return sorted(ranked, key=lambda pair: pair[0])
+
     def _start(
         self, equations: HandEquations, on: frozenset[str], chosen: Sequence[TouchingPosture]
-    ) -> tuple[float, Array, Array]:
-        """Residual that the best forces leave, unknowns and numbers for a posture of each finger."""
+    ) -> tuple[Array, Array]:
+        """Unknowns with the best forces, and numbers, for a posture of each finger."""
+        x, p = self._at(equations, on, chosen)
+        rows = ForceRows.of(equations, x, p)
+        _, x[rows.columns] = best_forces(self.scene, equations, p, rows)
+        return with_shifts(equations, x, p), p
+
+    def _at(
+        self, equations: HandEquations, on: frozenset[str], chosen: Sequence[TouchingPosture]
+    ) -> tuple[Array, Array]:
+        """Unknowns, without forces, and numbers for a posture of each finger."""
         problem, scene, units = equations.problem, self.scene, self.units
         numbers = hand_numbers(scene, self._frames, chosen)
         values: Values = {}
@@ -259,8 +305,7 @@ class HandSearch:
         guarded = self._guarded(equations, x, p)
         self._choose_places(problem, guarded, p)
         self._choose_free(problem, guarded, p)
-        residual, x = with_forces(scene, equations, x, p)
-        return residual, x, p
+        return x, p
 
     def _near(self, equations: HandEquations, x: Array, p: Array) -> Array:
         """Numbers that have the object as it is near the contacts and guarded places of a point."""
@@ -331,8 +376,16 @@ class HandSearch:
         least = PRESSED * self.scene.weight / self.units.force if problem.carried else 0.0
         for contact in problem.contacts:
             low[f"force, {contact.spec.name}"] = [least, -np.inf, -np.inf]
-            most = ASIDE * self.scene.setups[contact.spec.finger].finger.rod.length / self.units.length
-            low[f"shift, {contact.spec.name}"], high[f"shift, {contact.spec.name}"] = -most, most
+        for setup, finger in zip(self.scene.setups, problem.spec.fingers, strict=True):
+            most = np.full(finger.elements, np.inf)
+            most[
+                [
+                    problem.end_of(c.spec)
+                    for c in problem.contacts
+                    if c.spec.finger == problem.spec.fingers.index(finger)
+                ]
+            ] = ASIDE
+            low[f"{setup.name}.shifts"], high[f"{setup.name}.shifts"] = -most, most
         for carried in problem.carried:
             low[f"force, {carried.name}"] = [0.0, -np.inf, -np.inf]
         return problem.x.pack(low, -np.inf), problem.x.pack(high, np.inf)
@@ -356,7 +409,7 @@ class HandSearch:
             guarded = self._guarded(equations, x, near)
             halves = [float(setup.finger.profile.half_thickness(0.0)) for setup in self.scene.setups]
             for k, (points, free) in enumerate(zip(guarded, equations.free, strict=True)):
-                depths = [halves[k] - self.body.distance(points[free])[0] - self.scene.object.deviation]
+                depths = [halves[k] - self.body.near(points[free]).distance - self.scene.object.deviation]
                 depths += [-gaps for gaps in self._over_supports(*self._fingers[k], points)]
                 depths += [(halves[k] + halves[m] - _apart(points, guarded[m])).ravel() for m in near_to.get(k, ())]
                 gaps.append(float(np.concatenate(depths).max()) / self.scene.setups[k].finger.rod.length)
@@ -366,9 +419,22 @@ class HandSearch:
         lower, upper = problem.rows.bounds()
         bounds = self._bounds(equations, relaxed)
         start = Start(x, *bounds, lower, upper, p, patience=PATIENCE, standstill=PATIENCE // 2)
+        known = [] if relaxed else self._met.setdefault(problem.spec, [])
+
+        def run(start: Start, budget: Budget) -> Attempt:
+            if start.p is p:
+                found = self._solver.solve(equations.nlp, replace(start, known=tuple(known)), budget)
+                if found.converged:
+                    known.append(found.x)
+                return found
+            # Where places that were not looked at are in the object, multipliers mislead.
+            if start.multipliers is not None and self._violated(equations, start) > FAR:
+                start = replace(start, multipliers=None)
+            return self._solver.solve(equations.nlp, start, budget)
+
         with interrupts_held(quietly=True):
             attempt, numbers = solve_clear(
-                lambda start, budget: self._solver.solve(equations.nlp, start, budget),
+                run,
                 equations.nlp,
                 start,
                 look,
@@ -385,6 +451,11 @@ class HandSearch:
         x = wider.problem.x.pack({name: attempt.x[at] for name, at in problem.x.at.items()}, 0.0)
         p = wider.problem.numbers.pack({name: numbers[at] for name, at in problem.numbers.at.items()}, 0.0)
         return self._solve(wider, on, chosen, x, self._near(wider, x, p), relaxed)
+
+    @staticmethod
+    def _violated(equations: HandEquations, start: Start) -> float:
+        """By how much a start violates the constraints."""
+        return start.violation(start.x, np.array(equations.nlp.values(start.x, start.p)[1]).ravel())
 
     def _misses(self, equations: HandEquations, x: Array, before: Array, after: Array) -> float:
         """By how much the cubics of contacts miss the object: the gap, per length, or the normal."""

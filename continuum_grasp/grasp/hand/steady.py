@@ -75,8 +75,8 @@ def eigenvalue_slope(search: HandSearch, tried: HandTried) -> Array:
 
     slope, here = np.zeros(x.size), energy(x)
     for name, place in tried.equations.problem.x.at.items():
-        # Limits that are relaxed and shifts, which follow from the rest, are not stored.
-        if not name.startswith(("relaxed ", "shift, ")):
+        # Limits that are relaxed, turns and shifts, which follow from the rest, are not stored.
+        if not name.startswith("relaxed ") and not name.endswith(("turns", ".shifts")):
             for k in range(place.start, place.stop):
                 slope[k] = (energy(x + _STEP * (np.arange(x.size) == k)) - here) / _STEP
     return slope
