@@ -30,6 +30,8 @@ from continuum_grasp.nlp import (
     Solver,
     SolverStatus,
     Start,
+    Summand,
+    summed,
 )
 from continuum_grasp.scene import GraspSolver
 
@@ -341,3 +343,28 @@ def test_a_point_is_solved_up_to_both_tolerances(error, violation, solved):
     solver = Settings("ipopt", tolerance=1e-6, constraint_tolerance=1e-9).solver()
     status = solver._status(SolverStatus.FAILED, 1e-6 * error, 1e-9 * violation)
     assert (status is SolverStatus.SOLVED) == solved
+
+
+def test_a_sum_of_parts_is_the_problem_written_at_once():
+    """Parts share unknowns, parameters and rows, in any order."""
+    x, p = ca.SX.sym("x", 3), ca.SX.sym("p", 2)
+
+    def rows(x, p):
+        return x[0] * x[1] * p[0], [x[0] * x[2] * p[1], x[1] ** 3]
+
+    value, pair = rows(x, p)
+    part = NLP("part", x, value, ca.vertcat(*pair), p)
+    first = Summand(part, np.array([3, 0, 1]), np.array([0, 2]), np.array([1, 0]))
+    second = Summand(part, np.array([1, 2, 3]), np.array([1, 2]), np.array([1, 2]))
+    whole = summed("whole", (4, 3, 3), [first, second])
+    x, p = ca.SX.sym("x", 4), ca.SX.sym("p", 3)
+    f, g = rows([x[3], x[0], x[1]], [p[0], p[2]])
+    other, h = rows([x[1], x[2], x[3]], [p[1], p[2]])
+    written = NLP("written", x, f + other, ca.vertcat(g[1], g[0] + h[0], h[1]), p)
+    at, numbers, forces = [0.7, 1.3, -0.4, 2.1], [2.0, 3.0, 4.0], [0.3, -0.2, 0.9]
+    for name, more in {"grad_f": [], "jac_g": [], "hess_lag": [2.0, forces]}.items():
+        found, expected = (each.functions[name].call([at, numbers, *more])[-1] for each in (whole, written))
+        assert np.array(found) == pytest.approx(np.array(expected), abs=1e-15)
+    assert np.array(whole.slope(at, numbers, 2.0, forces)) == pytest.approx(
+        np.array(written.slope(at, numbers, 2.0, forces))
+    )

@@ -11,7 +11,8 @@ import numpy as np
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.hand.body import BodySurface
 from continuum_grasp.grasp.hand.frames import PlaneFrame
-from continuum_grasp.grasp.hand.problem import RELAXED, HandEquations
+from continuum_grasp.grasp.hand.parts import RELAXED
+from continuum_grasp.grasp.hand.problem import HandProblem
 from continuum_grasp.grasp.hand.starts import TouchingPosture
 from continuum_grasp.grasp.problem.values import APEX, Units, Values, finger_values
 from continuum_grasp.grasp.quality.conic import Cones, solve_conic
@@ -143,13 +144,13 @@ class ForceRows:
     row_owners: Array
 
     @staticmethod
-    def of(equations: HandEquations, x: Array, p: Array) -> ForceRows:
-        """Those of a point."""
-        problem, columns, owners = equations.problem, list[Array](), list[int]()
+    def of(problem: HandProblem, x: Array, p: Array) -> ForceRows:
+        """Rows at a point."""
+        columns, owners = list[Array](), list[int]()
         fingers = [finger.name for finger in problem.spec.fingers]
         named = [(f"{name}.pulls", k) for k, name in enumerate(fingers)]
-        named += [(f"force, {contact.spec.name}", contact.spec.finger) for contact in problem.contacts]
-        named += [(f"force, {carried.name}", -1) for carried in problem.carried]
+        named += [(f"force, {contact.name}", contact.finger) for contact in problem.spec.contacts]
+        named += [(f"force, {name}", -1) for name in problem.spec.carried]
         for name, owner in named:
             columns.append(np.arange(problem.x.size)[problem.x.at[name]])
             owners += [owner] * len(columns[-1])
@@ -158,14 +159,14 @@ class ForceRows:
         blocks = [block for block in problem.rows.blocks if block.name in places]
         rows = np.concatenate([np.ravel(block.rows) for block in blocks])
         row_owners = np.concatenate([np.full(block.rows.size, places[block.name]) for block in blocks])
-        values, slopes = (np.array(part) for part in equations.nlp.functions["jac_g"](x, p))
+        values, slopes = (np.array(part) for part in problem.nlp.functions["jac_g"](x, p))
         sought = np.concatenate(columns)
         matrix = slopes[np.ix_(rows, sought)]
         return ForceRows(matrix, values.ravel()[rows] - matrix @ x[sought], sought, np.array(owners), row_owners)
 
     @staticmethod
     def combined(each: Sequence[ForceRows]) -> ForceRows:
-        """Those of a hand whose finger k is as in the k-th of some points."""
+        """Rows of a hand whose finger k is as in the k-th of some points."""
         matrix, offset = each[0].matrix.copy(), each[0].offset.copy()
         for k, rows in enumerate(each):
             columns, own = rows.column_owners == k, rows.row_owners == k
@@ -173,12 +174,12 @@ class ForceRows:
         return replace(each[0], matrix=matrix, offset=offset)
 
 
-def best_forces(scene: HandScene, equations: HandEquations, p: Array, rows: ForceRows) -> tuple[float, Array]:
+def best_forces(scene: HandScene, problem: HandProblem, p: Array, rows: ForceRows) -> tuple[float, Array]:
     """Residual of rows, in units of the problem, with the tensions and forces within their cones that leave the least,
     and these; infinite where the conic problem has no solution.
     """
-    problem, unit = equations.problem, hand_units(scene).force
-    contacts = [c.spec.name for c in problem.contacts] + [c.name for c in problem.carried]
+    unit = hand_units(scene).force
+    contacts = [c.name for c in problem.spec.contacts] + [*problem.spec.carried]
     # Unknowns are tensions and forces, then what they leave of each row.
     sought, size = rows.columns.size, rows.columns.size + rows.offset.size
     low, high = np.full(size, -np.inf), np.full(size, np.inf)
@@ -188,7 +189,7 @@ def best_forces(scene: HandScene, equations: HandEquations, p: Array, rows: Forc
     for c, name in enumerate(contacts):
         place = 2 * len(scene.setups) + 3 * c
         # Fingers press; palm and table may carry nothing.
-        low[place] = PRESSED * max(scene.weight / unit, 0.1) if c < len(problem.contacts) else 0.0
+        low[place] = PRESSED * max(scene.weight / unit, 0.1) if c < len(problem.spec.contacts) else 0.0
         high[place], friction = (
             float(p[problem.numbers.at[f"{name}.{key}"]][0]) for key in ("normal_force_max", "friction")
         )
@@ -204,14 +205,13 @@ def best_forces(scene: HandScene, equations: HandEquations, p: Array, rows: Forc
     return float(np.linalg.norm(found.x[sought:])), found.x[:sought]
 
 
-def with_shifts(equations: HandEquations, x: Array, p: Array) -> Array:
+def with_shifts(problem: HandProblem, x: Array, p: Array) -> Array:
     """A point whose turns and shifts to the side are those under its forces: the rows are linear in them."""
-    problem = equations.problem
     columns = np.concatenate([
         np.arange(problem.x.size)[at] for name, at in problem.x.at.items() if name.endswith(("turns", ".shifts"))
     ])  # fmt: skip
     rows = np.concatenate([np.ravel(b.rows) for b in problem.rows.blocks if " to the side, " in b.name])
-    values, slopes = (np.array(part) for part in equations.nlp.functions["jac_g"](x, p))
+    values, slopes = (np.array(part) for part in problem.nlp.functions["jac_g"](x, p))
     x = x.copy()
     x[columns] -= np.linalg.solve(slopes[np.ix_(rows, columns)], values.ravel()[rows])
     return x

@@ -23,7 +23,8 @@ from continuum_grasp.grasp.hand.numbers import (
     surfaces,
     with_shifts,
 )
-from continuum_grasp.grasp.hand.problem import RELAXED, SURFACE, HandEquations, HandProblem, HandSpec, hand_equations
+from continuum_grasp.grasp.hand.parts import RELAXED, SURFACE
+from continuum_grasp.grasp.hand.problem import HandProblem, HandSpec, grown_function, hand_problem
 from continuum_grasp.grasp.hand.starts import DEPTH, FingerPlane, TouchingPosture, postures
 from continuum_grasp.grasp.problem.points import bending_arrays, coordinates
 from continuum_grasp.grasp.problem.solver_run import allowed_depth, settings_of, solve_clear
@@ -71,7 +72,7 @@ class HandTried:
     attempt: Attempt
     numbers: Array  # of the last run
     arrays: dict[str, Array]
-    equations: HandEquations
+    problem: HandProblem
 
     @property
     def tension(self) -> float:
@@ -129,14 +130,14 @@ class HandSearch:
                     break
 
     def _tried(self, on: frozenset[str], chosen: tuple[TouchingPosture, ...]) -> Iterator[HandTried]:
-        """What comes of a posture of each finger, with all contacts and without those that are idle."""
-        equations = hand_equations(HandSpec.of(self.scene, on))
-        tried = self._solve(equations, on, chosen, *self._start(equations, on, chosen))
+        """Grasps from a posture of each finger, with all contacts and without those that are idle."""
+        problem = hand_problem(HandSpec.of(self.scene, on))
+        tried = self._solve(problem, on, chosen, *self._start(problem, on, chosen))
         if tried.attempt.known:
             return
         lighter = self._without_idle(tried) if tried.attempt.converged else None
         # Palm or table that carries nothing would count as what holds the object in place.
-        if lighter is None or not lighter.attempt.converged or not tried.equations.problem.spec.carried:
+        if lighter is None or not lighter.attempt.converged or not tried.problem.spec.carried:
             yield tried
         if lighter is not None:
             yield lighter
@@ -154,9 +155,9 @@ class HandSearch:
         on = tried.on - idle
         if on == tried.on:
             return None
-        lighter = hand_equations(replace(HandSpec.of(self.scene, on), pairs=tried.equations.problem.spec.pairs))
+        lighter = hand_problem(replace(HandSpec.of(self.scene, on), pairs=tried.problem.spec.pairs))
         x, p = self._start(lighter, on, tried.chosen)
-        before, after = tried.equations.problem, lighter.problem
+        before, after = tried.problem, lighter
         for name in before.x.at.keys() & after.x.at.keys():
             x[after.x.at[name]] = tried.attempt.x[before.x.at[name]]
         return self._solve(lighter, on, tried.chosen, x, self._near(lighter, x, p))
@@ -166,36 +167,36 @@ class HandSearch:
 
         The forces to start with are those of a search whose limit is ``eased`` by an amount.
         """
-        equations, problem = tried.equations, tried.equations.problem
-        x, _ = eased._start(equations, tried.on, tried.chosen)
-        _, p = self._at(equations, tried.on, tried.chosen)
+        problem = tried.problem
+        x, _ = eased._start(problem, tried.on, tried.chosen)
+        _, p = self._at(problem, tried.on, tried.chosen)
         p[problem.numbers.at["effort weight"]] = EFFORT
         p[problem.numbers.at["relaxation weights"]] = np.array([1.0 if name == limit else 0.0 for name in RELAXED])
         at = problem.x.at[f"relaxed {limit}"]
         x[at] = amount
-        found = self._solve(equations, tried.on, tried.chosen, x, p, limit)
+        found = self._solve(problem, tried.on, tried.chosen, x, p, limit)
         return found, float(found.attempt.x[at][0])
 
     def again(self, tried: HandTried) -> HandTried:
         """Solve from a point that was found, with the numbers of this scene."""
-        problem = tried.equations.problem
-        _, p = self._at(tried.equations, tried.on, tried.chosen)
+        problem = tried.problem
+        _, p = self._at(tried.problem, tried.on, tried.chosen)
         x = tried.attempt.x.copy()
         for name in RELAXED:
             x[problem.x.at[f"relaxed {name}"]] = 0.0
-        return self._solve(tried.equations, tried.on, tried.chosen, x, p)
+        return self._solve(tried.problem, tried.on, tried.chosen, x, p)
 
-    def next_to(self, tried: HandTried, equations: HandEquations, numbers: Values) -> HandTried:
+    def next_to(self, tried: HandTried, problem: HandProblem, numbers: Values) -> HandTried:
         """Solve other equations of the same unknowns, with some numbers, from a point that was found."""
-        _, p = self._at(equations, tried.on, tried.chosen)
-        p = self._near(equations, tried.attempt.x, p)
+        _, p = self._at(problem, tried.on, tried.chosen)
+        p = self._near(problem, tried.attempt.x, p)
         for name, value in numbers.items():
-            p[equations.problem.numbers.at[name]] = value
-        return self._solve(equations, tried.on, tried.chosen, tried.attempt.x, p)
+            p[problem.numbers.at[name]] = value
+        return self._solve(problem, tried.on, tried.chosen, tried.attempt.x, p)
 
     def arrays_at(self, tried: HandTried, x: Array) -> dict[str, Array]:
         """Stored arrays (SI) of a point beside one that was found."""
-        return self._arrays(tried.equations, x, tried.numbers)
+        return self._arrays(tried.problem, x, tried.numbers)
 
     @property
     def _fingers(self) -> list[tuple[FingerSetup, PlaneFrame]]:
@@ -239,34 +240,32 @@ class HandSearch:
         if not all(each):
             self.untouched[on] = [s.name for s, found in zip(self.scene.setups, each, strict=True) if not found]
             return []
-        equations = hand_equations(HandSpec.of(self.scene, on))
+        problem = hand_problem(HandSpec.of(self.scene, on))
         # Rows of a finger and its part of the object's balance are the same whatever the other fingers do.
         points = list[tuple[Array, ForceRows]]()
         for n in range(max(len(found) for found in each)):
-            x, p = self._at(equations, on, tuple(found[min(n, len(found) - 1)] for found in each))
-            points.append((p, ForceRows.of(equations, x, p)))
+            x, p = self._at(problem, on, tuple(found[min(n, len(found) - 1)] for found in each))
+            points.append((p, ForceRows.of(problem, x, p)))
         ranked = list[tuple[float, tuple[TouchingPosture, ...]]]()
         for chosen in _likeliest(each):
             places = [found.index(posture) for found, posture in zip(each, chosen, strict=True)]
             rows = ForceRows.combined([points[place][1] for place in places])
-            left, _ = best_forces(self.scene, equations, points[0][0], rows)
+            left, _ = best_forces(self.scene, problem, points[0][0], rows)
             ranked.append((left, chosen))
         return sorted(ranked, key=lambda pair: pair[0])
 
     def _start(
-        self, equations: HandEquations, on: frozenset[str], chosen: Sequence[TouchingPosture]
+        self, problem: HandProblem, on: frozenset[str], chosen: Sequence[TouchingPosture]
     ) -> tuple[Array, Array]:
         """Unknowns with the best forces, and numbers, for a posture of each finger."""
-        x, p = self._at(equations, on, chosen)
-        rows = ForceRows.of(equations, x, p)
-        _, x[rows.columns] = best_forces(self.scene, equations, p, rows)
-        return with_shifts(equations, x, p), p
+        x, p = self._at(problem, on, chosen)
+        rows = ForceRows.of(problem, x, p)
+        _, x[rows.columns] = best_forces(self.scene, problem, p, rows)
+        return with_shifts(problem, x, p), p
 
-    def _at(
-        self, equations: HandEquations, on: frozenset[str], chosen: Sequence[TouchingPosture]
-    ) -> tuple[Array, Array]:
+    def _at(self, problem: HandProblem, on: frozenset[str], chosen: Sequence[TouchingPosture]) -> tuple[Array, Array]:
         """Unknowns, without forces, and numbers for a posture of each finger."""
-        problem, scene, units = equations.problem, self.scene, self.units
+        scene, units = self.scene, self.units
         numbers = hand_numbers(scene, self._frames, chosen)
         values: Values = {}
         places = dict[str, Array]()
@@ -280,14 +279,14 @@ class HandSearch:
                     np.full(count - before, (1.0 - posture.joint) / (count - before)),
                 ]
             )
-            layout = FingerLayout(spec, int(problem.fingers[k].q.numel()), [], [])
+            layout = FingerLayout(spec, problem.finger(k).coordinates, [], [])
             values |= {f"{setup.name}.q": coordinates(setup, layout, lengths, knots, curvatures)}
             values |= {f"{setup.name}.joint_0": posture.joint}
             for name, at in ((setup.middle_names[0], posture.joint), (setup.tip_name, 1.0)):
                 if name in on:
                     places[name] = frame.world(np.append(length * _place(posture, at), 0.0))
         values |= {f"place, {name}": place / units.length for name, place in places.items()}
-        numbers |= self._near_contacts(problem, np.array([places[c.spec.name] for c in problem.contacts]))
+        numbers |= self._near_contacts(problem, np.array([places[c.name] for c in problem.spec.contacts]))
         # Probes sit amid the elements. What the posture may not penetrate would hold contacts in place: the first run
         # has no such surfaces.
         sizes = problem.numbers.sizes
@@ -302,15 +301,15 @@ class HandSearch:
         free |= {name: np.tile(away, sizes[name] // SURFACE) for name in sizes if name.endswith(".surfaces")}
         p = problem.numbers.pack({name: value for name, value in (numbers | free).items() if name in sizes})
         x = problem.x.pack(values, 0.0)
-        guarded = self._guarded(equations, x, p)
+        guarded = self._guarded(problem, x, p)
         self._choose_places(problem, guarded, p)
         self._choose_free(problem, guarded, p)
         return x, p
 
-    def _near(self, equations: HandEquations, x: Array, p: Array) -> Array:
+    def _near(self, problem: HandProblem, x: Array, p: Array) -> Array:
         """Numbers that have the object as it is near the contacts and guarded places of a point."""
-        problem, p = equations.problem, p.copy()
-        places = [x[problem.x.at[f"place, {contact.spec.name}"]] for contact in problem.contacts]
+        p = p.copy()
+        places = [x[problem.x.at[f"place, {contact.name}"]] for contact in problem.spec.contacts]
         for name, value in self._near_contacts(problem, np.array(places) * self.units.length).items():
             p[problem.numbers.at[name]] = value
         # Of each element the deepest place among these: (fractions, elements).
@@ -318,16 +317,17 @@ class HandSearch:
         for fraction in PROBED:
             for setup in self.scene.setups:
                 p[problem.numbers.at[f"{setup.name}.probes"]] = fraction
-            probed.append(self._guarded(equations, x, p))
+            probed.append(self._guarded(problem, x, p))
         for k, (setup, frame) in enumerate(self._fingers):
             placed = np.array([points[k][-setup.elements :] for points in probed])
             away = self.body.distance(placed)[0] - float(setup.finger.profile.half_thickness(0.0))
             away = np.minimum.reduce([away, *self._over_supports(setup, frame, placed)])
             p[problem.numbers.at[f"{setup.name}.probes"]] = PROBED[away.argmin(axis=0)]
-        guarded = self._guarded(equations, x, p)
+        guarded = self._guarded(problem, x, p)
         self._choose_places(problem, guarded, p)
         self._choose_free(problem, guarded, p)
-        for points, free, setup in zip(guarded, equations.free, self.scene.setups, strict=True):
+        for k, (points, setup) in enumerate(zip(guarded, self.scene.setups, strict=True)):
+            free = problem.finger(k).free
             # Edges of triangles stand out where normals go smoothly over them.
             thick = np.full(len(free), float(setup.finger.profile.half_thickness(0.0)) - self.scene.object.deviation)
             near = surfaces(self.body, points[free], thick, self.units.length)
@@ -336,9 +336,9 @@ class HandSearch:
 
     def _near_contacts(self, problem: HandProblem, places: Array) -> Values:
         """Numbers that stand for the object at the places (K, 3) [m] of the contacts."""
-        thick = [self.scene.setups[c.spec.finger].finger.profile.half_thickness(0.0) for c in problem.contacts]
+        thick = [self.scene.setups[c.finger].finger.profile.half_thickness(0.0) for c in problem.spec.contacts]
         near = surfaces(self.body, places, np.array(thick, dtype=float), self.units.length)
-        return {f"{contact.spec.name}.surface": row for contact, row in zip(problem.contacts, near, strict=True)}
+        return {f"{contact.name}.surface": row for contact, row in zip(problem.spec.contacts, near, strict=True)}
 
     def _choose_places(self, problem: HandProblem, guarded: Sequence[Array], p: Array) -> None:
         """Set the numbers that say where fingers are nearest to each other."""
@@ -353,14 +353,13 @@ class HandSearch:
             for support, gaps in zip(self.scene.supports, self._over_supports(setup, frame, points), strict=True):
                 p[problem.numbers.at[f"{setup.name}.clear of {support.name}"]] = np.isfinite(gaps)
 
-    def _guarded(self, equations: HandEquations, x: Array, p: Array) -> list[Array]:
+    def _guarded(self, problem: HandProblem, x: Array, p: Array) -> list[Array]:
         """Guarded places of each finger (K, 3) [m]."""
-        return [np.array(points).T * self.units.length for points in equations.guarded.call([x, p])]
+        return [points * self.units.length for points in problem.guarded(x, p)]
 
     # -- the solver ----------------------------------------------------------------------------------------------
 
-    def _bounds(self, equations: HandEquations, relaxed: str = "") -> tuple[Array, Array]:
-        problem = equations.problem
+    def _bounds(self, problem: HandProblem, relaxed: str = "") -> tuple[Array, Array]:
         low: Values = {f"relaxed {name}": 0.0 for name in RELAXED}
         high: Values = dict(low)
         if relaxed:
@@ -373,26 +372,20 @@ class HandSearch:
             # Greatest tensions are constraints, which can be relaxed; a tendon that is not there has a bound.
             high[f"{setup.name}.pulls"] = [np.inf if pull > 0.0 else 0.0 for pull in pulled]
         # Where palm or table could carry the object alone, fingers would touch it without a force that holds it.
-        least = PRESSED * self.scene.weight / self.units.force if problem.carried else 0.0
-        for contact in problem.contacts:
-            low[f"force, {contact.spec.name}"] = [least, -np.inf, -np.inf]
-        for setup, finger in zip(self.scene.setups, problem.spec.fingers, strict=True):
-            most = np.full(finger.elements, np.inf)
-            most[
-                [
-                    problem.end_of(c.spec)
-                    for c in problem.contacts
-                    if c.spec.finger == problem.spec.fingers.index(finger)
-                ]
-            ] = ASIDE
+        least = PRESSED * self.scene.weight / self.units.force if problem.spec.carried else 0.0
+        for contact in problem.spec.contacts:
+            low[f"force, {contact.name}"] = [least, -np.inf, -np.inf]
+        for k, setup in enumerate(self.scene.setups):
+            most = np.full(setup.elements, np.inf)
+            most[[contact.end for contact in problem.spec.contacts if contact.finger == k]] = ASIDE
             low[f"{setup.name}.shifts"], high[f"{setup.name}.shifts"] = -most, most
-        for carried in problem.carried:
-            low[f"force, {carried.name}"] = [0.0, -np.inf, -np.inf]
+        for name in problem.spec.carried:
+            low[f"force, {name}"] = [0.0, -np.inf, -np.inf]
         return problem.x.pack(low, -np.inf), problem.x.pack(high, np.inf)
 
     def _solve(
         self,
-        equations: HandEquations,
+        problem: HandProblem,
         on: frozenset[str],
         chosen: tuple[TouchingPosture, ...],
         x: Array,
@@ -400,77 +393,78 @@ class HandSearch:
         relaxed: str = "",
     ) -> HandTried:
         """Solve from a start, laying planes anew until no place of a finger is in the object."""
-        problem, depth = equations.problem, allowed_depth(self.scene)
-        near_to = {k: [m for j, m in equations.problem.spec.pairs if j == k] for k, _ in equations.problem.spec.pairs}
+        depth = allowed_depth(self.scene)
+        near_to = {k: [m for j, m in problem.spec.pairs if j == k] for k, _ in problem.spec.pairs}
 
         def look(x: Array, numbers: Array) -> tuple[float, Array]:
-            near = self._near(equations, x, numbers)
+            near = self._near(problem, x, numbers)
             gaps = []
-            guarded = self._guarded(equations, x, near)
+            guarded = self._guarded(problem, x, near)
             halves = [float(setup.finger.profile.half_thickness(0.0)) for setup in self.scene.setups]
-            for k, (points, free) in enumerate(zip(guarded, equations.free, strict=True)):
+            for k, points in enumerate(guarded):
+                free = problem.finger(k).free
                 depths = [halves[k] - self.body.near(points[free]).distance - self.scene.object.deviation]
                 depths += [-gaps for gaps in self._over_supports(*self._fingers[k], points)]
                 depths += [(halves[k] + halves[m] - _apart(points, guarded[m])).ravel() for m in near_to.get(k, ())]
                 gaps.append(float(np.concatenate(depths).max()) / self.scene.setups[k].finger.rod.length)
             # Where contacts have moved, the cubics have to follow.
-            return (max(gaps) if self._misses(equations, x, numbers, near) < SETTLED else np.inf), near
+            return (max(gaps) if self._misses(problem, x, numbers, near) < SETTLED else np.inf), near
 
         lower, upper = problem.rows.bounds()
-        bounds = self._bounds(equations, relaxed)
+        bounds = self._bounds(problem, relaxed)
         start = Start(x, *bounds, lower, upper, p, patience=PATIENCE, standstill=PATIENCE // 2)
         known = [] if relaxed else self._met.setdefault(problem.spec, [])
 
         def run(start: Start, budget: Budget) -> Attempt:
             if start.p is p:
-                found = self._solver.solve(equations.nlp, replace(start, known=tuple(known)), budget)
+                found = self._solver.solve(problem.nlp, replace(start, known=tuple(known)), budget)
                 if found.converged:
                     known.append(found.x)
                 return found
             # Where places that were not looked at are in the object, multipliers mislead.
-            if start.multipliers is not None and self._violated(equations, start) > FAR:
+            if start.multipliers is not None and self._violated(problem, start) > FAR:
                 start = replace(start, multipliers=None)
-            return self._solver.solve(equations.nlp, start, budget)
+            return self._solver.solve(problem.nlp, start, budget)
 
         with interrupts_held(quietly=True):
             attempt, numbers = solve_clear(
                 run,
-                equations.nlp,
+                problem.nlp,
                 start,
                 look,
                 depth,
                 self.budget,
                 self.scene.solver.max_iterations,
             )
-        crossed = self._crossed(equations, attempt.x, numbers) if attempt.converged else ()
+        crossed = self._crossed(problem, attempt.x, numbers) if attempt.converged else ()
         if set(crossed) <= set(problem.spec.pairs):
-            return HandTried(on, chosen, attempt, numbers, self._arrays(equations, attempt.x, numbers), equations)
+            return HandTried(on, chosen, attempt, numbers, self._arrays(problem, attempt.x, numbers), problem)
         # Once more, with these fingers clear of each other.
         pairs = tuple(sorted({*problem.spec.pairs, *crossed}))
-        wider = hand_equations(replace(problem.spec, pairs=pairs))
-        x = wider.problem.x.pack({name: attempt.x[at] for name, at in problem.x.at.items()}, 0.0)
-        p = wider.problem.numbers.pack({name: numbers[at] for name, at in problem.numbers.at.items()}, 0.0)
+        wider = hand_problem(replace(problem.spec, pairs=pairs))
+        x = wider.x.pack({name: attempt.x[at] for name, at in problem.x.at.items()}, 0.0)
+        p = wider.numbers.pack({name: numbers[at] for name, at in problem.numbers.at.items()}, 0.0)
         return self._solve(wider, on, chosen, x, self._near(wider, x, p), relaxed)
 
     @staticmethod
-    def _violated(equations: HandEquations, start: Start) -> float:
+    def _violated(problem: HandProblem, start: Start) -> float:
         """By how much a start violates the constraints."""
-        return start.violation(start.x, np.array(equations.nlp.values(start.x, start.p)[1]).ravel())
+        return start.violation(start.x, np.array(problem.nlp.values(start.x, start.p)[1]).ravel())
 
-    def _misses(self, equations: HandEquations, x: Array, before: Array, after: Array) -> float:
+    def _misses(self, problem: HandProblem, x: Array, before: Array, after: Array) -> float:
         """By how much the cubics of contacts miss the object: the gap, per length, or the normal."""
-        missed, problem = 0.0, equations.problem
-        for contact in problem.contacts:
-            at = problem.numbers.at[f"{contact.spec.name}.surface"]
-            place, (here, normal) = x[problem.x.at[f"place, {contact.spec.name}"]], after[at][:6].reshape(2, 3)
-            _, gradient = (np.array(part).ravel() for part in equations.grown(place, before[at]))
+        missed = 0.0
+        for contact in problem.spec.contacts:
+            at = problem.numbers.at[f"{contact.name}.surface"]
+            place, (here, normal) = x[problem.x.at[f"place, {contact.name}"]], after[at][:6].reshape(2, 3)
+            _, gradient = (np.array(part).ravel() for part in grown_function()(place, before[at]))
             turned = gradient / np.linalg.norm(gradient) - normal
             missed = max(missed, abs(float(normal @ (place - here))), float(np.abs(turned).max()))
         return missed
 
-    def _crossed(self, equations: HandEquations, x: Array, p: Array) -> list[tuple[int, int]]:
+    def _crossed(self, problem: HandProblem, x: Array, p: Array) -> list[tuple[int, int]]:
         """Pairs of fingers that overlap, by their guarded places."""
-        guarded = self._guarded(equations, x, p)
+        guarded = self._guarded(problem, x, p)
         halves = [float(setup.finger.profile.half_thickness(0.0)) for setup in self.scene.setups]
         return [
             (k, m)
@@ -478,14 +472,15 @@ class HandSearch:
             if float(_apart(guarded[k], guarded[m]).min()) < halves[k] + halves[m]
         ]
 
-    def _arrays(self, equations: HandEquations, x: Array, p: Array) -> dict[str, Array]:
+    def _arrays(self, problem: HandProblem, x: Array, p: Array) -> dict[str, Array]:
         """Stored arrays of a point (SI)."""
-        problem, units = equations.problem, self.units
-        names = [*(c.spec.name for c in problem.contacts), *(c.name for c in problem.carried)]
-        touches = [np.array(value) for value in equations.touches.call([x, p])]
-        per = [touches[5 * c : 5 * c + 5] for c in range(len(names))]
-        lengths = [self.scene.setups[c.spec.finger].finger.rod.length for c in problem.contacts]
-        lengths += [0.0] * len(problem.carried)
+        units, contacts = self.units, problem.spec.contacts
+        names = [*(contact.name for contact in contacts), *problem.spec.carried]
+        # Of each contact point, normal, force, place along its finger and shift; of palm and table these two are zero.
+        per = [part for k in range(len(problem.fingers)) for part in problem.touches(k, x, p)]
+        per += [[*part, np.zeros(1), np.zeros(1)] for part in problem.carried(x, p)]
+        lengths = [self.scene.setups[contact.finger].finger.rod.length for contact in contacts]
+        lengths += [0.0] * len(problem.spec.carried)
         out: dict[str, Array] = {
             "contact_names": np.array(names),
             "contact_positions": np.array([part[0].ravel() for part in per]) * units.length,
@@ -494,16 +489,15 @@ class HandSearch:
             "contact_stations": np.array([float(part[3].item()) for part in per]) * lengths,
             "contact_deflections": np.array([float(part[4].item()) for part in per]) * units.length,
         }
-        fingers = [np.array(value) for value in equations.fingers.call([x, p])]
-        states = equations.states.call([x, p])
         for k, setup in enumerate(self.scene.setups):
-            q, shares, tip, pulls, _ = fingers[5 * k : 5 * k + 5]
+            finger, placed = problem.finger(k), problem.fingers[k]
+            q, shares, tip, pulls, _ = placed.values(finger.stored, x, p)
             name, length = setup.name, setup.finger.rod.length
-            layout = FingerLayout(problem.spec.fingers[k], int(problem.fingers[k].q.numel()), [], [])
+            layout = FingerLayout(problem.spec.fingers[k], problem.finger(k).coordinates, [], [])
             elements = shares.ravel() * length
             tensions = pulls.ravel() * setup.stiffness / length / setup.tendons.offset
             bending = bending_arrays(setup, layout, q.ravel(), elements, float(tip.ravel()[0]), tensions)
-            line = np.array(problem.fingers[k].shared.line(*states[3 * k : 3 * k + 3])).T
+            line = np.array(finger.finger.shared.line(*placed.values(finger.state, x, p))).T
             out |= {f"{name}.{key}": value for key, value in bending.items()} | {
                 f"{name}.family": np.array(setup.family),
                 f"{name}.lengths": elements,
@@ -523,7 +517,7 @@ def _nearest(points: Array, others: Array, problem: HandProblem, k: int) -> tupl
     """Weights (N, K) and (N, M) of the place of each element of finger k that is nearest to the other finger, and of
     the nearest one there.
     """
-    apart, owners = _apart(points, others), np.array(problem.fingers[k].guarded[1])
+    apart, owners = _apart(points, others), np.array(problem.finger(k).owners)
     first = np.zeros((problem.spec.fingers[k].elements, len(points)))
     second = np.zeros((len(first), len(others)))
     for element in range(len(first)):

@@ -232,6 +232,7 @@ def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], stati
         advice = f"Any one of these repairs it: {repairs}."
         if not reasons[0].stable:
             advice = f"With any one of these forces balance, but a small push drives the object away: {repairs}."
+            advice += _of_two(scene)
         message = reasons[0].text
         arrays = dict(reasons[0].arrays)
         return HandResult(
@@ -243,18 +244,24 @@ def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], stati
         message = f"the solver converged, but the independent check rejects: {broken}"
         advice = "Give the fingers more space, or raise fidelity.elements."
     else:
-        worst = nearest.equations.problem.rows.violations(nearest.attempt.g, 1e-6, {})
+        worst = nearest.problem.rows.violations(nearest.attempt.g, 1e-6, {})
         names = ", ".join(violation.name for violation in worst[:3])
         message = f"no grasp was found from {len(tried)} starts, and no single limit explains it"
         message += f"; the nearest breaks {names}"
         advice = "Likely the geometry: move the object or the bases, or turn the planes of the fingers to it (twist)."
-        if len(scene.setups) == 2:
-            advice += (
-                " Two fingers that touch once each leave the object free to turn about the line through them: give "
-                "contacts.middle: on and contacts.tip: on, a palm, or a third finger."
-            )
+        advice += _of_two(scene)
     return HandResult(
         scene, GraspStatus.NOT_SOLVED, message, nearest.arrays, None, advice=advice, statistics=statistics
+    )
+
+
+def _of_two(scene: HandScene) -> str:
+    """Advice where there are two fingers."""
+    if len(scene.setups) != 2:
+        return ""
+    return (
+        " Two fingers that touch once each leave the object free to turn about the line through them: give "
+        "contacts.middle: on and contacts.tip: on, a palm, or a third finger."
     )
 
 

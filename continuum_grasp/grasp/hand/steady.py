@@ -15,7 +15,8 @@ import numpy as np
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.certificate.space import CREEPS, held_directions
 from continuum_grasp.grasp.hand.certificate import HandCertificate, certify_hand
-from continuum_grasp.grasp.hand.problem import hand_equations
+from continuum_grasp.grasp.hand.parts import Aims
+from continuum_grasp.grasp.hand.problem import hand_problem
 from continuum_grasp.grasp.hand.recomputed import RecomputedHand
 from continuum_grasp.grasp.hand.search import HandSearch, HandTried
 from continuum_grasp.grasp.hand.stability import HandSystem
@@ -32,7 +33,7 @@ _STEP = 1e-6
 
 def steadied(search: HandSearch, tried: HandTried, certificate: HandCertificate) -> Iterator[HandTried]:
     """Grasps next to one, of which each is more stable than the one before, until one is stable."""
-    equations = hand_equations(replace(tried.equations.problem.spec, steadied=True))
+    problem = hand_problem(replace(tried.problem.spec, aims=Aims(steadied=True)))
     share = 1.0
     slope = eigenvalue_slope(search, tried)
     for _ in range(ROUNDS):
@@ -41,7 +42,7 @@ def steadied(search: HandSearch, tried: HandTried, certificate: HandCertificate)
             return
         wanted = value + share * (WANTED - value)
         level = wanted - value + float(slope @ tried.attempt.x)
-        found = search.next_to(tried, equations, {"stability slope": slope, "stability level": level})
+        found = search.next_to(tried, problem, problem.steadying(slope, level))
         better = found.attempt.converged
         if better:
             verdict = certify_hand(search.scene, found.arrays)
@@ -74,7 +75,7 @@ def eigenvalue_slope(search: HandSearch, tried: HandTried) -> Array:
         return float(mode @ there.hessian @ mode + 2.0 * multipliers @ there.rows @ mode) / unit
 
     slope, here = np.zeros(x.size), energy(x)
-    for name, place in tried.equations.problem.x.at.items():
+    for name, place in tried.problem.x.at.items():
         # Limits that are relaxed, turns and shifts, which follow from the rest, are not stored.
         if not name.startswith("relaxed ") and not name.endswith(("turns", ".shifts")):
             for k in range(place.start, place.stop):

@@ -13,7 +13,8 @@ import numpy as np
 
 from continuum_grasp.base import amount_text
 from continuum_grasp.grasp.hand.certificate import HandCertificate, certify_hand
-from continuum_grasp.grasp.hand.problem import HandSpec, hand_equations
+from continuum_grasp.grasp.hand.parts import Aims
+from continuum_grasp.grasp.hand.problem import HandSpec, hand_problem
 from continuum_grasp.grasp.hand.search import HandSearch, HandTried
 from continuum_grasp.scene import HandScene
 
@@ -39,12 +40,12 @@ class TurnedGrasp:
 def turned_grasps(scene: HandScene, held: HandTried, search: HandSearch) -> list[TurnedGrasp]:
     """Grasps with rising forces next to one with a weight along -z, up to the first that holds every direction."""
     spec = HandSpec.of(scene, held.on)
-    equations = hand_equations(replace(spec, pairs=held.equations.problem.spec.pairs, gripped=True))
+    problem = hand_problem(replace(spec, pairs=held.problem.spec.pairs, aims=Aims(gripped=True)))
     forces, normals = held.arrays["contact_forces"], held.arrays["contact_normals"]
     grip, last = float((forces * normals).sum()), held
     found = list[TurnedGrasp]()
     for _ in range(STEPS):
-        tried = search.next_to(last, equations, {"grip": np.array([grip / search.units.force])})
+        tried = search.next_to(last, problem, {"grip": np.array([grip / search.units.force])})
         if search.budget.over or not tried.attempt.converged:
             break
         certificate = certify_hand(scene, tried.arrays)

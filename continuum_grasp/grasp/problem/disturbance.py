@@ -171,10 +171,11 @@ def _keep_limits(problem: Unknowns, change: dict[str, ca.SX], k: int) -> None:
     for contact in problem.contacts:
         name = contact.spec.name
         # Wrenches act in the plane: the lift stays.
-        n, f = ca.vertsplit(contact.force[:2] + change[f"change of force, {name}"])
-        cone = friction_cone(problem, number(f"{name}.friction"), n, f, contact.force[2])
+        moved = contact.force[:2] + change[f"change of force, {name}"]
+        force = ca.vertcat(moved, contact.force[2])[: problem.spec.dimensions]
+        cone = friction_cone(number, number(f"{name}.friction"), force)
         require(f"disturbed friction cone, {name}, {k}", cone, "N", "contacts.friction", upper=ca.inf)
-        spare = ca.vertcat(n, number(f"{name}.normal_force_max") - n)
+        spare = ca.vertcat(moved[0], number(f"{name}.normal_force_max") - moved[0])
         require(f"disturbed normal force, {name}, {k}", spare, "N", "contacts.normal_force_max", upper=ca.inf)
     for finger in problem.fingers:
         pulls = finger.pulls + change[f"{finger.spec.name}.change of pulls"]

@@ -7,7 +7,7 @@ from typing import Any
 
 import casadi as ca
 
-from continuum_grasp.grasp.problem.blocks import rotation
+from continuum_grasp.grasp.problem.blocks import Columns, rotation
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.unknowns import Unknowns
 from continuum_grasp.model import SHORTEST, TouchingCircle
@@ -25,14 +25,17 @@ def add_limits(problem: Unknowns) -> None:
         _keep_object_clear(problem)
 
 
-def friction_cone(problem: Any, friction: ca.SX, n: ca.SX, f: ca.SX, lift: ca.SX) -> ca.SX:
-    """Rows that are not negative for forces within a friction cone, less its reserve, where nothing pulls (n >= 0)."""
-    friction = problem.numbers("cone share") * friction
-    if problem.spec.dimensions == 3:
+def friction_cone(numbers: Columns, friction: ca.SX, force: ca.SX) -> ca.SX:
+    """Rows that are not negative for a force (2,) or (3,) within a friction cone, less its reserve, where nothing pulls
+    (n >= 0).
+    """
+    friction = numbers("cone share") * friction
+    n, f = force[0], force[1]
+    if force.numel() == 3:
         # The hyperboloid (mu N)^2 >= f^2 + l^2 + e^2 within the cone. The cone has a kink where nothing presses, at
         # which IPOPT would zigzag; so does a root in its place, which is nearly one.
-        apex = problem.numbers("cone rounding")
-        cone: ca.SX = friction * n - apex - (f**2 + lift**2) / (friction * n + apex)
+        apex = numbers("cone rounding")
+        cone: ca.SX = friction * n - apex - ca.sumsqr(force[1:]) / (friction * n + apex)
         return cone
     # In the plane the cone is two half planes: linear, nothing to round.
     return ca.vertcat(friction * n - f, friction * n + f)
@@ -42,19 +45,20 @@ def _bound_contacts(problem: Unknowns) -> None:
     require = problem.rows.require
     number = problem.numbers
     for contact in problem.contacts:
-        name, (n, f, lift) = contact.spec.name, ca.vertsplit(contact.force)
+        name = contact.spec.name
+        force = contact.force[: problem.spec.dimensions]
         friction = number(f"{name}.friction") + problem.slack["friction"]
         if "greatest_friction_margin" in problem.spec.aims:
             friction *= 1.0 - problem.x("friction margin")
-        cone = friction_cone(problem, friction, n, f, lift)
+        cone = friction_cone(problem.numbers, friction, force)
         if problem.reserve is not None:
             cone -= problem.reserve * number("force reference")
             # Also without friction a contact presses.
-            pressed = n - problem.reserve * number("force reference")
+            pressed = force[0] - problem.reserve * number("force reference")
             require(f"pressed, {name}", pressed, "N", "contacts", upper=ca.inf)
         require(f"friction cone, {name}", cone, "N", f"contacts.friction ({name})", upper=ca.inf)
         limit = number(f"{name}.normal_force_max") + problem.slack["normal force"]
-        require(f"normal force, {name}", limit - n, "N", "contacts.normal_force_max", upper=ca.inf)
+        require(f"normal force, {name}", limit - force[0], "N", "contacts.normal_force_max", upper=ca.inf)
 
 
 def _keep_clear(problem: Unknowns, finger: UnitFinger) -> ca.SX:
