@@ -33,9 +33,7 @@ SWINGS = 0.1
 """Part of the least mode that is the object's, below which a finger moves and the object hardly does."""
 ASIDE = 0.05
 """Greatest displacement of a contact out of its finger's plane, per length of the finger [1]: at 0.03 the linear theory
-is within 0.4 % of a geometrically exact rod under loads to the side alone. Moments of forces in the plane about the
-displaced rod are left out: displacements of stable grasps are up to 0.31 mm off, in the main by them
-(``benchmarks.hand_mujoco``)."""
+is within 0.4 % of a geometrically exact rod."""
 
 
 @dataclass(frozen=True)
