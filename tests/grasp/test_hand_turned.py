@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,8 @@ import continuum_grasp as cg
 from continuum_grasp.base import InputError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.hand.certificate import certify_hand
+from continuum_grasp.grasp.hand.parts import Aims
+from continuum_grasp.grasp.hand.problem import hand_problem
 from continuum_grasp.grasp.hand.recomputed import RecomputedHand
 from continuum_grasp.grasp.hand.search import HandSearch
 from continuum_grasp.grasp.hand.stability import hand_stability
@@ -102,12 +106,17 @@ def test_too_heavy_to_turn_says_where_and_how_much_friction():
 # -- the search next to a grasp ---------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def leaning():
-    """The search of the egg, whose fingers are displaced, and its grasp."""
-    scene = cg.load(ROOT / "configs/hand/egg.yaml")
+def first_grasp(name):
+    """The search of a shipped hand, and its first grasp."""
+    scene = cg.load(ROOT / f"configs/hand/{name}.yaml")
     search = HandSearch(scene, Budget.of(scene.solver, None))
     return search, next(t for t in search.run() if t.attempt.converged and certify_hand(scene, t.arrays).passed)
+
+
+@pytest.fixture(scope="module")
+def leaning():
+    """The egg's, whose fingers are displaced."""
+    return first_grasp("egg")
 
 
 @pytest.mark.deep
@@ -121,7 +130,9 @@ def test_the_slope_of_the_least_eigenvalue_is_that_of_differences(leaning):
     assert np.linalg.norm(slope) > 0.1
     draw = np.random.default_rng(3)
     stored = [
-        place for name, place in tried.equations.problem.x.at.items() if not name.startswith(("relaxed", "shift"))
+        place
+        for name, place in tried.problem.x.at.items()
+        if not name.startswith("relaxed ") and not name.endswith(("turns", ".shifts"))
     ]
     for _ in range(4):
         along = np.zeros(x.size)
@@ -132,12 +143,23 @@ def test_the_slope_of_the_least_eigenvalue_is_that_of_differences(leaning):
         assert slope @ along == pytest.approx(difference, rel=1e-3, abs=1e-4)
 
 
+def test_a_grasp_next_to_another_is_as_much_more_stable_as_was_asked():
+    search, tried = first_grasp("can")
+    slope, before = eigenvalue_slope(search, tried), hand_stability(RecomputedHand(search.scene, tried.arrays), LINKS)
+    problem = hand_problem(replace(tried.problem.spec, aims=Aims(steadied=True)))
+    found = search.next_to(tried, problem, problem.steadying(slope, float(slope @ tried.attempt.x) + 1e-3))
+    assert found.attempt.converged
+    assert certify_hand(search.scene, found.arrays).passed
+    after = hand_stability(RecomputedHand(search.scene, found.arrays), LINKS)
+    assert after.eigenvalue - before.eigenvalue == pytest.approx(1e-3, rel=0.05)
+
+
 @pytest.mark.deep
 def test_places_that_stay_clear_are_on_the_displaced_backbone(leaning):
     """By the certificate's own quadrature; the search interpolates by cubics from element to element."""
     search, tried = leaning
     hand = RecomputedHand(search.scene, tried.arrays)
-    guarded = search._guarded(tried.equations, tried.attempt.x, tried.numbers)
+    guarded = search._guarded(tried.problem, tried.attempt.x, tried.numbers)
     assert max(np.abs(finger.deflections).max() for finger in hand.fingers) > 1e-4
     for finger, places in zip(hand.fingers, guarded, strict=True):
         a, b = finger.points[:-1], finger.points[1:]

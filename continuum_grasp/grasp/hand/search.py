@@ -294,7 +294,7 @@ class HandSearch:
         free |= {
             name: np.zeros(sizes[name])
             for name in sizes
-            if name.startswith(("first of ", "second of ", "stability ", "grip"))
+            if name.startswith(("first of ", "second of ", "stability ", "grip")) or name.endswith(".stability slope")
         }
         free |= {name: np.zeros(sizes[name]) for name in sizes if ".clear of " in name}
         away = np.concatenate([[0.0, 0.0, -AWAY, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0], np.zeros(SURFACE - 9)])
