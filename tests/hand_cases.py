@@ -79,6 +79,17 @@ def squeezed_box(press=2.0, mass=0.05, body=None, density=1e-12, **contacts):
     return scene, stored(scene, touches)
 
 
+def twisted_box(offset=1e-3, press=2.0, mass=0.05, torsional_friction=1e-3, **contacts):
+    """`squeezed_box` whose center of mass is beside the line through the ends, along y: both ends bear half the moment
+    about it.
+    """
+    body = {"center_of_mass": (0.0, offset, 0.0)}
+    scene, arrays = squeezed_box(press, mass, body, torsional_friction=torsional_friction, **contacts)
+    moment = 0.5 * offset * 9.81 * mass
+    arrays["contact_moments"] = np.array([moment, -moment])
+    return scene, arrays
+
+
 def one_finger(load, normal, curvature=0.0, section=None, station=LENGTH, **more):
     """A finger along the hand's y axis, in whose plane z is that of the hand, under one force; it touches nothing."""
     bases = {"finger": ((0, 0, 0), (0, 1, 0), (-1, 0, 0))}

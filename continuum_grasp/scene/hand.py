@@ -163,6 +163,9 @@ class HandContacts(GraspContacts):
     """Contact along the finger, tangent to the object: on, off, or auto: where that is better."""
     tip: Switch = "auto"
     """Contact of the rounded end: on, off, or auto: where that is better."""
+    torsional_friction: Annotated[float, Field(ge=0.0), Unit("m")] = 0.0
+    """Greatest moment about the normal that a contact bears, per normal force, where it bears no other friction [m]; of
+    a pad with even pressure two thirds of its radius times ``friction``. Zero: contacts are points."""
 
 
 class TurnedGravity(Value):

@@ -36,6 +36,31 @@ def test_a_grasp_in_closed_form_passes():
     assert str(len(certificate.checks)) in certificate.headline()
 
 
+def test_torsional_friction_bears_moments_about_normals_within_the_cone():
+    """The cone is |friction|^2 + (moment mu / gamma)^2 <= (mu N)^2 with gamma the torsional friction."""
+    arm = 1e-3 / 0.5
+    certificate = certify_hand(*cases.twisted_box())
+    assert certificate.passed, certificate
+    moment = 0.5 * 1e-3 * 9.81 * MASS
+    for contact in certificate.contacts:
+        assert contact.margin == pytest.approx(1.0 - math.hypot(FORCE, moment / arm) / (0.5 * PRESS), rel=1e-9)
+    scene, arrays = cases.twisted_box()
+    for missing in (
+        arrays | {"contact_moments": np.zeros(2)},
+        arrays | {"contact_moments": arrays["contact_moments"] * [1, -1]},
+    ):
+        assert [check.name for check in certify_hand(scene, missing).failed] == ["object moment balance"]
+    without = {name: value for name, value in arrays.items() if name != "contact_moments"}
+    assert [check.name for check in certify_hand(scene, without).failed] == [
+        "stored arrays that are missing or do not fit"
+    ]
+    # As much off the line as the cone bears, to 1e-6 of the greatest force.
+    most = math.sqrt((0.5 * PRESS) ** 2 - FORCE**2) * arm
+    for part, passes in ((0.999, True), (1.001, False)):
+        offset = part * most / (0.5 * 9.81 * MASS)
+        assert certify_hand(*cases.twisted_box(offset))["friction cone, left.tip"].passed is passes
+
+
 # -- displacement out of the plane ------------------------------------------------------------------------------------
 
 RATIO = 4.0

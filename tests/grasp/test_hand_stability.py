@@ -308,6 +308,21 @@ def test_a_box_between_two_ends_turns_about_the_line_between_them():
     assert abs(verdict.mode[3]) == pytest.approx(1.0, abs=1e-3)
 
 
+def test_torsional_friction_holds_a_box_by_the_twist_of_both_fingers():
+    """About the line between the ends it turns by a moment per 2 G J / L."""
+    scene, arrays = cases.twisted_box(0.0, 0.01, 0.0)
+    certificate = certify_hand(scene, arrays)
+    ratio = 4.0
+    torsion = 4 * ratio**2 / (1 + ratio**2) / (2 * 1.35) * STIFFNESS
+    response = certificate.response
+    assert response.pose[3, 3] == pytest.approx(LENGTH / (2.0 * torsion), rel=1e-3)
+    # Both bear half of a moment about the line, each about the normal that points to it.
+    assert response.moments[:, 3] == pytest.approx([-0.5, 0.5], rel=1e-6)
+    assert certificate.stability.motion != "tilts about x"
+    promised = certificate.promised([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+    assert promised == pytest.approx(2.0 * 1e-3 * 0.01, rel=1e-6)
+
+
 @pytest.mark.parametrize(("width", "motion"), [(0.5e-3, "swings sideways"), (4e-3, "bends in its plane")])
 def test_a_finger_that_touches_nothing_buckles_alone(width, motion):
     """A finger that stands on its base, 1.2 times as heavy as its weaker plane bears; the others lean on each other."""

@@ -225,6 +225,8 @@ def _finger(chain: HandFingerChain, armature: float, damping: float, edge: float
     name, links, radius = chain.name, chain.links, chain.radius
     capsule = max(radius - edge, _THIN)
     touch = {"margin": numbers(radius - capsule + edge)} if edge > 0.0 else {}
+    torsional = chain.torsional_friction
+    touch |= {"condim": "4"} if torsional > 0.0 else {}
     found: list[dict[str, object]] = []
     for k in range(-1, len(links.at)):
         begin, end = links.span(k)
@@ -237,7 +239,7 @@ def _finger(chain: HandFingerChain, armature: float, damping: float, edge: float
             "type": "capsule",
             "size": numbers(capsule),
             "fromto": numbers(0.0, 0.0, 0.0, 0.0, long, 0.0),
-            "friction": numbers(chain.setup.friction, 0.0, 0.0),
+            "friction": numbers(chain.setup.friction, torsional, 0.0),
             **touch,
             **FINGER,
         }

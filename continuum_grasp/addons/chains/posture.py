@@ -26,6 +26,7 @@ class HandFingerChain:
     def __init__(self, result: Any, index: int, hinges: int) -> None:
         scene = result.scene
         self.setup = scene.setups[index]
+        self.torsional_friction = scene.contacts.torsional_friction
         self.frame = result.frames[index]
         self.name, self.finger = self.setup.name, self.setup.finger
         self.links = Links.of(self.finger, hinges, even=True)

@@ -33,6 +33,7 @@ class ChainTouch(Protocol):
     station: float
     radius: float
     load: Array  # force on the finger (3,) [N]
+    moment: float  # on the finger about the normal [N m]
     normal: Array  # outward normal of the object (3,)
     point: Array  # where the object's surface is touched (3,) [m]
     center: Array  # of the finger's section (3,) [m]
@@ -128,7 +129,7 @@ class FingerChain:
             moment[:] += np.where(there, couple + np.cross(place - self.center, load), 0.0)
 
         for contact in self.finger.contacts:
-            couple = -contact.radius * np.cross(contact.normal, contact.load)
+            couple = contact.moment * contact.normal - contact.radius * np.cross(contact.normal, contact.load)
             add(contact.load, contact.center, couple, contact.station)
         if self.gravity.any():
             density = plane.profile.linear_density(self.middles)

@@ -53,6 +53,7 @@ class FlatTouch:
     normal: Array
     point: Array
     center: Array
+    moment: float = 0.0
 
 
 class FlatFinger:

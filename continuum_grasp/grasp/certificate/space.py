@@ -112,6 +112,13 @@ class SpatialSystem:
         row[:, self.spans[finger]] = self.chains[finger].motion(contact)
         return row
 
+    def twisted(self, contact: ChainTouch, finger: int) -> Array:
+        """Row (n,) of a contact of a finger that turns about the normal with the object; to first order."""
+        row = np.zeros(self.size)
+        row[self.spans[finger]] = self.chains[finger].turn(contact, contact.normal)
+        row[-3:] = -contact.normal
+        return row
+
     def supported(self, point: Array, load: Array) -> Array:
         """Rows (3, n) of a point of the object that stays; the load on what is there keeps its direction."""
         place, row = point - self.com, np.zeros((3, self.size))

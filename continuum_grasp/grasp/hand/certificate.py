@@ -28,13 +28,13 @@ from continuum_grasp.grasp.certificate.check import CURLED, EXACT, GUARDED, Chec
 from continuum_grasp.grasp.certificate.recomputed import OF_FINGER
 from continuum_grasp.grasp.certificate.space import ASIDE, SpatialStability
 from continuum_grasp.grasp.hand.recomputed import (
-    OF_CONTACTS,
     HandTouch,
     ObjectTouch,
     RecomputedHand,
     SpatialFinger,
     SupportTouch,
     known_touches,
+    of_contacts,
 )
 from continuum_grasp.grasp.hand.stability import HandResponse, hand_response, hand_stability
 from continuum_grasp.grasp.hand.weights import TurnedContact, promised_wrench, turned_contacts
@@ -202,7 +202,8 @@ def certify_hand(scene: HandScene, arrays: Mapping[str, Any]) -> HandCertificate
         ``F.tip_curvature``, ``F.tensions``, ``F.base``, ``F.backbone``. For the contacts, as the hand sees them:
         ``contact_names``, ``contact_positions`` on the object [m], ``contact_normals`` of the object (outward),
         ``contact_forces`` on the fingers [N], ``contact_stations`` along them [m], and ``contact_deflections`` of their
-        backbones out of their planes [m]; of palm and table, such as ``palm_1``, both are zero.
+        backbones out of their planes [m]; of palm and table, such as ``palm_1``, both are zero. With torsional
+        friction also ``contact_moments`` about the normals, on the fingers [N m].
 
     Returns
     -------
@@ -240,7 +241,7 @@ def certify_hand(scene: HandScene, arrays: Mapping[str, Any]) -> HandCertificate
 def _not_finite(scene: HandScene, arrays: Mapping[str, Any]) -> int:
     """Number of entries that are NaN or infinite."""
     names = [f"{setup.name}.{name}" for setup in scene.setups for name in OF_FINGER]
-    names += [f"contact_{key}" for key in OF_CONTACTS]
+    names += [f"contact_{key}" for key in of_contacts(scene)]
     stored = [as_numbers(arrays.get(name, 0.0)) for name in names]
     return sum(int((~np.isfinite(values)).sum()) for values in stored if values is not None)
 
@@ -254,7 +255,7 @@ def _misfits(scene: HandScene, arrays: Mapping[str, Any]) -> int:
 
     names = np.asarray(arrays.get("contact_names", 0.0))
     wrong = ["contact_names" not in arrays or names.shape != (names.size,)]
-    expected: dict[str, tuple[int, ...]] = {f"contact_{key}": (names.size, *of) for key, of in OF_CONTACTS.items()}
+    expected = {f"contact_{key}": (names.size, *of) for key, of in of_contacts(scene).items()}
     for setup in scene.setups:
         prefix, n = f"{setup.name}.", setup.elements
         shapes, backbone = shape(f"{prefix}curvature_shapes") or (), shape(f"{prefix}backbone")
@@ -282,7 +283,7 @@ def touches_check(hand: RecomputedHand) -> Check:
 def _forces(hand: RecomputedHand, c: ObjectTouch) -> Iterator[Check]:
     """Friction cone and normal force of a contact."""
     scale, normal_force = hand.force_scale, c.normal_force
-    yield Check.part(f"friction cone, {c.name}", c.friction_force - c.held_friction * normal_force, scale, "N")
+    yield Check.part(f"friction cone, {c.name}", c.across - c.held_friction * normal_force, scale, "N")
     limit = c.normal_force_max
     over = worst(-normal_force / scale, normal_force / limit - 1)
     yield Check(f"normal force, {c.name}", over, EXACT, amount_text(limit, "N", ".4g"))
@@ -318,7 +319,7 @@ def _object(hand: RecomputedHand) -> Iterator[Check]:
     force, moment = hand.scene.object.weighed * hand.gravity, np.zeros(3)
     for contact in hand.touches:
         force = force - contact.load
-        moment -= np.cross(contact.point - hand.com, contact.load)
+        moment -= np.cross(contact.point - hand.com, contact.load) + contact.moment * contact.normal
     yield Check.part("object force balance", float(np.abs(force).max()), hand.force_scale, "N")
     yield Check.part("object moment balance", float(np.abs(moment).max()), hand.force_scale * hand.size, "N m")
 

@@ -70,6 +70,7 @@ def hand_numbers(scene: HandScene, frames: Sequence[PlaneFrame], chosen: Sequenc
         for name in (*setup.middle_names, setup.tip_name):
             numbers[f"{name}.friction"] = setup.friction
             numbers[f"{name}.normal_force_max"] = setup.normal_force_max / units.force
+            numbers[f"{name}.torsional arm"] = scene.contacts.torsional_friction / setup.friction / units.length
     return numbers | _support_numbers(scene, units)
 
 
@@ -149,7 +150,9 @@ class ForceRows:
         columns, owners = list[Array](), list[int]()
         fingers = [finger.name for finger in problem.spec.fingers]
         named = [(f"{name}.pulls", k) for k, name in enumerate(fingers)]
-        named += [(f"force, {contact.name}", contact.finger) for contact in problem.spec.contacts]
+        for contact in problem.spec.contacts:
+            named.append((f"force, {contact.name}", contact.finger))
+            named += [(f"torsion, {contact.name}", contact.finger)] if problem.spec.soft else []
         named += [(f"force, {name}", -1) for name in problem.spec.carried]
         for name, owner in named:
             columns.append(np.arange(problem.x.size)[problem.x.at[name]])
@@ -185,17 +188,20 @@ def best_forces(scene: HandScene, problem: HandProblem, p: Array, rows: ForceRow
     low, high = np.full(size, -np.inf), np.full(size, np.inf)
     for k, setup in enumerate(scene.setups):
         low[2 * k : 2 * k + 2], high[2 * k : 2 * k + 2] = finger_bounds(setup)
-    width, across = np.zeros((len(contacts), size)), np.zeros((len(contacts), 2, size))
+    width, across = np.zeros((len(contacts), size)), np.zeros((len(contacts), 2 + problem.spec.soft, size))
+    place = 2 * len(scene.setups)
     for c, name in enumerate(contacts):
-        place = 2 * len(scene.setups) + 3 * c
         # Fingers press; palm and table may carry nothing.
-        low[place] = PRESSED * max(scene.weight / unit, 0.1) if c < len(problem.spec.contacts) else 0.0
-        high[place], friction = (
-            float(p[problem.numbers.at[f"{name}.{key}"]][0]) for key in ("normal_force_max", "friction")
-        )
+        fingertip = c < len(problem.spec.contacts)
+        low[place] = PRESSED * max(scene.weight / unit, 0.1) if fingertip else 0.0
+        high[place] = float(p[problem.numbers.at[f"{name}.normal_force_max"]][0])
+        friction = float(p[problem.numbers.at[f"{name}.friction"]][0])
         width[c, place] = friction * (1.0 - scene.contacts.reserve)
-        across[c, 0, place + 1] = across[c, 1, place + 2] = 1.0
-    cones = Cones(across, np.zeros((len(contacts), 2)), width, np.zeros(len(contacts)))
+        after = place + 3 + (fingertip and problem.spec.soft)
+        for n, column in enumerate(range(place + 1, after)):
+            across[c, n, column] = 1.0
+        place = after
+    cones = Cones(across, np.zeros(across.shape[:2]), width, np.zeros(len(contacts)))
     # 1e-6: weight of forces beside what is left, so that they are unique
     squares = np.concatenate([np.full(sought, 1e-6), np.ones(rows.offset.size)])
     wholes = np.hstack([rows.matrix, -np.eye(rows.offset.size)])

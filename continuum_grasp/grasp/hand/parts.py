@@ -95,12 +95,12 @@ class HandPart:
         limit = self.numbers(f"{name}.normal_force_max") + self.slack["normal force"]
         self.rows.require(f"normal force, {name}", limit - force[0], "N", "contacts.normal_force_max", upper=ca.inf)
 
-    def _balance(self, force: ca.SX, loads: list[tuple[ca.SX, ca.SX]]) -> None:
-        """A force on the object at its center of mass, and loads (point, force) that it bears on others."""
+    def _balance(self, force: ca.SX, loads: list[tuple[ca.SX, ca.SX, ca.SX]]) -> None:
+        """A force on the object at its center of mass, and loads (point, force, moment) that it bears on others."""
         center, moment = self.numbers("center of mass", 3), ca.SX(3, 1)
-        for point, load in loads:
+        for point, load, couple in loads:
             force = force - load
-            moment -= ca.cross(point - center, load)
+            moment -= ca.cross(point - center, load) + couple
         self.rows.require("object force balance", force, "N", "object.mass")
         self.rows.require("object moment balance", moment / self.numbers("size"), "moment per size", "object")
 
@@ -128,11 +128,11 @@ class ObjectPart(HandPart):
 
     def __init__(self, carried: tuple[str, ...], aims: Aims) -> None:
         super().__init__(aims)
-        forces, loads = list[ca.SX](), list[tuple[ca.SX, ca.SX]]()
+        forces, loads = list[ca.SX](), list[tuple[ca.SX, ca.SX, ca.SX]]()
         for name in carried:
             force = self.x(f"force, {name}", 3)
             forces.append(force)
-            loads.append((self.numbers(f"{name}.point", 3), self._axes(name) @ force))
+            loads.append((self.numbers(f"{name}.point", 3), self._axes(name) @ force, ca.SX(3, 1)))
             # Friction of a palm or table of its own is not relaxed.
             self._bound(name, force, self.numbers(f"{name}.as elsewhere") * self.slack["friction"])
         self._balance(self.numbers("weight", 3) * (1.0 - self.slack["mass"]), loads)
@@ -142,7 +142,7 @@ class ObjectPart(HandPart):
             relaxed = ca.vertcat(*(self.slack[name] for name in RELAXED))
             self.objective += ca.dot(self.numbers("relaxation weights", len(RELAXED)), relaxed)
         # Of each contact with palm or table point, normal and force on them (3,).
-        touches = [(point, self._axes(name)[:, 0], load) for name, (point, load) in zip(carried, loads, strict=True)]
+        touches = [(point, self._axes(name)[:, 0], load) for name, (point, load, _) in zip(carried, loads, strict=True)]
         self.touched = self.read(*(value for touch in touches for value in touch))
 
     def _axes(self, name: str) -> ca.SX:
@@ -163,23 +163,33 @@ class SpatialTouch:
     sine: ca.SX  # of the angle between the normal and that of the finger's plane
     force: ca.SX  # (3,) N and friction: along a, in the plane across the normal, and along b = n x a
     world: ca.SX  # (3,) force on the finger
+    torsion: ca.SX  # moment about the normal on the finger per arm, as a force; none of a point
+    moment: ca.SX  # (3,) that as a moment on the finger
+
+    @property
+    def across(self) -> ca.SX:
+        """Force (3,), and what torsional friction takes of the cone."""
+        return ca.vertcat(self.force, self.torsion)
 
 
 class PlacedFinger:
-    """A finger in its plane and displaced to the side, within a part."""
+    """A finger in its plane and displaced to the side, within a part; contacts are ``soft`` where they bear moments
+    about their normals.
+    """
 
-    def __init__(self, part: HandPart, spec: FingerSpec) -> None:
-        self._part, self.spec, self.name = part, spec, spec.name
+    def __init__(self, part: HandPart, spec: FingerSpec, soft: bool) -> None:
+        self._part, self._soft, self.spec, self.name = part, soft, spec, spec.name
         self.axes = part.numbers(f"{spec.name}.axes", 9).reshape((3, 3))
         joints = {"middle": 0} if spec.touching[0] else {}
         joints |= {"tip": -1} if spec.tip else {}
         self.touches = [self._touch(f"{spec.name}.{place}", joint) for place, joint in joints.items()]
-        tip = ca.SX(3, 1)
+        tip, twist = ca.SX(3, 1), None
         for touch in self.touches:
             if touch.joint == -1:
                 # In the plane, friction along a has all of its couple about z but for the lean of the normal.
                 tip = ca.vertcat(touch.force[0], touch.force[1] * touch.sine, 0.0)
-        self.finger = UnitFinger(spec, part.x, part.numbers, tip)
+                twist = ca.dot(self.axes[:, 2], touch.moment) if soft else None
+        self.finger = UnitFinger(spec, part.x, part.numbers, tip, twist)
         self.lean = Lean(self.finger, part.x)
 
     def _touch(self, name: str, joint: int) -> SpatialTouch:
@@ -193,7 +203,11 @@ class PlacedFinger:
         a = across / sine
         force = self._part.x(f"force, {name}", 3)
         world = force[0] * normal + force[1] * a + force[2] * ca.cross(normal, a)
-        return SpatialTouch(name, joint, end, backbone, beyond, normal, sine, force, world)
+        torsion, moment = ca.SX(0, 1), ca.SX(3, 1)
+        if self._soft:
+            torsion = self._part.x(f"torsion, {name}")
+            moment = number(f"{name}.torsional arm") * torsion * normal
+        return SpatialTouch(name, joint, end, backbone, beyond, normal, sine, force, world, torsion, moment)
 
     def in_space(self, points: ca.SX) -> ca.SX:
         """Points (3, K) of places in the finger's plane (2, K)."""
@@ -222,9 +236,9 @@ class FingerPart(HandPart):
 
     name = "{0}."
 
-    def __init__(self, spec: FingerSpec, planes: tuple[str, ...], aims: Aims) -> None:
+    def __init__(self, spec: FingerSpec, planes: tuple[str, ...], soft: bool, aims: Aims) -> None:
         super().__init__(aims)
-        self.placed = PlacedFinger(self, spec)
+        self.placed = PlacedFinger(self, spec, soft)
         self.spec, self.finger, self.touches = spec, self.placed.finger, self.placed.touches
         self._rest()
         for touch in self.touches:
@@ -232,10 +246,11 @@ class FingerPart(HandPart):
         self._keep_clear(planes)
         keep_limits(self, self.finger)
         for touch in self.touches:
-            self._bound(touch.name, touch.force, self.slack["friction"])
-        self._balance(ca.SX(3, 1), [(self._point(touch), touch.world) for touch in self.touches])
+            self._bound(touch.name, touch.across, self.slack["friction"])
+        loads = [(self._point(touch), touch.world, touch.moment) for touch in self.touches]
+        self._balance(ca.SX(3, 1), loads)
         tension = self.finger.number("tension weight") * ca.sum1(self.finger.pulls)
-        self._aim([touch.force for touch in self.touches], tension, ca.SX(0), ca.SX(0))
+        self._aim([touch.across for touch in self.touches], tension, ca.SX(0), ca.SX(0))
 
     def _rest(self) -> None:
         """Equilibrium in the plane and to the side."""
@@ -244,8 +259,10 @@ class FingerPart(HandPart):
         forces, couples, loads = dict[int, ca.SX](), dict[int, ca.SX](), list[EndLoad]()
         for touch in self.touches:
             force, half = axes.T @ touch.world / share, finger.half_at(touch.end)
-            forces[touch.joint], couples[touch.joint] = force[:2], -half * touch.force[1] * touch.sine / share
-            loads.append(EndLoad(touch.end, force, -half * ca.cross(axes.T @ touch.normal, force)))
+            moment = axes.T @ touch.moment / (share * length)
+            forces[touch.joint] = force[:2]
+            couples[touch.joint] = -half * touch.force[1] * touch.sine / share + moment[2]
+            loads.append(EndLoad(touch.end, force, moment - half * ca.cross(axes.T @ touch.normal, force)))
         missing = finger.missing_force(finger.q, finger.u, finger.loads(forces, couples))
         require(f"finger equilibrium, {name}", share * length * missing, "N m", name)
         turns, shifts = self.placed.lean.rows(loads)
@@ -322,11 +339,12 @@ class FingerPart(HandPart):
 
     @cached_property
     def touched(self) -> ca.Function:
-        """Per contact point, normal and force on the finger (3,), place along it and shift."""
+        """Per contact point, normal and force on the finger (3,), place along it, shift and moment about the normal."""
         values = list[ca.SX]()
         for touch in self.touches:
             along = ca.SX(self.finger.edges[touch.end + 1])
             values += [self._point(touch), touch.normal, touch.world, along, self.placed.shift(touch.end)]
+            values.append(ca.dot(touch.normal, touch.moment))
         return self.read(*values)
 
 
@@ -335,9 +353,9 @@ class PairPart(HandPart):
     one next to it; the search says which these are.
     """
 
-    def __init__(self, first: FingerSpec, second: FingerSpec) -> None:
+    def __init__(self, first: FingerSpec, second: FingerSpec, soft: bool) -> None:
         super().__init__(PLAIN)
-        pair = [PlacedFinger(self, first), PlacedFinger(self, second)]
+        pair = [PlacedFinger(self, first, soft), PlacedFinger(self, second, soft)]
         name, count, places = f"{first.name}, {second.name}", first.elements, list[ca.SX]()
         for placed, side in zip(pair, ("first", "second"), strict=True):
             chosen = self.numbers(f"{side} of {name}", placed.guarded.shape[1] * count)

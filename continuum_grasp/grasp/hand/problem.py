@@ -47,6 +47,7 @@ class HandSpec:
     carried: tuple[str, ...] = ()  # names of the contacts with palm and table
     planes: tuple[str, ...] = ()  # names of what fingers keep clear of: palm, table
     pairs: tuple[tuple[int, int], ...] = ()  # indices of fingers that keep clear of each other
+    soft: bool = False  # whether contacts of fingers bear moments about their normals
     aims: Aims = PLAIN
 
     @staticmethod
@@ -59,7 +60,8 @@ class HandSpec:
             contacts += [SpatialContact(name, k, end) for name, end in ends.items() if name in on]
         carried = tuple(contact.name for contact in scene.support_contacts if contact.name in on)
         planes = tuple(support.name for support in scene.supports)
-        return HandSpec(tuple(fingers), tuple(contacts), carried, planes)
+        soft = scene.contacts.torsional_friction > 0.0
+        return HandSpec(tuple(fingers), tuple(contacts), carried, planes, soft=soft)
 
 
 Part = TypeVar("Part", bound=HandPart)
@@ -89,11 +91,11 @@ class HandProblem:
         alike = [replace(finger, name="{0}") for finger in spec.fingers]
         self.whole = self._add(object_part(spec.carried, spec.aims))
         self.fingers = [
-            self._add(finger_part(finger, spec.planes, spec.aims), own.name)
+            self._add(finger_part(finger, spec.planes, spec.soft, spec.aims), own.name)
             for finger, own in zip(alike, spec.fingers, strict=True)
         ]
         for k, m in spec.pairs:
-            part = pair_part(alike[k], replace(alike[m], name="{1}"))
+            part = pair_part(alike[k], replace(alike[m], name="{1}"), spec.soft)
             self._add(part, spec.fingers[k].name, spec.fingers[m].name)
 
     def _add(self, part: Part, *names: str) -> PlacedPart[Part]:
@@ -132,9 +134,9 @@ class HandProblem:
         return [placed.values(self.finger(k).guards, x, p)[0].T for k, placed in enumerate(self.fingers)]
 
     def touches(self, k: int, x: Array, p: Array) -> list[list[Array]]:
-        """Point, normal and force (3,) of each contact of a finger, its place along that and its shift."""
+        """Point, normal and force (3,) of each contact of a finger, its place along that, its shift and moment."""
         values = self.fingers[k].values(self.finger(k).touched, x, p)
-        return [values[at : at + 5] for at in range(0, len(values), 5)]
+        return [values[at : at + 6] for at in range(0, len(values), 6)]
 
     def carried(self, x: Array, p: Array) -> list[list[Array]]:
         """Point, normal and force on them (3,) of each contact with palm or table."""

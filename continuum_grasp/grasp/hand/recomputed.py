@@ -33,7 +33,8 @@ IDLE = 1e-3
 """Greatest friction force, per greatest force, up to which palm or table hold nothing [1]: optima leave 3e-4 of the
 weight at contacts that carry nothing."""
 OF_CONTACTS = {"positions": (3,), "normals": (3,), "forces": (3,), "stations": (), "deflections": ()}
-"""Shapes per contact of the arrays ``contact_...`` beside the names."""
+"""Shapes per contact of the arrays ``contact_...`` beside the names; where contacts bear moments about their normals,
+those too."""
 
 
 @dataclass
@@ -46,6 +47,8 @@ class ObjectTouch:
     stored_station: float
     stored_deflection: float
     load: Array  # force on what the object touches (3,) [N]
+    moment: float  # about the normal on it [N m], and its arm: by which a cone bears it beside friction [m]
+    arm: float
     friction: float  # coefficient, that less the reserve [1], and greatest normal force [N] in the scene
     held_friction: float
     normal_force_max: float
@@ -63,11 +66,18 @@ class ObjectTouch:
         return float(np.linalg.norm(self.load - self.normal_force * self.normal))
 
     @property
+    def across(self) -> float:
+        """What the friction cone bears: force across the normal and moment about it [N]."""
+        if not self.moment:
+            return self.friction_force
+        return math.hypot(self.friction_force, self.moment / self.arm) if self.arm else math.inf
+
+    @property
     def friction_margin(self) -> float:
-        """1 - |friction force| / (friction coefficient * normal force); 0 where nothing presses."""
+        """1 - |force across and moment| / (friction coefficient * normal force); 0 where nothing presses."""
         if not self.normal_force > 0.0:
             return 0.0
-        return 1.0 - self.friction_force / (self.friction * self.normal_force)
+        return 1.0 - self.across / (self.friction * self.normal_force)
 
 
 @dataclass
@@ -239,7 +249,8 @@ class RecomputedHand:
         return SpatialFinger(plane, frame, gravity, stiffness)
 
     def _contacts(self, arrays: Mapping[str, Any]) -> list[HandTouch]:
-        stored = {key: np.asarray(arrays[f"contact_{key}"], dtype=float) for key in OF_CONTACTS}
+        stored = {key: np.asarray(arrays[f"contact_{key}"], dtype=float) for key in of_contacts(self.scene)}
+        moments = stored.get("moments", np.zeros(len(self.names)))
         known, contacts = known_touches(self.scene), []
         supports = {support.name: support for support in self.scene.supports}
         for k, name in enumerate(self.names):
@@ -250,12 +261,13 @@ class RecomputedHand:
                 "stored_station": float(stored["stations"][k]),
                 "stored_deflection": float(stored["deflections"][k]),
                 "load": stored["forces"][k],
+                "moment": float(moments[k]),
             }
             support = supports.get(support_of(name))
             if support is not None:
                 limits = self.scene.contacts
                 held, most = support.friction * (1.0 - limits.reserve), limits.normal_force_max
-                self.carried.append(SupportTouch(**common, friction=support.friction, held_friction=held,
+                self.carried.append(SupportTouch(**common, arm=0.0, friction=support.friction, held_friction=held,
                                                  normal_force_max=most, support=support))  # fmt: skip
                 continue
             if name not in known:  # which `touches_check` counts
@@ -264,6 +276,7 @@ class RecomputedHand:
             finger, setup = self.fingers[owner], self.scene.setups[owner]
             contact = HandTouch(
                 **common,
+                arm=self.scene.contacts.torsional_friction / setup.friction if setup.friction else 0.0,
                 friction=setup.friction,
                 held_friction=setup.held_friction,
                 normal_force_max=setup.normal_force_max,
@@ -273,7 +286,7 @@ class RecomputedHand:
                 radius=finger.radius,
             )
             load, normal = (finger.frame.axes.T @ vector for vector in (contact.load, contact.stored_normal))
-            couple = -contact.radius * np.cross(normal, load)
+            couple = contact.moment * normal - contact.radius * np.cross(normal, load)
             contact.force, contact.side = load[:2], float(load[2])
             contact.twisting, contact.couple = couple[:2], float(couple[2])
             finger.contacts.append(contact)
@@ -281,6 +294,12 @@ class RecomputedHand:
             in_plane.append(contact)
             contacts.append(contact)
         return contacts
+
+
+def of_contacts(scene: HandScene) -> dict[str, tuple[int, ...]]:
+    """Shapes per contact of the arrays ``contact_...`` of a scene beside the names."""
+    more: dict[str, tuple[int, ...]] = {"moments": ()} if scene.contacts.torsional_friction else {}
+    return OF_CONTACTS | more
 
 
 def known_touches(scene: HandScene) -> dict[str, tuple[int, str, int]]:

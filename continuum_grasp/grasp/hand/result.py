@@ -33,6 +33,7 @@ STORED = (
     Stored("contact_forces", "(contact, xyz)", "N", "forces on the fingers, on palm and table"),
     Stored("contact_stations", "(contact,)", "m", "positions along the finger; 0 of palm and table"),
     Stored("contact_deflections", "(contact,)", "m", "shift of the backbone out of its plane; 0 of palm and table"),
+    Stored("contact_moments", "(contact,)", "N m", "about the normals, on the fingers; only with torsional friction"),
     Stored("{finger}.family", "()", "text", "arc, clothoid or matched_clothoid"),
     *SHAPE,
     Stored("{finger}.base", "(base,)", "", "pose of the base in the plane of the finger: x, y [m] and angle [rad]"),
@@ -51,6 +52,7 @@ class FingerTouch:
     force: Array  # (3,) on the finger or support [N]
     station: float  # position along the finger [m], zero of a support
     deflection: float  # shift of the backbone out of its plane [m], zero of a support
+    moment: float = 0.0  # about the normal, on the finger [N m]
 
     @property
     def normal_force(self) -> float:
@@ -182,10 +184,13 @@ class HandResult(Result):
     def contacts(self) -> tuple[FingerTouch, ...]:
         """The contacts with their forces."""
         keys = ("positions", "normals", "forces", "stations", "deflections")
-        rows = zip(*(self.arrays[f"contact_{key}"] for key in keys), strict=True) if self.arrays else ()
+        if not self.arrays:
+            return ()
+        stored = [self.arrays[f"contact_{key}"] for key in keys]
+        stored.append(self.arrays.get("contact_moments", np.zeros(len(self.contact_names))))
         return tuple(
-            FingerTouch(name, x, n, f, float(s), float(w))
-            for name, (x, n, f, s, w) in zip(self.contact_names, rows, strict=True)
+            FingerTouch(name, x, n, f, float(s), float(w), float(m))
+            for name, x, n, f, s, w, m in zip(self.contact_names, *stored, strict=True)
         )
 
     @property
@@ -262,9 +267,12 @@ class HandResult(Result):
         return Summarized.aligned(rows, {0})
 
     def _contact_rows(self) -> list[str]:
-        rows = [("Contact", "At [mm]", "Along [mm]", "Normal [N]", "Friction [N]", "Margin", "To the side [mm]")]
+        soft = self.scene.contacts.torsional_friction > 0.0
+        moment = ["Moment [N mm]"] if soft else []
+        head = ["Contact", "At [mm]", "Along [mm]", "Normal [N]", "Friction [N]", *moment, "Margin", "To the side [mm]"]
+        rows, margins = [tuple(head)], self._margins()
         for contact in self.contacts:
-            limit = self.friction_of(contact.name) * contact.normal_force
+            margin = margins.get(contact.name, np.nan)
             rows.append(
                 (
                     contact.name,
@@ -272,11 +280,24 @@ class HandResult(Result):
                     f"{1e3 * contact.station:.1f}",
                     f"{contact.normal_force:.3f}",
                     f"{contact.friction_force:.3f}",
-                    f"{1.0 - contact.friction_force / limit:.1%}" if limit > 0.0 else "\N{EN DASH}",
+                    *([f"{1e3 * contact.moment:.2f}"] if soft else []),
+                    f"{margin:.1%}" if np.isfinite(margin) else "\N{EN DASH}",
                     f"{1e3 * contact.deflection:.2f}",
                 )
             )
         return Summarized.aligned(rows, {0, 1})
+
+    def _margins(self) -> dict[str, float]:
+        """Part of the friction cone that is free, by contact."""
+        margins = dict[str, float]()
+        for contact in self.contacts:
+            friction = self.friction_of(contact.name)
+            across = contact.friction_force
+            if contact.moment:
+                across = np.hypot(across, contact.moment * friction / self.scene.contacts.torsional_friction)
+            limit = friction * contact.normal_force
+            margins[contact.name] = float(1.0 - across / limit) if limit > 0.0 else np.nan
+        return margins
 
     def friction_of(self, contact: str) -> float:
         """Coefficient of friction of a contact."""
@@ -324,6 +345,7 @@ def result_yaml(result: HandResult, *, quality: bool = True) -> str:
                 "normal_force": round(c.normal_force, 6),
                 "friction_force": round(c.friction_force, 6),
                 "deflection": round(c.deflection, 7),
+                **({"moment": round(c.moment, 9)} if result.scene.contacts.torsional_friction else {}),
             }
             for c in result.contacts
         }

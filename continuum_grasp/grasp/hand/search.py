@@ -291,12 +291,8 @@ class HandSearch:
         # has no such surfaces.
         sizes = problem.numbers.sizes
         free = {name: np.full(sizes[name], 0.5) for name in sizes if name.endswith((".probes", ".strain probes"))}
-        free |= {
-            name: np.zeros(sizes[name])
-            for name in sizes
-            if name.startswith(("first of ", "second of ", "stability ", "grip")) or name.endswith(".stability slope")
-        }
-        free |= {name: np.zeros(sizes[name]) for name in sizes if ".clear of " in name}
+        unused = "first of ", "second of ", "grip", "clear of ", "stability "
+        free |= {name: np.zeros(sizes[name]) for name in sizes if any(part in name for part in unused)}
         away = np.concatenate([[0.0, 0.0, -AWAY, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0], np.zeros(SURFACE - 9)])
         free |= {name: np.tile(away, sizes[name] // SURFACE) for name in sizes if name.endswith(".surfaces")}
         p = problem.numbers.pack({name: value for name, value in (numbers | free).items() if name in sizes})
@@ -476,9 +472,10 @@ class HandSearch:
         """Stored arrays of a point (SI)."""
         units, contacts = self.units, problem.spec.contacts
         names = [*(contact.name for contact in contacts), *problem.spec.carried]
-        # Of each contact point, normal, force, place along its finger and shift; of palm and table these two are zero.
+        # Of each contact point, normal, force, place along its finger, shift and moment about the normal; of palm and
+        # table these three are zero.
         per = [part for k in range(len(problem.fingers)) for part in problem.touches(k, x, p)]
-        per += [[*part, np.zeros(1), np.zeros(1)] for part in problem.carried(x, p)]
+        per += [[*part, *np.zeros((3, 1))] for part in problem.carried(x, p)]
         lengths = [self.scene.setups[contact.finger].finger.rod.length for contact in contacts]
         lengths += [0.0] * len(problem.spec.carried)
         out: dict[str, Array] = {
@@ -489,6 +486,8 @@ class HandSearch:
             "contact_stations": np.array([float(part[3].item()) for part in per]) * lengths,
             "contact_deflections": np.array([float(part[4].item()) for part in per]) * units.length,
         }
+        if problem.spec.soft:
+            out["contact_moments"] = np.array([float(part[5].item()) for part in per]) * units.force * units.length
         for k, setup in enumerate(self.scene.setups):
             finger, placed = problem.finger(k), problem.fingers[k]
             q, shares, tip, pulls, _ = placed.values(finger.stored, x, p)

@@ -39,6 +39,8 @@ class HandResponse:
     forces_by_tension: Array  # (C, 3, T) change of the contact forces per tension
     pose_by_gravity: Array  # (6, 3) shift and turn of the object per gravity along x, y, z, of fingers too
     forces_by_gravity: Array  # (C, 3, 3) change of the contact forces per gravity
+    moments: Array  # (C, 6) change of the moments about the normals on the fingers per wrench
+    moments_by_gravity: Array  # (C, 3) change of these moments per gravity
     places: tuple[Array, ...]  # of each finger: nodes of its displaced backbone (N + 1, 3) [m]
     places_by_tension: tuple[Array, ...]  # (N + 1, 3, T) their displacement per tension
 
@@ -74,7 +76,10 @@ def hand_response(hand: RecomputedHand, links: int = LINKS) -> HandResponse | No
         return None
     # What the constraints take of the loads: forces on the fingers, least squares where the contacts are indeterminate.
     forces = left[:, :rank] @ ((right[:rank] @ (hessian @ moved - loads)) / singular[:rank, None])
-    moved, forces = scale[:, None] * moved, forces.reshape(len(rows) // 3, 3, -1)
+    moved, moments = scale[:, None] * moved, np.zeros((len(hand.pressing), forces.shape[1]))
+    turning = np.array([row for _, row in system.turning], dtype=int)
+    moments[[contact for contact, _ in system.turning]] = forces[turning]
+    forces = np.delete(forces, turning, axis=0).reshape(len(moments), 3, -1)
     pose = moved[-6:]
     shapes = [chain.displaced(moved[span, 9:]) for chain, span in zip(system.chains, system.spans, strict=True)]
     points = tuple(chain.points for chain in system.chains)
@@ -86,6 +91,8 @@ def hand_response(hand: RecomputedHand, links: int = LINKS) -> HandResponse | No
         forces[..., tension],
         pose[:, gravity],
         forces[..., gravity],
+        moments[:, wrench],
+        moments[:, gravity],
         points,
         tuple(shapes),
     )
@@ -96,15 +103,20 @@ class HandSystem(SpatialSystem):
 
     def __init__(self, hand: RecomputedHand, links: int) -> None:
         super().__init__(hand.fingers, hand.gravity, hand.com, links)
-        tendons, rows = [], []
+        tendons, rows = [], list[Array]()
+        # Contacts that press and the rows by which they turn about the normal with what they touch.
+        self.turning = list[tuple[int, int]]()
         for finger, chain, span in zip(hand.fingers, self.chains, self.spans, strict=True):
             for arm in (arm for channel in finger.plane.finger.channels for arm in channel.arms):
                 tendons.append(np.zeros(self.size))
                 tendons[-1][span] = arm * chain.turns_in_plane()
-        for contact in hand.pressing:
+        for number, contact in enumerate(hand.pressing):
             if isinstance(contact, HandTouch):
                 k = next(k for k, finger in enumerate(hand.fingers) if contact in finger.contacts)
                 rows.append(self.pinned(contact, k))
+                if contact.arm:
+                    self.turning.append((number, sum(map(len, rows))))
+                    rows.append(self.twisted(contact, k)[None])
             else:
                 across = skew(contact.normal)
                 radii = curvature_radii(hand, contact)

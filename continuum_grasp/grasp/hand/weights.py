@@ -11,12 +11,13 @@ doi:10.1137/S003614450444614X), and n . a >= |G' n|. The vector whose quadratic 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.hand.recomputed import RecomputedHand
+from continuum_grasp.grasp.hand.recomputed import ObjectTouch, RecomputedHand
 from continuum_grasp.grasp.hand.stability import HandResponse
 
 MOST = 20.0
@@ -43,8 +44,10 @@ class TurnedContact:
 def turned_contacts(hand: RecomputedHand, response: HandResponse, gravity: float) -> tuple[TurnedContact, ...]:
     """Needs of each contact that presses under gravity [m/s2] of every direction."""
     found = []
-    for contact, slope in zip(hand.pressing, response.forces_by_gravity, strict=True):
-        needed, direction = worst_friction(contact.load, gravity * slope, contact.normal)
+    slopes = zip(response.forces_by_gravity, response.moments_by_gravity, strict=True)
+    for contact, (slope, twist) in zip(hand.pressing, slopes, strict=True):
+        load, slopes_of_load, normal = _with_moment(contact, gravity * slope, gravity * twist)
+        needed, direction = worst_friction(load, slopes_of_load, normal)
         greatest = contact.normal_force + gravity * float(np.linalg.norm(slope.T @ contact.normal))
         limit = contact.normal_force_max
         found.append(TurnedContact(contact.name, needed, direction, greatest, limit, contact.held_friction))
@@ -56,10 +59,11 @@ def promised_wrench(hand: RecomputedHand, response: HandResponse, along: Array) 
     of friction and within its greatest normal force, to first order at constant tensions.
     """
     most = float("inf")
-    for contact, slope in zip(hand.pressing, response.forces, strict=True):
-        rate = slope @ along
-        press, more = contact.normal_force, float(contact.normal @ rate)
-        across, aside = contact.load - press * contact.normal, rate - more * contact.normal
+    for contact, slope, twist in zip(hand.pressing, response.forces, response.moments, strict=True):
+        load, slopes, normal = _with_moment(contact, slope, twist)
+        rate = slopes @ along
+        press, more = contact.normal_force, float(normal @ rate)
+        across, aside = load - press * normal, rate - more * normal
         # |across + c aside| = mu (press + c more) at the edge of the cone.
         mu = contact.friction
         edges = np.roots(
@@ -73,6 +77,13 @@ def promised_wrench(hand: RecomputedHand, response: HandResponse, along: Array) 
         if more > 0.0:
             most = min(most, (contact.normal_force_max - press) / more)
     return most
+
+
+def _with_moment(contact: ObjectTouch, slope: Array, twist: Array) -> tuple[Array, Array, Array]:
+    """Load (4,), its slope (4, K) and the normal (4,) of a contact, whose moment per arm is the fourth component."""
+    arm = contact.arm or math.inf
+    load = np.append(contact.load, contact.moment / arm)
+    return load, np.vstack([slope, twist / arm]), np.append(contact.normal, 0.0)
 
 
 def worst_friction(force: Array, slope: Array, normal: Array) -> tuple[float, Array]:
@@ -96,7 +107,7 @@ def worst_friction(force: Array, slope: Array, normal: Array) -> tuple[float, Ar
 
 def _margin(whole: Array, normal: Array, friction: float) -> tuple[float, Array]:
     """Greatest least eigenvalue over e, of a concave function of e, and the direction that goes with it."""
-    form = whole.T @ ((1.0 + friction**2) * np.outer(normal, normal) - np.eye(3)) @ whole
+    form = whole.T @ ((1.0 + friction**2) * np.outer(normal, normal) - np.eye(normal.size)) @ whole
     ball = np.diag([-1.0, -1.0, -1.0, 1.0])
 
     def least(e: float) -> float:

@@ -26,12 +26,12 @@ def add_limits(problem: Unknowns) -> None:
 
 
 def friction_cone(numbers: Columns, friction: ca.SX, force: ca.SX) -> ca.SX:
-    """Rows that are not negative for a force (2,) or (3,) within a friction cone, less its reserve, where nothing pulls
+    """Rows that are not negative for a force (2,), (3,) or (4,) within a friction cone, less its reserve, where nothing pulls
     (n >= 0).
     """
     friction = numbers("cone share") * friction
     n, f = force[0], force[1]
-    if force.numel() == 3:
+    if force.numel() > 2:
         # The hyperboloid (mu N)^2 >= f^2 + l^2 + e^2 within the cone. The cone has a kink where nothing presses, at
         # which IPOPT would zigzag; so does a root in its place, which is nearly one.
         apex = numbers("cone rounding")

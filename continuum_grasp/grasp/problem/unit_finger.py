@@ -31,8 +31,10 @@ own errors, and wide enough for second derivatives. `continuum_grasp.grasp.certi
 class UnitFinger:
     """The unknowns and run-time numbers of a finger, its model, and what follows from them as expressions."""
 
-    def __init__(self, spec: FingerSpec, x: Columns, numbers: Columns, tip: ca.SX) -> None:
-        """Add the finger's unknowns to ``x``; its tip bears a contact's (N, f, lift) in units of the problem."""
+    def __init__(self, spec: FingerSpec, x: Columns, numbers: Columns, tip: ca.SX, twist: ca.SX | None = None) -> None:
+        """Add the finger's unknowns to ``x``; its tip bears a contact's (N, f, lift) and a moment ``twist`` beside these,
+        in units of the problem.
+        """
         self.spec = spec
         self._numbers = numbers
         self.curves = spec.curves.expressions(self.number("curves", spec.curves.size))
@@ -48,6 +50,8 @@ class UnitFinger:
         self.base = x(f"{name}.base", 3) if spec.free else number("base", 3)  # x, y and angle in the world
         # Friction acts on the skin, half a thickness from the backbone; the tip's couple is an input of the model.
         couple = -self.half_at(spec.elements - 1) * tip[1] / number("force share") if spec.tip else ca.SX(0)
+        if twist is not None:
+            couple += twist / (number("force share") * number("length"))
         self.u = self.input(self.pulls, couple)  # input of the model
         self.p = self._parameters()  # run-time argument of the model
         ends, angles = self.backbone.joints(self.q, self.u, self.p)

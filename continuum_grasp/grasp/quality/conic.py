@@ -26,15 +26,15 @@ _NAMES: dict[str, Outcome] = {"PrimalInfeasible": "infeasible", "DualInfeasible"
 
 @dataclass(frozen=True)
 class Cones:
-    """Second-order cones |A_k x + a_k| <= b_k @ x + c_k for k = 1..K, vectors with two components."""
+    """Second-order cones |A_k x + a_k| <= b_k @ x + c_k for k = 1..K, vectors with M components."""
 
-    matrix: Array  # A (K, 2, n)
-    offset: Array  # a (K, 2)
+    matrix: Array  # A (K, M, n)
+    offset: Array  # a (K, M)
     width: Array  # b (K, n)
     spare: Array  # c (K,)
 
     def rows(self) -> tuple[Array, Array]:
-        """Widths and vectors of all cones, one cone after the other: -(rows @ x) + limits (3K, n), (3K,)."""
+        """Widths and vectors of all cones, one cone after the other: -(rows @ x) + limits (K (M + 1), n)."""
         rows = -np.concatenate([self.width[:, None], self.matrix], axis=1)
         return rows.reshape(-1, self.width.shape[1]), np.column_stack([self.spare, self.offset]).ravel()
 
@@ -117,7 +117,8 @@ def solve_conic(
     matrix = np.concatenate([every[equal], every[most], -every[least], curved])
     limits = np.concatenate([high[equal], high[most], -low[least], offsets])
     kinds = [clarabel.ZeroConeT(int(equal.sum())), clarabel.NonnegativeConeT(int(most.sum() + least.sum()))]
-    kinds += [clarabel.SecondOrderConeT(3)] * (offsets.size // 3)
+    wide = 3 if cones is None else cones.offset.shape[1] + 1
+    kinds += [clarabel.SecondOrderConeT(wide)] * (offsets.size // wide)
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     # Numbers are near one already, and rounding must not be scaled up to it: 50 of 1,100 problems of grasps failed.
@@ -135,8 +136,9 @@ def solve_conic(
     size = 1.0 + np.abs(matrix) @ np.abs(x)
     first = limits.size - offsets.size
     over = np.concatenate([np.abs(spare[: equal.sum()]), -spare[equal.sum() : first]]) / size[:first]
-    width, *vector = spare[first:].reshape(-1, 3).T
-    over = np.concatenate([over, (np.hypot(*vector) - width) / size[first::3]])
+    vectors = spare[first:].reshape(-1, wide)
+    outside = np.linalg.norm(vectors[:, 1:], axis=1) - vectors[:, 0]
+    over = np.concatenate([over, outside / size[first::wide]])
     objective = float(cost @ x + weights @ x**2)
     residual = float(over.max(initial=0.0))
     short = abs(objective - found.obj_val_dual) / (1.0 + np.abs(cost) @ np.abs(x))
