@@ -67,7 +67,7 @@ class ObjectTouch:
 
     @property
     def across(self) -> float:
-        """What the friction cone bears: force across the normal and moment about it [N]."""
+        """Force across the normal with the moment about it, as the friction cone bears them [N]."""
         if not self.moment:
             return self.friction_force
         return math.hypot(self.friction_force, self.moment / self.arm) if self.arm else math.inf

@@ -26,7 +26,7 @@ def add_limits(problem: Unknowns) -> None:
 
 
 def friction_cone(numbers: Columns, friction: ca.SX, force: ca.SX) -> ca.SX:
-    """Rows that are not negative for a force (2,), (3,) or (4,) within a friction cone, less its reserve, where nothing pulls
+    """Rows that are not negative for a force (2 to 4,) within a friction cone, less its reserve, where nothing pulls
     (n >= 0).
     """
     friction = numbers("cone share") * friction

@@ -32,7 +32,7 @@ class UnitFinger:
     """The unknowns and run-time numbers of a finger, its model, and what follows from them as expressions."""
 
     def __init__(self, spec: FingerSpec, x: Columns, numbers: Columns, tip: ca.SX, twist: ca.SX | None = None) -> None:
-        """Add the finger's unknowns to ``x``; its tip bears a contact's (N, f, lift) and a moment ``twist`` beside these,
+        """Add the finger's unknowns to ``x``; its tip bears a contact's (N, f, lift) and a moment ``twist`` too,
         in units of the problem.
         """
         self.spec = spec
