@@ -132,6 +132,16 @@ def finger_bounds(setup: FingerSetup) -> tuple[list[float], list[float]]:
 
 
 @dataclass(frozen=True)
+class ForceColumns:
+    """Columns of the force of a contact, of which the first is the normal force, and its limits."""
+
+    owner: int  # index of the finger; -1 of palm and table
+    columns: slice
+    friction: float  # less the reserve
+    normal_force_max: float
+
+
+@dataclass(frozen=True)
 class ForceRows:
     """Equilibria of fingers and balances of the object where postures stay: linear in tensions and contact forces.
 
@@ -140,23 +150,34 @@ class ForceRows:
 
     matrix: Array
     offset: Array
-    columns: Array  # places of the tensions and forces among the unknowns
+    columns: Array  # places of the tensions, two per finger, and of the forces among the unknowns
     column_owners: Array
     row_owners: Array
+    contacts: tuple[ForceColumns, ...]
 
     @staticmethod
-    def of(problem: HandProblem, x: Array, p: Array) -> ForceRows:
+    def of(scene: HandScene, problem: HandProblem, x: Array, p: Array) -> ForceRows:
         """Rows at a point."""
-        columns, owners = list[Array](), list[int]()
-        fingers = [finger.name for finger in problem.spec.fingers]
-        named = [(f"{name}.pulls", k) for k, name in enumerate(fingers)]
-        for contact in problem.spec.contacts:
-            named.append((f"force, {contact.name}", contact.finger))
-            named += [(f"torsion, {contact.name}", contact.finger)] if problem.spec.soft else []
-        named += [(f"force, {name}", -1) for name in problem.spec.carried]
-        for name, owner in named:
+        columns, owners, contacts = list[Array](), list[int](), list[ForceColumns]()
+
+        def add(name: str, owner: int) -> None:
             columns.append(np.arange(problem.x.size)[problem.x.at[name]])
-            owners += [owner] * len(columns[-1])
+            owners.extend([owner] * len(columns[-1]))
+
+        fingers = [finger.name for finger in problem.spec.fingers]
+        for k, name in enumerate(fingers):
+            add(f"{name}.pulls", k)
+        touching = [(contact.name, contact.finger) for contact in problem.spec.contacts]
+        for name, owner in [*touching, *((name, -1) for name in problem.spec.carried)]:
+            first = len(owners)
+            add(f"force, {name}", owner)
+            if problem.spec.soft and owner >= 0:
+                add(f"torsion, {name}", owner)
+            most, friction = (
+                float(p[problem.numbers.at[f"{name}.{key}"]][0]) for key in ("normal_force_max", "friction")
+            )
+            held = friction * (1.0 - scene.contacts.reserve)
+            contacts.append(ForceColumns(owner, slice(first, len(owners)), held, most))
         places = {f"finger equilibrium, {name}": k for k, name in enumerate(fingers)}
         places |= {"object force balance": -1, "object moment balance": -1}
         blocks = [block for block in problem.rows.blocks if block.name in places]
@@ -165,50 +186,46 @@ class ForceRows:
         values, slopes = (np.array(part) for part in problem.nlp.functions["jac_g"](x, p))
         sought = np.concatenate(columns)
         matrix = slopes[np.ix_(rows, sought)]
-        return ForceRows(matrix, values.ravel()[rows] - matrix @ x[sought], sought, np.array(owners), row_owners)
+        offset = values.ravel()[rows] - matrix @ x[sought]
+        return ForceRows(matrix, offset, sought, np.array(owners), row_owners, tuple(contacts))
 
     @staticmethod
     def combined(each: Sequence[ForceRows]) -> ForceRows:
         """Rows of a hand whose finger k is as in the k-th of some points."""
-        matrix, offset = each[0].matrix.copy(), each[0].offset.copy()
+        matrix, offset, contacts = each[0].matrix.copy(), each[0].offset.copy(), list(each[0].contacts)
         for k, rows in enumerate(each):
             columns, own = rows.column_owners == k, rows.row_owners == k
             matrix[:, columns], offset[own] = rows.matrix[:, columns], rows.offset[own]
-        return replace(each[0], matrix=matrix, offset=offset)
+            contacts = [
+                theirs if theirs.owner == k else ours for ours, theirs in zip(contacts, rows.contacts, strict=True)
+            ]
+        return replace(each[0], matrix=matrix, offset=offset, contacts=tuple(contacts))
 
-
-def best_forces(scene: HandScene, problem: HandProblem, p: Array, rows: ForceRows) -> tuple[float, Array]:
-    """Residual of rows, in units of the problem, with the tensions and forces within their cones that leave the least,
-    and these; infinite where the conic problem has no solution.
-    """
-    unit = hand_units(scene).force
-    contacts = [c.name for c in problem.spec.contacts] + [*problem.spec.carried]
-    # Unknowns are tensions and forces, then what they leave of each row.
-    sought, size = rows.columns.size, rows.columns.size + rows.offset.size
-    low, high = np.full(size, -np.inf), np.full(size, np.inf)
-    for k, setup in enumerate(scene.setups):
-        low[2 * k : 2 * k + 2], high[2 * k : 2 * k + 2] = finger_bounds(setup)
-    width, across = np.zeros((len(contacts), size)), np.zeros((len(contacts), 2 + problem.spec.soft, size))
-    place = 2 * len(scene.setups)
-    for c, name in enumerate(contacts):
-        # Fingers press; palm and table may carry nothing.
-        fingertip = c < len(problem.spec.contacts)
-        low[place] = PRESSED * max(scene.weight / unit, 0.1) if fingertip else 0.0
-        high[place] = float(p[problem.numbers.at[f"{name}.normal_force_max"]][0])
-        friction = float(p[problem.numbers.at[f"{name}.friction"]][0])
-        width[c, place] = friction * (1.0 - scene.contacts.reserve)
-        after = place + 3 + (fingertip and problem.spec.soft)
-        for n, column in enumerate(range(place + 1, after)):
-            across[c, n, column] = 1.0
-        place = after
-    cones = Cones(across, np.zeros(across.shape[:2]), width, np.zeros(len(contacts)))
-    # 1e-6: weight of forces beside what is left, so that they are unique
-    squares = np.concatenate([np.full(sought, 1e-6), np.ones(rows.offset.size)])
-    wholes = np.hstack([rows.matrix, -np.eye(rows.offset.size)])
-    found = solve_conic(np.zeros(size), wholes, -rows.offset, -rows.offset, low, high, cones, squares)
-    if not found.optimal:
-        return np.inf, np.zeros(sought)
-    return float(np.linalg.norm(found.x[sought:])), found.x[:sought]
+    def best(self, scene: HandScene) -> tuple[float, Array]:
+        """Residual of the rows, in units of the problem, with the tensions and forces within their cones that leave the
+        least, and these; infinite where the conic problem has no solution.
+        """
+        # Unknowns are tensions and forces, then what they leave of each row.
+        sought, size = self.columns.size, self.columns.size + self.offset.size
+        low, high = np.full(size, -np.inf), np.full(size, np.inf)
+        for k, setup in enumerate(scene.setups):
+            low[2 * k : 2 * k + 2], high[2 * k : 2 * k + 2] = finger_bounds(setup)
+        wide = max(contact.columns.stop - contact.columns.start - 1 for contact in self.contacts)
+        width, across = np.zeros((len(self.contacts), size)), np.zeros((len(self.contacts), wide, size))
+        for c, contact in enumerate(self.contacts):
+            normal, *others = range(size)[contact.columns]
+            # Fingers press; palm and table may carry nothing.
+            low[normal] = PRESSED * max(scene.weight / hand_units(scene).force, 0.1) if contact.owner >= 0 else 0.0
+            high[normal], width[c, normal] = contact.normal_force_max, contact.friction
+            across[c, range(len(others)), others] = 1.0
+        cones = Cones(across, np.zeros(across.shape[:2]), width, np.zeros(len(self.contacts)))
+        # 1e-6: weight of forces beside what is left, so that they are unique
+        squares = np.concatenate([np.full(sought, 1e-6), np.ones(self.offset.size)])
+        wholes = np.hstack([self.matrix, -np.eye(self.offset.size)])
+        found = solve_conic(np.zeros(size), wholes, -self.offset, -self.offset, low, high, cones, squares)
+        if not found.optimal:
+            return np.inf, np.zeros(sought)
+        return float(np.linalg.norm(found.x[sought:])), found.x[:sought]
 
 
 def with_shifts(problem: HandProblem, x: Array, p: Array) -> Array:

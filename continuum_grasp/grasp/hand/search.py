@@ -16,7 +16,6 @@ from continuum_grasp.grasp.hand.frames import PlaneFrame
 from continuum_grasp.grasp.hand.numbers import (
     PRESSED,
     ForceRows,
-    best_forces,
     finger_bounds,
     hand_numbers,
     hand_units,
@@ -25,7 +24,7 @@ from continuum_grasp.grasp.hand.numbers import (
 )
 from continuum_grasp.grasp.hand.parts import RELAXED, SURFACE
 from continuum_grasp.grasp.hand.problem import HandProblem, HandSpec, grown_function, hand_problem
-from continuum_grasp.grasp.hand.starts import DEPTH, FingerPlane, TouchingPosture, postures
+from continuum_grasp.grasp.hand.starts import DEPTH, STRAIGHT, FingerPlane, TouchingPosture, postures
 from continuum_grasp.grasp.problem.points import bending_arrays, coordinates
 from continuum_grasp.grasp.problem.solver_run import allowed_depth, settings_of, solve_clear
 from continuum_grasp.grasp.problem.unknowns import FingerLayout
@@ -37,6 +36,8 @@ POSTURES = {"quick": 2, "normal": 4, "thorough": 8}
 """Postures of each finger that are combined, by effort."""
 COMBINED = 64
 """Most combinations whose forces are looked at."""
+MIXED = 2
+"""Postures of each finger and kind of contact where kinds are mixed."""
 LEFT = 0.5
 """Residual, scaled, that the best forces of a start may leave: of five hands, starts that led to a grasp leave 0.002 to
 0.13, and those with more than 1 led to none."""
@@ -80,6 +81,24 @@ class HandTried:
         return float(sum(value.sum() for name, value in self.arrays.items() if name.endswith(".tensions")))
 
 
+@dataclass(frozen=True)
+class PostureCandidate:
+    """A posture of one finger."""
+
+    on: frozenset[str]  # names of its contacts
+    posture: TouchingPosture
+    rows: ForceRows  # of a hand whose other fingers are anyhow
+
+
+@dataclass(frozen=True)
+class HandStart:
+    """A posture of each finger."""
+
+    on: frozenset[str]  # names of the contacts
+    chosen: tuple[TouchingPosture, ...]
+    left: float  # residual that the best forces leave
+
+
 class HandSearch:
     """Grasps of a scene, one set of contacts after the other."""
 
@@ -119,18 +138,26 @@ class HandSearch:
         for modes in (once, twice):
             if self.held and not thorough:
                 return
-            ranked = {on: self._ranked(on) for on in modes}
+            touching = {on: self._candidates(on) for on in modes}
+            ranked = [self._ranked([touching[on]]) for on in modes]
             for n in range(SOLVED[self.scene.solver.effort]):
-                for on, starts in ranked.items():
-                    if self.budget.over:
-                        return
-                    if n < len(starts) and (thorough or not self.held or starts[n][0] <= LEFT):
-                        yield from self._tried(on, starts[n][1])
+                for starts in ranked[: len(modes)]:
+                    if n < len(starts) and (thorough or not self.held or starts[n].left <= LEFT):
+                        yield from self._tried(starts[n])
                 if self.held and not thorough:
                     break
+                if n == 0 and len(modes) > 1:
+                    # Fingers whose contacts are of different kinds, where those of one kind hold nothing.
+                    ranked.append(self._ranked(list(touching.values())))
+                for starts in ranked[len(modes) :]:
+                    if n < len(starts):
+                        yield from self._tried(starts[n])
 
-    def _tried(self, on: frozenset[str], chosen: tuple[TouchingPosture, ...]) -> Iterator[HandTried]:
-        """Grasps from a posture of each finger, with all contacts and without those that are idle."""
+    def _tried(self, start: HandStart) -> Iterator[HandTried]:
+        """Grasps from a start, with all contacts and without those that are idle."""
+        if self.budget.over:
+            return
+        on, chosen = start.on, start.chosen
         problem = hand_problem(HandSpec.of(self.scene, on))
         tried = self._solve(problem, on, chosen, *self._start(problem, on, chosen))
         if tried.attempt.known:
@@ -232,35 +259,46 @@ class HandSearch:
 
     # -- a start -------------------------------------------------------------------------------------------------
 
-    def _ranked(self, on: frozenset[str]) -> list[tuple[float, tuple[TouchingPosture, ...]]]:
-        """Combinations of postures for a set of contacts and the residual that the best forces leave, the least first;
-        none where a finger has no posture.
+    def _candidates(self, on: frozenset[str]) -> list[list[PostureCandidate]]:
+        """Postures of each finger with contacts of a set; none for a finger that touches in no posture."""
+        most = POSTURES[self.scene.solver.effort]
+        each = [self._postures(setup, frame, on, most) for setup, frame in self._fingers]
+        untouched = [setup.name for setup, found in zip(self.scene.setups, each, strict=True) if not found]
+        if untouched:
+            self.untouched[on] = untouched
+        problem, candidates = hand_problem(HandSpec.of(self.scene, on)), [list[PostureCandidate]() for _ in each]
+        for n in range(max(map(len, each))):
+            chosen = tuple(found[min(n, len(found) - 1)] if found else STRAIGHT for found in each)
+            rows = ForceRows.of(self.scene, problem, *self._at(problem, on, chosen))
+            for setup, found, own in zip(self.scene.setups, each, candidates, strict=True):
+                names = frozenset({setup.middle_names[0], setup.tip_name} & on)
+                own += [PostureCandidate(names, found[n], rows)] if n < len(found) else []
+        return candidates
+
+    def _ranked(self, sets: Sequence[Sequence[Sequence[PostureCandidate]]]) -> list[HandStart]:
+        """Combinations of the candidates of each finger, the one whose best forces leave the least first: those of one
+        set of contacts, or of several sets, not all from the same; none where a finger has no posture.
         """
-        each = [self._postures(setup, frame, on, POSTURES[self.scene.solver.effort]) for setup, frame in self._fingers]
-        if not all(each):
-            self.untouched[on] = [s.name for s, found in zip(self.scene.setups, each, strict=True) if not found]
-            return []
-        problem = hand_problem(HandSpec.of(self.scene, on))
-        # Rows of a finger and its part of the object's balance are the same whatever the other fingers do.
-        points = list[tuple[Array, ForceRows]]()
-        for n in range(max(len(found) for found in each)):
-            x, p = self._at(problem, on, tuple(found[min(n, len(found) - 1)] for found in each))
-            points.append((p, ForceRows.of(problem, x, p)))
-        ranked = list[tuple[float, tuple[TouchingPosture, ...]]]()
+        fingers, most = range(len(self.scene.setups)), MIXED if len(sets) > 1 else None
+        each = [[one for candidates in sets for one in candidates[k][:most]] for k in fingers]
+        alike = [frozenset().union(*(own[0].on for own in candidates if own)) for candidates in sets]
+        carried = frozenset(contact.name for contact in self.scene.support_contacts)
+        starts = list[HandStart]()
         for chosen in _likeliest(each):
-            places = [found.index(posture) for found, posture in zip(each, chosen, strict=True)]
-            rows = ForceRows.combined([points[place][1] for place in places])
-            left, _ = best_forces(self.scene, problem, points[0][0], rows)
-            ranked.append((left, chosen))
-        return sorted(ranked, key=lambda pair: pair[0])
+            on = frozenset[str]().union(*(one.on for one in chosen))
+            if len(sets) > 1 and on in alike:
+                continue
+            left, _ = ForceRows.combined([one.rows for one in chosen]).best(self.scene)
+            starts.append(HandStart(on | carried, tuple(one.posture for one in chosen), left))
+        return sorted(starts, key=lambda start: start.left)
 
     def _start(
         self, problem: HandProblem, on: frozenset[str], chosen: Sequence[TouchingPosture]
     ) -> tuple[Array, Array]:
         """Unknowns with the best forces, and numbers, for a posture of each finger."""
         x, p = self._at(problem, on, chosen)
-        rows = ForceRows.of(problem, x, p)
-        _, x[rows.columns] = best_forces(self.scene, problem, p, rows)
+        rows = ForceRows.of(self.scene, problem, x, p)
+        _, x[rows.columns] = rows.best(self.scene)
         return with_shifts(problem, x, p), p
 
     def _at(self, problem: HandProblem, on: frozenset[str], chosen: Sequence[TouchingPosture]) -> tuple[Array, Array]:
@@ -291,8 +329,14 @@ class HandSearch:
         # has no such surfaces.
         sizes = problem.numbers.sizes
         free = {name: np.full(sizes[name], 0.5) for name in sizes if name.endswith((".probes", ".strain probes"))}
-        unused = "first of ", "second of ", "grip", "clear of ", "stability "
-        free |= {name: np.zeros(sizes[name]) for name in sizes if any(part in name for part in unused)}
+        free |= {
+            name: np.zeros(sizes[name])
+            for name in sizes
+            if name.startswith(("first of ", "second of ", "stability "))
+            or name.endswith(".stability slope")
+            or ".clear of " in name
+            or name == "grip"
+        }
         away = np.concatenate([[0.0, 0.0, -AWAY, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0], np.zeros(SURFACE - 9)])
         free |= {name: np.tile(away, sizes[name] // SURFACE) for name in sizes if name.endswith(".surfaces")}
         p = problem.numbers.pack({name: value for name, value in (numbers | free).items() if name in sizes})
@@ -535,7 +579,7 @@ def _place(posture: TouchingPosture, at: float) -> Array:
     return np.array([-np.sin(middle) @ np.diff(s), np.cos(middle) @ np.diff(s)])
 
 
-def _likeliest(each: Sequence[Sequence[TouchingPosture]]) -> list[tuple[TouchingPosture, ...]]:
+def _likeliest(each: Sequence[Sequence[PostureCandidate]]) -> list[tuple[PostureCandidate, ...]]:
     """Combinations of a posture of each finger, those of least scores first."""
-    combined = sorted(product(*each), key=lambda chosen: sum(posture.score for posture in chosen))
+    combined = sorted(product(*each), key=lambda chosen: sum(one.posture.score for one in chosen))
     return combined[:COMBINED]

@@ -257,11 +257,11 @@ def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], stati
 
 def _of_two(scene: HandScene) -> str:
     """Advice where there are two fingers."""
-    if len(scene.setups) != 2:
+    if len(scene.setups) != 2 or scene.contacts.torsional_friction:
         return ""
     return (
         " Two fingers that touch once each leave the object free to turn about the line through them: give "
-        "contacts.middle: on and contacts.tip: on, a palm, or a third finger."
+        "contacts.torsional_friction of soft pads, contacts.middle: on and contacts.tip: on, a palm, or a third finger."
     )
 
 

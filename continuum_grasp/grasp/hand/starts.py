@@ -71,6 +71,10 @@ class TouchingPosture:
         return abs(self.joint - other.joint) < APART and curved < 0.5
 
 
+STRAIGHT = TouchingPosture(0.0, 0.0, (0.0, 0.0), 0.5, 0.0)
+"""A finger that touches nothing."""
+
+
 def postures(
     plane: FingerPlane,
     setup: FingerSetup,
