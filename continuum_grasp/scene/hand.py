@@ -20,6 +20,7 @@ from continuum_grasp.scene.finger_setup import FingerSetup
 from continuum_grasp.scene.grasp import check_finger, check_name
 from continuum_grasp.scene.grasp_options import GraspContacts, GraspFinger, GraspGravity, GraspSolver
 from continuum_grasp.scene.hand_supports import (
+    LEAST_FRICTION,
     HandPalm,
     HandTable,
     PlaneSupport,
@@ -263,6 +264,7 @@ class HandScene(Configuration):
         if self.turned and self.table is not None:
             raise ValueError("gravity.any: a table does not turn with the hand: give gravity as [x, y, z], or no table")
         self._check_supports()
+        self._check_torsional_friction()
         bases = self.hand.named_bases
         for setup, base in zip(self.setups, bases.values(), strict=True):
             check_finger(setup, f"hand.bases.{setup.name}.finger" if base.finger else "hand.finger", self.fidelity)
@@ -272,6 +274,15 @@ class HandScene(Configuration):
             gap = math.dist(bases[one].position, bases[other].position)
             if gap < thick[one] + thick[other]:
                 raise ValueError(f"hand: the bases of {one} and {other} overlap: {gap:.3g} m apart")
+
+    def _check_torsional_friction(self) -> None:
+        """Pads are no larger than the object."""
+        given, most = self.contacts.torsional_friction, max(setup.friction for setup in self.setups)
+        if given > most * self.object.size:
+            raise ValueError(
+                f"contacts.torsional_friction: {given:.3g} m is more than friction times the size of the object, "
+                f"{most * self.object.size:.3g} m: is it in meters?"
+            )
 
     def _check_supports(self) -> None:
         if (against := self.object.against) is not None:
@@ -290,6 +301,11 @@ class HandScene(Configuration):
                     f"{support.key}: {setup.name} does not leave it: its base is "
                     f"{1e3 * support.height(base.position):.4g} mm above it, and the finger must point away"
                 )
+        if setup.friction < LEAST_FRICTION:
+            raise ValueError(
+                f"contacts.friction: {setup.friction:g} for {setup.name}: expected {LEAST_FRICTION:g} or more, as "
+                "contacts without friction hold nothing in space"
+            )
         if setup.graded:
             raise ValueError("hand.finger: fingers of hands are uniform along their length so far")
         if setup.drive is not None or setup.friction_states:

@@ -14,6 +14,8 @@ from continuum_grasp.scene.supports import TOUCHING, Switch
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Extent, Friction, Real, Value
 
+LEAST_FRICTION = 1e-3
+"""Least coefficient of friction of fingers, palm and table [1]: cones have rounded apexes."""
 _NEARLY = 1e-3
 """Gap, per size of the object, below which it is likely meant to touch [1]."""
 _LEANS = 1e-3
@@ -21,7 +23,7 @@ _LEANS = 1e-3
 
 
 class _PlaneKeys(Value):
-    friction: Annotated[Friction, Field(ge=1e-3)] | None = None
+    friction: Annotated[Friction, Field(ge=LEAST_FRICTION)] | None = None
     """Friction coefficient between it and the object, not zero [1]; None: ``contacts.friction``."""
     touch: Switch = "auto"
     """Whether palm or table carries the object; auto: where the object lies against it."""

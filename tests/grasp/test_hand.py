@@ -112,6 +112,25 @@ def test_round_fingers_that_turn_the_can_away_are_no_grasp():
         assert not found.certificate.stability.stable
 
 
+def test_names_and_order_of_fingers_do_not_matter():
+    scene = hand("pinch")
+    tension = optimize_grasp(scene).tension
+    bases = list(scene.hand.ring.bases)
+    # Numbers of the problem are called grip, weight, tolerance and stability level.
+    for names, order in ((("grip", "gripper_2"), bases), (("weight", "stability"), bases[::-1])):
+        named = scene.replaced(hand=scene.hand.replaced(ring=None, bases=dict(zip(names, order, strict=True))))
+        assert optimize_grasp(named).tension == pytest.approx(tension, rel=1e-6)
+
+
+@pytest.mark.deep
+def test_too_little_friction_is_named_where_contacts_bear_moments_too():
+    """With relaxed friction no more of a moment is borne, as in the scene with that friction."""
+    slippery = hand("pinch", {"contacts.friction": 0.3, "contacts.torsional_friction": 1.5e-3})
+    found = optimize_grasp(slippery, raise_on_failure=False)
+    assert [reason.key for reason in found.reasons] == ["contacts.friction"]
+    assert "about the line through them" not in found.advice
+
+
 @pytest.mark.deep
 def test_two_fingers_that_touch_once_each_get_advice():
     """Nothing holds the object against turns about the line through two points."""
@@ -181,6 +200,9 @@ def test_every_reason_repairs():
             "edge_radius = 0.04 m: expected",
         ),
         ({"contacts.middle": "off", "contacts.tip": "off"}, "at least one of middle and tip"),
+        ({"contacts.friction": 0.0}, "contacts.friction: 0 for finger_1: expected 0.001 or more"),
+        ({"hand.finger.contacts": {"friction": 0.0}}, "contacts.friction: 0 for finger_1"),
+        ({"contacts.torsional_friction": 3.0}, "torsional_friction: 3 m is more than .* 0.018 m: is it in meters"),
     ],
 )
 def test_what_is_no_hand_is_named(changes, said):

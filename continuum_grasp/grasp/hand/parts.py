@@ -206,7 +206,10 @@ class PlacedFinger:
         torsion, moment = ca.SX(0, 1), ca.SX(3, 1)
         if self._soft:
             torsion = self._part.x(f"torsion, {name}")
-            moment = number(f"{name}.torsional arm") * torsion * normal
+            # Friction that is relaxed bears no more of it.
+            friction = number(f"{name}.friction")
+            arm = number(f"{name}.torsional arm") * friction / (friction + self._part.slack["friction"])
+            moment = arm * torsion * normal
         return SpatialTouch(name, joint, end, backbone, beyond, normal, sine, force, world, torsion, moment)
 
     def in_space(self, points: ca.SX) -> ca.SX:

@@ -256,7 +256,7 @@ def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], stati
 
 
 def _of_two(scene: HandScene) -> str:
-    """Advice where there are two fingers."""
+    """Advice where two fingers touch at points."""
     if len(scene.setups) != 2 or scene.contacts.torsional_friction:
         return ""
     return (
