@@ -359,9 +359,13 @@ class HandSearch:
                 p[problem.numbers.at[f"{setup.name}.probes"]] = fraction
             probed.append(self._guarded(problem, x, p))
         for k, (setup, frame) in enumerate(self._fingers):
-            placed = np.array([points[k][-setup.elements :] for points in probed])
+            count = problem.spec.fingers[k].probes
+            placed = np.array([points[k][-count * setup.elements :] for points in probed])
             away = self.body.distance(placed)[0] - float(setup.finger.profile.half_thickness(0.0))
             away = np.minimum.reduce([away, *self._over_supports(setup, frame, placed)])
+            # Of several places on an element each is the deepest one of its part.
+            part, own = np.arange(len(PROBED)) * count // len(PROBED), np.arange(away.shape[1]) % count
+            away[part[:, None] != own] = np.inf
             p[problem.numbers.at[f"{setup.name}.probes"]] = PROBED[away.argmin(axis=0)]
         guarded = self._guarded(problem, x, p)
         self._choose_places(problem, guarded, p)
