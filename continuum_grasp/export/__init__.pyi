@@ -8,7 +8,7 @@ from .kernel import Kernel as Kernel
 from .library import Library as Library
 from .library import WasmController as WasmController
 from .manifest import Package as Package
-from .manifest import check_file as check_file
+from .marks import check_file as check_file
 from .package import PackageOptions as PackageOptions
 from .package import export_c as export_c
 from .part import Code as Code

@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -250,23 +250,3 @@ def _earlier(folder: Path) -> dict[str, list[str]]:
 
 def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
-
-
-_HEAD = 4096
-"""Bytes at the begin of a file within which an export names its maker [1]."""
-
-
-def is_marked(file: Path, mark: bytes = b"continuum_grasp") -> bool:
-    """Whether a file begins like one of an export, or has no content."""
-    with open(file, "rb") as stream:
-        head = stream.read(_HEAD)
-    return not head or mark in head
-
-
-def check_file(file: Path, is_own: Callable[[Path], bool] = is_marked) -> None:
-    """Refuse a file that cannot be written, or that is there and of no export."""
-    check_folder(file.absolute().parent)
-    if file.is_dir():
-        raise InputError("expected the name of a file, got a folder", file=str(file))
-    if file.exists() and not is_own(file):
-        raise InputError("no export wrote this file: move it away, or take another name", file=str(file))

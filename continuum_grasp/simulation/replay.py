@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import StateSpace, lsim
 
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.scene import Actuation, CommandedScene, Samples, Scene, Timing
@@ -56,6 +55,8 @@ def scene_under(
 
 def _lagging(t: Array, u: Array, before: float, lag: float, linear: bool) -> tuple[Array, Array]:
     """Instants (M,) and moments (M, 1) of a drive 1/(T s + 1)^2 that rests at first, under commands (N + 1, 1)."""
+    from scipy.signal import StateSpace, lsim
+
     drive = StateSpace([[0.0, 1.0], [-1.0 / lag**2, -2.0 / lag]], [[0.0], [1.0 / lag**2]], [[1.0, 0.0]], [[0.0]])
     state = np.array([before, 0.0])
     times = [t[0]]

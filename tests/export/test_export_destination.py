@@ -16,7 +16,8 @@ from continuum_grasp.addons.fmu import write as units
 from continuum_grasp.addons.web import export_web
 from continuum_grasp.base import InputError
 from continuum_grasp.export import export_c
-from continuum_grasp.export.manifest import is_marked, write_package
+from continuum_grasp.export.manifest import write_package
+from continuum_grasp.export.marks import is_marked
 from continuum_grasp.results import write_text
 from tests.export_cases import TENDONS, scene
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.addons.chains.hands import HandChain
-from continuum_grasp.addons.chains.write import HingeChain, export_mjcf
 from continuum_grasp.base import ExportTarget
 
 if TYPE_CHECKING:
+    from continuum_grasp.addons.chains.hands import HandChain
+    from continuum_grasp.addons.chains.write import HingeChain
     from continuum_grasp.cli import Output
 
 
@@ -22,6 +22,8 @@ class ChainTarget(ExportTarget):
 
     @property
     def write(self) -> Callable[..., Any]:
+        from continuum_grasp.addons.chains.write import export_mjcf
+
         return export_mjcf
 
     def report(self, written: HingeChain | HandChain, output: Output) -> None:

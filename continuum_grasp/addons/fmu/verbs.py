@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.addons.fmu.write import FunctionalMockupUnit, export_fmu, identifier_of, units_of
 from continuum_grasp.base import ExportTarget
 
 if TYPE_CHECKING:
+    from continuum_grasp.addons.fmu.write import FunctionalMockupUnit
     from continuum_grasp.cli import Output
 
 
@@ -18,14 +18,20 @@ class FmuTarget(ExportTarget):
 
     @property
     def write(self) -> Callable[..., Any]:
+        from continuum_grasp.addons.fmu.write import export_fmu
+
         return export_fmu
 
     def defaults(self, config: Path, scene: Any) -> dict[str, Any]:
         """Names of files and symbols are those of the configuration."""
+        from continuum_grasp.addons.fmu.write import identifier_of
+
         return {"name": identifier_of(config, scene)}
 
     def check(self, scene: Any, path: Path, **options: Any) -> None:
         """Refuse options that do not fit the scene, and files in the way."""
+        from continuum_grasp.addons.fmu.write import units_of
+
         units_of(scene, path, **options)
 
     def report(self, written: Sequence[FunctionalMockupUnit], output: Output) -> None:

@@ -6,15 +6,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.addons.mission import MissionScene
-from continuum_grasp.addons.web.hand import hand_page
-from continuum_grasp.addons.web.html_page import Page
-from continuum_grasp.addons.web.page import check_one_finger, export_web, page_of_loop, page_of_motion
-from continuum_grasp.base import ExportTarget
-from continuum_grasp.export import check_file
+from continuum_grasp.base import ExportTarget, named_value
 
 if TYPE_CHECKING:
+    from continuum_grasp.addons.web.html_page import Page
     from continuum_grasp.cli import Output
+
+_MAKERS = {
+    "motion": "continuum_grasp.addons.web.page:page_of_motion",
+    "loop": "continuum_grasp.addons.web.page:page_of_loop",
+    "hand": "continuum_grasp.addons.web.hand:hand_page",
+}
 
 
 class PageTarget(ExportTarget):
@@ -25,21 +27,22 @@ class PageTarget(ExportTarget):
 
     @property
     def write(self) -> Callable[..., Any]:
+        from continuum_grasp.addons.web.page import export_web
+
         return export_web
 
     def check(self, scene: Any, path: Path, **options: Any) -> None:
         """Refuse a mission of several fingers, and a file in the way."""
+        from continuum_grasp.addons.mission import MissionScene
+        from continuum_grasp.addons.web.page import check_one_finger
+        from continuum_grasp.export import check_file
+
         check_file(path)
         if isinstance(scene, MissionScene):
             check_one_finger(scene)
 
     def page_maker(self, kind: str) -> Callable[[Any], Any] | None:
-        makers: dict[str, Callable[[Any], Any]] = {
-            "motion": page_of_motion,
-            "loop": page_of_loop,
-            "hand": hand_page,
-        }
-        return makers.get(kind)
+        return named_value(_MAKERS[kind]) if kind in _MAKERS else None
 
     def report(self, written: Page, output: Output) -> None:
         """Print where a page is, and the size of its WebAssembly."""

@@ -11,10 +11,8 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.hand.frames import PlaneFrame
-from continuum_grasp.grasp.hand.mesh_surface import MeshSurface
-from continuum_grasp.grasp.hand.superquadric_surface import SuperquadricSurface
-from continuum_grasp.grasp.hand.swept_surface import ExtrudedSurface, TurnedSurface, of_grid
+from continuum_grasp.base import named_value
+from continuum_grasp.grasp.hand.frames import PlaneFrame, of_grid
 from continuum_grasp.scene import HandScene
 
 _HALVINGS = 50
@@ -75,7 +73,7 @@ class BodySurface:
         self.center, self.axes = np.array(self.solid.position), self.solid.axes
         shape = _SHAPES.get(self.solid.shape)
         # None where the shape has a level in closed form.
-        self._local: Any = None if shape is None else _local(shape, self.solid)
+        self._local: Any = None if shape is None else _local(named_value(f"{__package__}.{shape}"), self.solid)
 
     @property
     def half(self) -> Array:
@@ -180,13 +178,13 @@ class BodySurface:
 
 
 _SHAPES = {
-    "cone": TurnedSurface,
-    "revolve": TurnedSurface,
-    "extrude": ExtrudedSurface,
-    "superquadric": SuperquadricSurface,
-    "mesh": MeshSurface,
+    "cone": "swept_surface:TurnedSurface",
+    "revolve": "swept_surface:TurnedSurface",
+    "extrude": "swept_surface:ExtrudedSurface",
+    "superquadric": "superquadric_surface:SuperquadricSurface",
+    "mesh": "mesh_surface:MeshSurface",
 }
-"""Surfaces of shapes that have no level in closed form."""
+"""Surfaces of shapes that have no level in closed form; only those that are there are imported, with SciPy."""
 
 
 def _local(shape: Callable[[Any], Any], solid: Any) -> Any:

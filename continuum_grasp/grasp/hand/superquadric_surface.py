@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.hand.swept_surface import of_grid
+from continuum_grasp.grasp.hand.frames import of_grid
 
 GRID = 40
 """Points along an edge of the cube on whose six faces samples of the surface begin."""

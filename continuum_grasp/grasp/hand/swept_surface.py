@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from continuum_grasp.base import Numbers as Array
+from continuum_grasp.grasp.hand.frames import of_grid
 from continuum_grasp.scene import Face
 
 SAMPLES = 2000
@@ -237,17 +238,6 @@ class ExtrudedSurface:
         caps = [np.column_stack([np.tile(middle, (len(ring), 1)), row[:, 2]]) for row in (rows[0], rows[-1])]
         grid = np.array([caps[0], *rows, caps[1]])
         return np.concatenate([grid, grid[:, :1]], axis=1)
-
-
-def of_grid(grid: Array) -> tuple[Array, Array]:
-    """Corners (V, 3) and triangles (T, 3) between the points of a grid (A, B, 3)."""
-    a, b = grid.shape[:2]
-    number = np.arange(a * b).reshape(a, b)
-    first, second, third, fourth = (
-        part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1])
-    )
-    triangles = np.concatenate([np.column_stack([first, second, third]), np.column_stack([first, third, fourth])])
-    return grid.reshape(-1, 3), triangles
 
 
 def _outer(vectors: Array) -> Array:
