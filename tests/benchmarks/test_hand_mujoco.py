@@ -6,10 +6,12 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import continuum_grasp as cg
 from benchmarks.grasp_populations import document
 from benchmarks.hand_mujoco import CONFIGS, shift_error
+from benchmarks.hand_turned import KINDS, drawn
 from continuum_grasp.addons.chains.solid_geometry import solid_inertia
 from continuum_grasp.addons.chains.trial import HandInMujoco, try_in_mujoco
 from continuum_grasp.cli import grasps
@@ -88,6 +90,22 @@ def test_a_bent_finger_yields_to_the_side_as_an_arc_that_twists():
     arrays["contact_deflections"] = np.array([force * radius**3 * (bending / LATERAL + twisting / GJ)])
     result = made(scene.changed({"object.mass": 0.1}), arrays)
     assert shift_error(result) < 5e-3 * arrays["contact_deflections"][0]
+
+
+def test_a_motion_is_its_displacement_and_the_vector_of_its_turn():
+    plant = HandInMujoco(made(*cases.squeezed_box(mass=0.07)))
+    place, turn = np.array([1e-3, 0.0, 2e-3]), np.array([0.02, -0.01, 0.03])
+    at = plant.model.jnt_qposadr[plant.model.joint("object").id]
+    plant.data.qpos[at : at + 3] += place
+    plant.data.qpos[at + 3 : at + 7] = np.roll(Rotation.from_rotvec(turn).as_quat(), 1)
+    mujoco.mj_forward(plant.model, plant.data)
+    assert plant.moved == pytest.approx(np.concatenate([place, turn]), abs=1e-12)
+
+
+def test_random_hands_that_turn_are_of_every_kind():
+    scenes = [drawn(number)[1] for number in range(8)]
+    assert {(scene.object.shape, len(scene.setups)) for scene in scenes} == {(k, n) for k in KINDS for n in (3, 4)}
+    assert all(0.05 <= scene.object.weighed <= 0.1 for scene in scenes)
 
 
 def test_masses_are_those_of_rod_and_object():

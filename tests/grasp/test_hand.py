@@ -37,10 +37,9 @@ def test_a_ball_is_held_with_the_tensions_of_an_independent_program():
     assert max(tensions[1] for tensions in found.tensions.values()) < 1e-6
 
 
-@pytest.mark.parametrize("elements", few([2, 3], 1))
-def test_few_elements_hold_the_ball_nearly_alike(elements):
+def test_three_elements_hold_the_ball_nearly_alike():
     """Each of few elements has two places that stay clear. The same independent program."""
-    found = optimize_grasp(hand("ball", {"hand.finger.rod.linear_density": 1e-9, "fidelity.elements": elements}))
+    found = optimize_grasp(hand("ball", {"hand.finger.rod.linear_density": 1e-9, "fidelity.elements": 3}))
     left = [tensions[0] for tensions in found.tensions.values()]
     assert left == pytest.approx([5.580, 5.645, 6.191], rel=2e-3)
 

@@ -74,6 +74,14 @@ class HandInMujoco:
         return body.xipos.copy(), body.xmat.reshape(3, 3).copy()
 
     @property
+    def moved(self) -> Array:
+        """Displacement of the object's center of mass [m] and its turn as a vector [rad] since the start (6,)."""
+        (place, axes), (first, before) = self._pose(), self.start
+        turn, most = axes @ before.T, float(self.away[1])
+        about = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+        return np.concatenate([place - first, about * most / max(2.0 * math.sin(most), 1e-300)])
+
+    @property
     def away(self) -> Array:
         """Displacement of the object's center of mass [m] and its turn [rad] since the start (2,)."""
         (place, axes), (first, before) = self._pose(), self.start
@@ -144,11 +152,10 @@ class HandInMujoco:
         self.farthest(waits)
         return under, self.away
 
-    def turn(self, gravity: float) -> dict[str, Array]:
+    def turn(self, gravity: float) -> Iterator[tuple[str, Array]]:
         """Greatest displacement [m] and turn [rad] (2,) where gravity [m/s2] acts along each axis in turn."""
         self.reset()
         last = np.zeros(3)
-        found = dict[str, Array]()
         for name, axis in AXES.items():
             # Through a third direction where the next one is opposite.
             between = axis if last @ axis > -0.9 else np.roll(axis, 1)
@@ -161,9 +168,8 @@ class HandInMujoco:
 
             turns, stays = TURN
             self.farthest(turns, weigh)
-            found[name] = self.farthest(stays)
+            yield name, self.farthest(stays)
             last = axis
-        return found
 
     def close(self) -> Array:
         """Displacement [m] and turn [rad] of the object after fingers closed around it from straight (2,)."""
@@ -208,7 +214,7 @@ def _tried(hand: HandInMujoco, say: Callable[[str], None]) -> dict[str, Any]:
     words = [f"moved {_words(worst)} in {HOLDS:g} s", f"normal forces within {off:.1%} of the greatest planned one"]
     if not wrong and result.scene.turned:
         say("turned")
-        by_axis = hand.turn(result.scene.turned)
+        by_axis = dict(hand.turn(result.scene.turned))
         found["weights"] = {name: {"moved": away[0], "turned": away[1]} for name, away in by_axis.items()}
         most = np.max(list(by_axis.values()), axis=0)
         words.append(f"{_words(most)} with the weight along six axes")
