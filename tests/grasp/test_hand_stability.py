@@ -310,7 +310,7 @@ def test_a_box_between_two_ends_turns_about_the_line_between_them():
 
 def test_torsional_friction_holds_a_box_by_the_twist_of_both_fingers():
     """About the line between the ends it turns by a moment per 2 G J / L."""
-    scene, arrays = cases.twisted_box(0.0, 0.01, 0.0)
+    scene, arrays = cases.twisted_box(0.0, 0.01, 0.0, torsional_friction=0.01)
     certificate = certify_hand(scene, arrays)
     ratio = 4.0
     torsion = 4 * ratio**2 / (1 + ratio**2) / (2 * 1.35) * STIFFNESS
@@ -320,7 +320,24 @@ def test_torsional_friction_holds_a_box_by_the_twist_of_both_fingers():
     assert response.moments[:, 3] == pytest.approx([-0.5, 0.5], rel=1e-6)
     assert certificate.stability.motion != "tilts about x"
     promised = certificate.promised([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
-    assert promised == pytest.approx(2.0 * 1e-3 * 0.01, rel=1e-6)
+    assert promised == pytest.approx(2.0 * 0.01 * 0.01, rel=1e-6)
+
+
+def test_torsional_friction_counts_where_it_bears_a_turn_by_a_degree():
+    """Nothing but the friction of both ends resists; after a degree it is as good as a stiffness that it divides."""
+    press = 0.01
+    points = certify_hand(*cases.squeezed_box(press, 0.0)).stability
+    most = certify_hand(*cases.twisted_box(0.0, press, 0.0, torsional_friction=0.018)).stability
+    assert most.motion != "tilts about x"
+    needed = min(CREEPS, most.eigenvalue) * STIFFNESS / LENGTH * math.radians(1.0) / (2.0 * press)
+    assert needed < 0.017
+    for part in (1e-4, 0.99):
+        verdict = certify_hand(*cases.twisted_box(0.0, press, 0.0, torsional_friction=part * needed)).stability
+        assert verdict.motion == points.motion == "tilts about x"
+        assert verdict.eigenvalue == pytest.approx(points.eigenvalue, abs=1e-9)
+    verdict = certify_hand(*cases.twisted_box(0.0, press, 0.0, torsional_friction=1.01 * needed)).stability
+    assert verdict.motion == most.motion
+    assert verdict.eigenvalue == pytest.approx(most.eigenvalue, rel=1e-9)
 
 
 @pytest.mark.parametrize(("width", "motion"), [(0.5e-3, "swings sideways"), (4e-3, "bends in its plane")])

@@ -16,9 +16,12 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.chain import LINKS, skew
 from continuum_grasp.grasp.certificate.check import EXACT
-from continuum_grasp.grasp.certificate.space import SpatialStability, SpatialSystem, held_directions, least_mode
+from continuum_grasp.grasp.certificate.space import CREEPS, SpatialStability, SpatialSystem, held_directions, least_mode
 from continuum_grasp.grasp.hand.recomputed import HandTouch, ObjectTouch, RecomputedHand
 
+TURNED = math.radians(1.0)
+"""Turn of the object, or shift per quarter of the first finger, after which torsional friction has to hold it [rad]:
+trials count it as lost beyond."""
 BESIDE = 1e-3
 """Distance from a contact, per size of the object, at which the surface's normals give its curvature [1]."""
 ASSUMPTIONS = (
@@ -47,7 +50,7 @@ class HandResponse:
 
 def hand_stability(hand: RecomputedHand, links: int = LINKS) -> SpatialStability:
     """Least eigenvalue of the energy's Hessian on the motions that the contacts leave."""
-    system = HandSystem(hand, links)
+    system = steadying_system(hand, links)
     unit = hand.fingers[0].plane.stiffness / hand.fingers[0].length
     if not (np.isfinite(system.hessian).all() and np.isfinite(system.rows).all()):
         return SpatialStability(float("nan"), float("nan"), assumptions=ASSUMPTIONS)
@@ -56,6 +59,29 @@ def hand_stability(hand: RecomputedHand, links: int = LINKS) -> SpatialStability
         return SpatialStability(float("inf"), float("inf"), assumptions=ASSUMPTIONS)
     least, vector = least_mode(system.hessian, held)
     return SpatialStability(least / unit, least, system.describe(vector), vector[-6:], ASSUMPTIONS)
+
+
+def steadying_system(hand: RecomputedHand, links: int = LINKS) -> HandSystem:
+    """The system whose least eigenvalue counts: contacts with torsional friction turn with what they touch where all of
+    that friction, in each motion that is less stable with points, is as good at `TURNED` as a stiffness that makes up
+    for it. Otherwise contacts are points.
+    """
+    system = HandSystem(hand, links)
+    if not system.turning or not np.isfinite(system.hessian).all():
+        return system
+    points = HandSystem(hand, links, turning=False)
+    held = held_directions(points.rows)
+    left = np.linalg.svd(held, full_matrices=True)[0][:, held.shape[1] :]
+    values, vectors = np.linalg.eigh(left.T @ points.hessian @ left)
+    least, _ = least_mode(system.hessian, held_directions(system.rows))
+    missing = min(least, CREEPS * hand.fingers[0].plane.stiffness / hand.fingers[0].length) - values
+    modes = (left @ vectors)[:, missing > 0.0]
+    turned = np.abs(system.rows[[row for _, row in system.turning]] @ modes)
+    pressing = [hand.pressing[k] for k, _ in system.turning]
+    friction = np.array([contact.arm * contact.friction * contact.normal_force for contact in pressing])
+    # Per unit of a mode, which moves the object by its part of that.
+    borne = (friction @ turned) * np.linalg.norm(modes[-6:], axis=0)
+    return system if (borne >= TURNED * missing[missing > 0.0]).all() else points
 
 
 def hand_response(hand: RecomputedHand, links: int = LINKS) -> HandResponse | None:
@@ -99,9 +125,9 @@ def hand_response(hand: RecomputedHand, links: int = LINKS) -> HandResponse | No
 
 
 class HandSystem(SpatialSystem):
-    """The system of a hand, with what tensions and gravity do."""
+    """The system of a hand, with what tensions and gravity do; where ``turning`` is False, contacts are points."""
 
-    def __init__(self, hand: RecomputedHand, links: int) -> None:
+    def __init__(self, hand: RecomputedHand, links: int, *, turning: bool = True) -> None:
         super().__init__(hand.fingers, hand.gravity, hand.com, links)
         tendons, rows = [], list[Array]()
         # Contacts that press and the rows by which they turn about the normal with what they touch.
@@ -114,7 +140,7 @@ class HandSystem(SpatialSystem):
             if isinstance(contact, HandTouch):
                 k = next(k for k, finger in enumerate(hand.fingers) if contact in finger.contacts)
                 rows.append(self.pinned(contact, k))
-                if contact.arm:
+                if contact.arm and turning:
                     self.turning.append((number, sum(map(len, rows))))
                     rows.append(self.twisted(contact, k)[None])
             else:

@@ -19,7 +19,7 @@ from continuum_grasp.grasp.hand.parts import Aims
 from continuum_grasp.grasp.hand.problem import hand_problem
 from continuum_grasp.grasp.hand.recomputed import RecomputedHand
 from continuum_grasp.grasp.hand.search import HandSearch, HandTried
-from continuum_grasp.grasp.hand.stability import HandSystem
+from continuum_grasp.grasp.hand.stability import HandSystem, steadying_system
 
 WANTED = 1.05 * CREEPS
 """Least eigenvalue that is asked for, in E I / L: more than what the search's tolerance can undo."""
@@ -62,7 +62,7 @@ def eigenvalue_slope(search: HandSearch, tried: HandTried) -> Array:
     """Derivative of the least eigenvalue, in E I / L, by the unknowns of a problem; by forward differences."""
     scene, x = search.scene, tried.attempt.x
     hand = RecomputedHand(scene, tried.arrays)
-    system = HandSystem(hand, LINKS)
+    system = steadying_system(hand, LINKS)
     held = held_directions(system.rows)
     left = np.linalg.svd(held, full_matrices=True)[0][:, held.shape[1] :]
     values, vectors = np.linalg.eigh(left.T @ system.hessian @ left)
@@ -71,7 +71,7 @@ def eigenvalue_slope(search: HandSearch, tried: HandTried) -> Array:
     unit = hand.fingers[0].plane.stiffness / hand.fingers[0].length
 
     def energy(x: Array) -> float:
-        there = HandSystem(RecomputedHand(scene, search.arrays_at(tried, x)), LINKS)
+        there = HandSystem(RecomputedHand(scene, search.arrays_at(tried, x)), LINKS, turning=bool(system.turning))
         return float(mode @ there.hessian @ mode + 2.0 * multipliers @ there.rows @ mode) / unit
 
     slope, here = np.zeros(x.size), energy(x)
