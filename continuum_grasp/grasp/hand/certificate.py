@@ -36,7 +36,7 @@ from continuum_grasp.grasp.hand.recomputed import (
     known_touches,
     of_contacts,
 )
-from continuum_grasp.grasp.hand.stability import HandResponse, hand_response, hand_stability
+from continuum_grasp.grasp.hand.stability import HandResponse, hand_response, hand_stability, points_response
 from continuum_grasp.grasp.hand.weights import TurnedContact, promised_wrench, turned_contacts
 from continuum_grasp.scene import FAMILIES, HandScene
 
@@ -101,9 +101,10 @@ class HandCertificate(Summarized):
     @cached_property
     def turned(self) -> tuple[TurnedContact, ...]:
         """Needs of each contact while the weight takes every direction; empty where it has one."""
-        if self.hand is None or not self.hand.scene.turned or self.response is None:
+        if self.hand is None or not self.hand.scene.turned:
             return ()
-        return turned_contacts(self.hand, self.response, self.hand.scene.turned)
+        each = [turned_contacts(self.hand, response, self.hand.scene.turned) for response in self._bounds]
+        return min(each, key=lambda needs: max((c.friction / c.held for c in needs), default=0.0), default=())
 
     def promised(self, along: Sequence[float] | Array) -> float:
         """Greatest multiple of a wrench on the object that no contact slips or gives way under, to first order.
@@ -113,9 +114,9 @@ class HandCertificate(Summarized):
         along : sequence of float
             Force [N] and moment about the center of mass [N m] as the hand sees them (6,).
         """
-        if self.hand is None or self.response is None:
+        if self.hand is None or not self._bounds:
             return float("nan")
-        return promised_wrench(self.hand, self.response, np.array(along, dtype=float))
+        return max(promised_wrench(self.hand, response, np.array(along, dtype=float)) for response in self._bounds)
 
     @cached_property
     def promise(self) -> dict[str, float]:
@@ -144,6 +145,12 @@ class HandCertificate(Summarized):
     def response(self) -> HandResponse | None:
         """Linear response to wrenches and tensions, computed when first asked for; None where nothing holds."""
         return None if self.hand is None else hand_response(self.hand)
+
+    @cached_property
+    def _bounds(self) -> tuple[HandResponse, ...]:
+        """Responses of which the best counts: contacts with torsional friction hold no less than points do."""
+        points = None if self.hand is None else points_response(self.hand)
+        return tuple(response for response in (self.response, points) if response is not None)
 
     @property
     def friction_margin(self) -> float:

@@ -84,13 +84,25 @@ def steadying_system(hand: RecomputedHand, links: int = LINKS) -> HandSystem:
     return system if (borne >= TURNED * missing[missing > 0.0]).all() else points
 
 
-def hand_response(hand: RecomputedHand, links: int = LINKS) -> HandResponse | None:
+def points_response(hand: RecomputedHand, links: int = LINKS) -> HandResponse | None:
+    """Response of a grasp whose contacts turn about their normals at the moments that they bear; None where there is no
+    torsional friction, or the object is not stable so.
+    """
+    if not any(contact.arm for contact in hand.pressing):
+        return None
+    points = HandSystem(hand, links, turning=False)
+    least, _ = least_mode(points.hessian, held_directions(points.rows))
+    unit = hand.fingers[0].plane.stiffness / hand.fingers[0].length
+    return hand_response(hand, links, turning=False) if least > CREEPS * unit else None
+
+
+def hand_response(hand: RecomputedHand, links: int = LINKS, *, turning: bool = True) -> HandResponse | None:
     """Response of a grasp to wrenches on the object and to tensions, at its equilibrium; None where nothing holds
-    the object.
+    the object. Where ``turning`` is False, contacts turn about their normals at the moments that they bear.
     """
     if not hand.pressing:
         return None
-    system = HandSystem(hand, links)
+    system = HandSystem(hand, links, turning=turning)
     hessian, rows, scale = system.hessian, system.rows, system.scale
     loads = np.concatenate([np.eye(len(scale))[:, -6:], system.weights, system.tendons], axis=1) * scale[:, None]
     left, singular, right = np.linalg.svd(rows)
@@ -103,9 +115,9 @@ def hand_response(hand: RecomputedHand, links: int = LINKS) -> HandResponse | No
     # What the constraints take of the loads: forces on the fingers, least squares where the contacts are indeterminate.
     forces = left[:, :rank] @ ((right[:rank] @ (hessian @ moved - loads)) / singular[:rank, None])
     moved, moments = scale[:, None] * moved, np.zeros((len(hand.pressing), forces.shape[1]))
-    turning = np.array([row for _, row in system.turning], dtype=int)
-    moments[[contact for contact, _ in system.turning]] = forces[turning]
-    forces = np.delete(forces, turning, axis=0).reshape(len(moments), 3, -1)
+    twists = np.array([row for _, row in system.turning], dtype=int)
+    moments[[contact for contact, _ in system.turning]] = forces[twists]
+    forces = np.delete(forces, twists, axis=0).reshape(len(moments), 3, -1)
     pose = moved[-6:]
     shapes = [chain.displaced(moved[span, 9:]) for chain, span in zip(system.chains, system.spans, strict=True)]
     points = tuple(chain.points for chain in system.chains)
