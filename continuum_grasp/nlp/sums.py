@@ -39,18 +39,6 @@ def summed(name: str, sizes: tuple[int, int, int], parts: Sequence[Summand]) -> 
         Of unknowns, parameters and constraints.
     parts : sequence of Summand
         Parts whose ``nlp`` is the same share its derivatives.
-
-    Examples
-    --------
-    >>> import casadi as ca
-    >>> import numpy as np
-    >>> from continuum_grasp.nlp import NLP, Summand, summed
-    >>> x = ca.SX.sym("x")
-    >>> part = NLP("part", x, x**2, x - 1)
-    >>> one = np.array([0])
-    >>> whole = summed("whole", (2, 0, 1), [Summand(part, at, one[:0], one) for at in (one, one + 1)])
-    >>> whole.functions["jac_g"]([3, 4], [])
-    (DM(5), DM([[1, 1]]))
     """
     n, m, count = sizes
     x, p, f_force, g_forces = (ca.MX.sym(key, size) for key, size in (("x", n), ("p", m), ("lf", 1), ("lg", count)))

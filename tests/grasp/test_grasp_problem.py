@@ -369,9 +369,8 @@ def test_scenes_whose_bending_ranges_are_alike_share_a_solver():
 @pytest.mark.parametrize("share", [0.25, 1.0])
 def test_a_rounded_cone_costs_nothing_and_has_derivatives_where_nothing_presses(share):
     numbers, friction = {"cone rounding": values.APEX, "cone share": 1.0}, 0.5
-    problem = SimpleNamespace(spec=SimpleNamespace(dimensions=3), numbers=numbers.__getitem__)
     force = ca.SX.sym("force", 3)
-    cone = friction_cone(problem, friction, *ca.vertsplit(force))
+    cone = friction_cone(numbers.__getitem__, friction, force)
     at = ca.Function("cone", [force], [cone, ca.gradient(cone, force), ca.hessian(cone, force)[0]])
     exact = share / friction
     assert float(at([exact, 0.0, share])[0]) < 0.0  # all inside the true cone

@@ -160,7 +160,7 @@ def test_pads_with_torsional_friction_pinch_what_points_do_not():
     pinched = optimize_grasp(hand("pinch"), raise_on_failure=False)
     assert pinched.status is GraspStatus.FEASIBLE
     moments = [abs(contact.moment) for contact in pinched.contacts]
-    assert 1e-4 < max(moments) <= 3e-3 * max(contact.normal_force for contact in pinched.contacts)
+    assert 1e-4 < max(moments) <= 2.5e-3 * max(contact.normal_force for contact in pinched.contacts)
     assert not optimize_grasp(hand("pinch", {"contacts.torsional_friction": 0.0}), raise_on_failure=False).solved
 
 
@@ -169,7 +169,7 @@ def test_kinds_of_contacts_may_differ_between_fingers():
     """A box off the axis of three fingers, which neither three middle contacts nor three tips hold."""
     box = {"shape": "box", "extents": [0.0667, 0.0806, 0.0806], "edge_radius": 5e-3, "mass": 0.207}
     box["position"] = [2.1e-3, -3.7e-3, -0.0718]
-    ring = {"hand.ring.radius": 0.0543, "hand.ring.tilt": 0.0375}
+    ring = {"hand.ring.radius": 0.0543, "hand.ring.tilt": 0.0375, "hand.finger.section.width": 6e-3}
     found = optimize_grasp(hand("ball", {"object": box, **ring}), raise_on_failure=False)
     assert found.solved
     kinds = {name.partition(".")[2] for name in found.contact_names}

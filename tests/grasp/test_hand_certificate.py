@@ -206,8 +206,8 @@ def contacts(**changes):
 
 
 def heavier(part):
-    """As heavy as displaces the fingers by 5 % of their length."""
-    return cases.squeezed_box(9.0, part * 0.05 * LENGTH / cases.sag(0.5 * 9.81, 9.0))
+    """As heavy as displaces the fingers by 3 % of their length."""
+    return cases.squeezed_box(9.0, part * 0.03 * LENGTH / cases.sag(0.5 * 9.81, 9.0))
 
 
 def pulling(part):

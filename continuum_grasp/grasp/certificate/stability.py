@@ -49,7 +49,7 @@ class Stability:
 
     @property
     def stable(self) -> bool:
-        """Whether it is in the plane and, where that is tested, out of it."""
+        """Whether the grasp is stable in the plane and, where that is tested, out of the plane."""
         return self.in_plane and (self.in_space is None or self.in_space.stable)
 
     def with_space(self, verdict: SpatialStability | None) -> Stability:

@@ -43,7 +43,7 @@ LEFT = 0.5
 0.13, and those with more than 1 led to none."""
 SOLVED = {"quick": 1, "normal": 3, "thorough": 12}
 """Combinations of each set of contacts that are solved, by effort."""
-ASIDE = 0.05 - 1e-5
+ASIDE = 0.03 - 1e-5
 """Greatest shift of a contact out of its finger's plane, per length: the certificate's limit, less than its solver is
 off."""
 PATIENCE = 20
