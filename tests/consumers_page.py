@@ -21,9 +21,9 @@ for path in sorted((ROOT / "continuum_grasp").rglob("*.py")):
 
 
 def tables() -> str:
-    """Features that verbs refuse, and the keys that consumers take otherwise or do not need, one line per reason."""
+    """Features that verbs refuse, and the keys that consumers change or ignore, one line per reason."""
     parts = [features()]
-    for heading, kind in (("Taken otherwise", "otherwise"), ("Not needed", "unneeded")):
+    for heading, kind in (("Changed keys", "otherwise"), ("Ignored keys", "unneeded")):
         parts += [f"## {heading}", "", *reasons(kind)]
     return "\n".join(parts)
 
@@ -40,10 +40,10 @@ def features() -> str:
         [
             "## Features that verbs refuse",
             "",
-            f"Of {len(tried)} pairs of feature and verb, {sum(map(bool, tried))} are refused:",
+            f"Of {len(tried)} pairs of feature and verb, {sum(map(bool, tried))} are unsupported:",
             "",
             *table(("feature", "refused by"), rows),
-            f"All verbs that have its key take {', '.join(refused[()])}.",
+            f"Supported by all verbs that have the key: {', '.join(refused[()])}.",
             "",
         ]
     )
