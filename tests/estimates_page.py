@@ -1,6 +1,6 @@
-"""The table of numbers to estimate in docs/real_rods.md; from inside: written from the tables of unknowns and laws.
+"""The list of numbers to estimate in docs/real_rods.md; from inside: written from the tables of unknowns and laws.
 
-The table of numbers to estimate in docs/real_rods.md, as the model has them; ``python -m tests.estimates_page``.
+The list of numbers to estimate in docs/real_rods.md, as the model has them; ``python -m tests.estimates_page``.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from continuum_grasp.model import Parameters
 from continuum_grasp.model.laws import _LAWS
 from continuum_grasp.model.parameters import _VECTORS
 from continuum_grasp.scene import Finger
-from tests.results_page import table
 
 PAGE = Path(__file__).parents[1] / "docs" / "real_rods.md"
 BEGIN = "<!-- What follows is written by `python -m tests.estimates_page`. -->\n"
@@ -27,13 +26,13 @@ FINGERS = [
 """Fingers that have all laws between them."""
 WORDS = {
     **{name: f"finger.base, added to its {'angle' if name == 'clamp_angle' else 'position'}" for name in ADDED},
-    "youngs_modulus": "finger.rod.youngs_modulus, of a rod that is given by its shape",
-    "bending_stiffness": "finger.rod; of a graded rod a factor, in its factors",
-    "linear_density": "finger.rod; of a graded rod a factor, in its factors",
-    "rotary_inertia": "finger.rod; of a graded rod a factor, in its factors",
+    "youngs_modulus": "finger.rod, if given by its shape",
+    "bending_stiffness": "finger.rod, for a graded rod a factor in its factors",
+    "linear_density": "finger.rod, for a graded rod a factor in its factors",
+    "rotary_inertia": "finger.rod, for a graded rod a factor in its factors",
     "tip_mass": "finger.masses, at the tip",
     "drive_delay": "estimator.delay of a closed loop",
-    "drive_time_constant": "finger.tendons.time_constant, finger.pressure.time_constant; or of their drive",
+    "drive_time_constant": "finger.tendons.time_constant, finger.pressure.time_constant; or their drive",
 }
 """Places of numbers that are no single key."""
 
@@ -59,9 +58,16 @@ def _place(keys: str) -> str:
 
 
 def text() -> str:
-    """The table between its marks."""
-    lines = [(f"`{name}`", unit, f"`{place}`" if " " not in place else place) for name, (unit, place) in rows().items()]
-    return BEGIN + "\n" + "\n".join(table(("number", "unit", "of"), lines)) + "\n" + END
+    """One line for each part of the finger, between the marks."""
+    parts: dict[str, list[str]] = {}
+    for name, (unit, place) in rows().items():
+        part, _, key = place.rpartition(".")
+        if " " in place:
+            part, key = place, ""
+        parts.setdefault(part, []).append(f"`{name}` [{unit}]" + (f" (`{key}`)" if key not in ("", name) else ""))
+    marked = {part: part if " " in part else f"`{part}`" for part in parts}
+    lines = [f"- {marked[part]}: {', '.join(names)}" for part, names in sorted(parts.items())]
+    return BEGIN + "\n" + "\n".join(lines) + "\n\n" + END
 
 
 if __name__ == "__main__":
