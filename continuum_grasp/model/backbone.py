@@ -12,11 +12,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, cast
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from continuum_grasp.base import Array
 from continuum_grasp.model.collocated import CollocatedLink
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.layout import place_at
@@ -52,6 +53,20 @@ class Panel(ABC):
     def first_moment(self) -> ca.SX:
         """Integral of density times position along it (2,)."""
 
+    @abstractmethod
+    def bends(self, fractions: Array) -> ca.SX:
+        """Bends (K,) from its start to fractions of its length."""
+
+    @abstractmethod
+    def per_length(self, fractions: Array) -> tuple[ca.SX, ca.SX]:
+        """Mass per length, and bending stiffness, at fractions of its length (K,)."""
+
+    def at(self, fractions: Any) -> ca.SX:
+        """Positions (2, K) at fractions (1, K) of the length, numbers or expressions: 1e-6 of the length off where the
+        curvature changes from one limit to the other, which `section` is not.
+        """
+        return self.point + self.length * (self.tangents @ ca.SX(running_weights(len(self.rule.nodes), fractions)))
+
     def section(self, s: Scalar) -> tuple[ca.SX, Scalar]:
         """From its start to a place (2,), and the bend, by the rule on that part alone: as exact as the end."""
         length, bends, bend = self.up_to(s)
@@ -61,9 +76,10 @@ class Panel(ABC):
 class _Uniform(Panel):
     """An element that is a link of the model."""
 
-    def __init__(self, link: Link, density: Scalar, *place: Any) -> None:
+    def __init__(self, link: Link, density: Scalar, stiffness: Scalar, *place: Any) -> None:
         self.link = link
         self.density = density
+        self.stiffness = stiffness
         super().__init__(*place)
 
     def up_to(self, s: Scalar | None) -> tuple[Scalar, ca.SX, Scalar]:
@@ -74,11 +90,11 @@ class _Uniform(Panel):
         reach = ca.fmin(ca.fmax((s - self.start) / self.length, 0.0), 1.0)
         return reach * self.length, ca.SX(bend(reach * nodes)), bend(reach)
 
-    def at(self, fractions: Any) -> ca.SX:
-        """Positions (2, K) at fractions (1, K) of the length, numbers or expressions: 1e-6 of the length off where the
-        curvature changes from one limit to the other, which `section` is not.
-        """
-        return self.point + self.length * (self.tangents @ ca.SX(running_weights(len(self.rule.nodes), fractions)))
+    def bends(self, fractions: Array) -> ca.SX:
+        return ca.SX(self.link.bend(ca.SX(ca.DM(fractions))))
+
+    def per_length(self, fractions: Array) -> tuple[ca.SX, ca.SX]:
+        return self.density * ca.SX.ones(fractions.size), self.stiffness * ca.SX.ones(fractions.size)
 
     @property
     def first_moment(self) -> ca.SX:
@@ -122,7 +138,8 @@ class Backbone:
         else:
             # 16: nodes of arcs beyond one turn: exact to 1e-10 up to two
             rule = collocation(node_count(reach, accuracy) if reach <= RANGES[-1] else 16)
-        return [_Uniform(link, self._eq.rod.linear_density, rule, start, self.lengths[k], point, angle)]
+        density, stiffness = self._eq.rod.linear_density, self._eq._par["bending_stiffness"]
+        return [_Uniform(link, density, stiffness, rule, start, self.lengths[k], point, angle)]
 
     def _function(self, name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
         """Function of expressions; what they have in common is written once where all of a problem is."""
@@ -142,30 +159,37 @@ class Backbone:
     def _angles(self) -> ca.SX:
         return column([element[-1].end_angle for element in self.elements])
 
+    @property
+    def panels(self) -> int:
+        """Number of panels of each element."""
+        return len(self.elements[0])
+
     def nodes(self, count: int) -> ca.Function:
-        """``(q, u, p)``: at ``count`` Gauss nodes of each element, M in all, positions (2, M), tangents (2, M) and
-        lengths (M,) that they stand for; beyond each of them the length (M,) and the integral of positions (2, M).
+        """``(q, u, p)``: lengths of the panels; at ``count`` Gauss nodes of each, M in all, positions (2, M), tangents
+        (2, M), mass per length (M,) and bending stiffness (M,); beyond each of them the mass (M,), and the integral of
+        mass times position (2, M).
         """
         rule = collocation(count)
         panels = [panel for element in self.elements for panel in element]
-        nodes = rule.nodes
-        points = list[ca.SX]()
-        tangents = list[ca.SX]()
-        weights = list[ca.SX]()
-        integral = list[ca.SX]()
-        first = ca.SX.zeros(2)
+        points, tangents, densities, stiffness, masses, moments = (list[ca.SX]() for _ in range(6))
+        mass, moment = ca.SX(0.0), ca.SX.zeros(2)
         for panel in panels:
-            here = cast(_Uniform, panel).at(nodes[None])
-            turned = ca.SX(cast(_Uniform, panel).link.bend(ca.SX(ca.DM(nodes))))
+            density, stiff = panel.per_length(rule.nodes)
+            here = panel.at(rule.nodes[None])
+            there = here * ca.repmat(density.T, 2, 1)
             points.append(here)
-            tangents.append(_tangents(panel.angle + turned))
-            weights.append(ca.SX(panel.length * ca.DM(rule.weights)))
-            integral.append(ca.repmat(first, 1, count) + panel.length * (here @ ca.DM(rule.running).T))
-            first = first + here @ weights[-1]
-        places = [panel.start + panel.length * ca.DM(nodes) for panel in panels]
-        whole = panels[-1].start + panels[-1].length
-        beyond = [whole - ca.vertcat(*places), ca.repmat(first, 1, count * len(panels)) - ca.horzcat(*integral)]
-        return self._function("nodes", [], [ca.horzcat(*points), ca.horzcat(*tangents), ca.vertcat(*weights), *beyond])
+            tangents.append(_tangents(panel.angle + panel.bends(rule.nodes)))
+            densities.append(density)
+            stiffness.append(stiff)
+            # From the base, up to each node.
+            masses.append(mass + panel.length * (ca.DM(rule.running) @ density))
+            moments.append(ca.repmat(moment, 1, count) + panel.length * (there @ ca.DM(rule.running).T))
+            mass = mass + panel.length * ca.dot(ca.DM(rule.weights), density)
+            moment = moment + panel.length * (there @ ca.DM(rule.weights))
+        beyond = [mass - ca.vertcat(*masses), ca.repmat(moment, 1, count * len(panels)) - ca.horzcat(*moments)]
+        lengths = column([panel.length for panel in panels])
+        along = [ca.horzcat(*points), ca.horzcat(*tangents), ca.vertcat(*densities), ca.vertcat(*stiffness)]
+        return self._function("nodes", [], [lengths, *along, *beyond])
 
     def places(self, count: int) -> ca.Function:
         """``(q, u, f, p)``: world positions (2, count N) at fractions f (count, N) of the elements."""
@@ -175,7 +199,7 @@ class Backbone:
 
     def _at(self, element: int, fractions: Any) -> ca.SX:
         """World positions (2, K) at fractions (1, K) of an element."""
-        return cast(_Uniform, self.elements[element][0]).at(fractions)
+        return self.elements[element][0].at(fractions)
 
     def fixed_places(self, count: int) -> tuple[ca.Function, list[int]]:
         """``(q, u, p)``: world positions (2, K) of places on every element, ``count`` at most, and where along the

@@ -20,11 +20,12 @@ from typing import TYPE_CHECKING, Any, cast
 
 import casadi as ca
 
+from continuum_grasp.base import Array
 from continuum_grasp.model.backbone import Backbone, Panel
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.laws.section import Port
 from continuum_grasp.model.planar import Scalar, column, matrix
-from continuum_grasp.model.quadrature import collocation, node_count
+from continuum_grasp.model.quadrature import collocation, node_count, running_weights
 from continuum_grasp.model.runtime_curves import CurvesSpec
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.tendon_friction import Cell
@@ -62,6 +63,18 @@ class _Part(Panel):
         places = [self.start + width * u for u in self.rule.nodes.tolist()]
         bent = column([curvature(self._element, s, self._backbone.curves.on(self._number, s)) for s in places])
         return width, width * (ca.DM(self.rule.running) @ bent), width * ca.dot(ca.DM(self.rule.weights), bent)
+
+    def bends(self, fractions: Array) -> ca.SX:
+        places = [self.start + self.length * u for u in self.rule.nodes.tolist()]
+        curvature, curves = self._backbone.curvature, self._backbone.curves
+        bent = column([curvature(self._element, s, curves.on(self._number, s)) for s in places])
+        return self.length * (ca.DM(running_weights(len(places), fractions[None])).T @ bent)
+
+    def per_length(self, fractions: Array) -> tuple[ca.SX, ca.SX]:
+        curves = [self._backbone.curves.on(self._number, self.start + self.length * u) for u in fractions.tolist()]
+        weighs = "density" in self._backbone.curves.names
+        density = [value("density") if weighs else ca.SX(1.0) for value in curves]
+        return column(density), column([value("stiffness") for value in curves])
 
     @property
     def points(self) -> ca.SX:

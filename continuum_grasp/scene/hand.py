@@ -39,8 +39,8 @@ class HandFinger(GraspFinger):
     """A finger of a hand, whose base is where the hand has it."""
 
     section: FingerSection | None = None
-    """Cross-section of the backbone, for its stiffness out of its plane; None: that of the rod, where it has a
-    ``diameter``, or ``thickness`` and ``width``."""
+    """Cross-section of the backbone, similar all along, for its stiffness out of its plane; None: that of a rod with a
+    ``diameter`` everywhere, or with ``thickness`` and ``width``."""
 
     @cached_property
     def cross_section(self) -> FingerSection:
@@ -48,7 +48,7 @@ class HandFinger(GraspFinger):
         rod = self.rod
         if self.section is not None:
             return self.section
-        if isinstance(rod.diameter, float) and rod.bending_stiffness is None:
+        if all(part.diameter is not None and part.bending_stiffness is None for part in rod.sections or (rod,)):
             return FingerSection(shape="round")
         if isinstance(rod.thickness, float) and isinstance(rod.width, float):
             return FingerSection(shape="rectangle", thickness=rod.thickness, width=rod.width)
@@ -306,12 +306,10 @@ class HandScene(Configuration):
                 f"contacts.friction: {setup.friction:g} for {setup.name}: expected {LEAST_FRICTION:g} or more, as "
                 "contacts without friction hold nothing in space"
             )
-        if setup.graded:
-            raise ValueError("hand.finger: fingers of hands are uniform along their length so far")
         if setup.drive is not None or setup.friction_states:
             raise ValueError("hand.finger: fingers of hands have tendons without friction and drives so far")
-        if setup.finger.masses:
-            raise ValueError("hand.finger.masses: fingers of hands carry no masses so far")
+        if any(mass.at < setup.finger.rod.length for mass in setup.finger.masses):
+            raise ValueError("hand.finger.masses: fingers of hands carry masses at their tips only so far")
         away = math.dist(self.object.position, base.position)
         reach = setup.finger.rod.length + setup.finger.thickness_radius + self.object.size
         if away > reach:

@@ -99,6 +99,58 @@ def test_a_mirrored_hand_needs_the_same_tensions():
     assert other.tension == pytest.approx(egg.tension, rel=1e-6)
 
 
+CONE = "hand.finger.rod.sections"
+
+
+@pytest.mark.deep
+def test_a_finger_that_hardly_changes_along_its_length_holds_as_a_uniform_one_does():
+    """By a thousandth: tensions go with E I, which goes with the fourth power of the diameter."""
+    rod = {"length": 0.12, "youngs_modulus": 12e6, "density": 1150.0}
+    tendons = [{"offset": offset, "max_tension": 60.0} for offset in (5e-3, -5e-3)]
+    changes = {"hand.finger.half_thickness": None, "hand.finger.section": None, "hand.finger.tendons": tendons}
+    uniform = optimize_grasp(hand("ball", {**changes, "hand.finger.rod": {**rod, "diameter": 12e-3}}))
+    ends = [12e-3 * (1.0 + 5e-4), 12e-3 * (1.0 - 5e-4)]
+    graded = optimize_grasp(
+        hand("ball", {**changes, "hand.finger.rod": {**rod, "sections": [{"to": 0.12, "diameter": ends}]}})
+    )
+    assert graded.tension == pytest.approx(uniform.tension, rel=2e-3)
+    assert graded.certificate.stability.eigenvalue == pytest.approx(uniform.certificate.stability.eigenvalue, rel=0.01)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {CONE: [{"to": 0.06, "diameter": 13e-3}, {"to": 0.12, "diameter": 10e-3}], "hand.finger.half_thickness": 6e-3},
+        {CONE: [{"to": 0.12, "diameter": [10e-3, 12e-3]}], "hand.finger.half_thickness": 7e-3},
+        {"hand.finger.masses": [{"at": 0.12, "mass": 4e-3}]},
+        {"fidelity.elements": 5, "hand.ring.count": 4},
+    ],
+    ids=["cones", "steps", "stiffer tips", "tip masses", "four of five elements"],
+)
+def test_fingers_that_change_along_their_length_hold(changes):
+    """The certificate integrates stiffness, thickness and masses anew."""
+    found = optimize_grasp(hand("cones", changes))
+    assert found.certificate.acceptable
+
+
+@pytest.mark.deep
+def test_a_mass_on_the_tip_is_that_of_a_heavy_end():
+    """4 g on the tip, and in the last millimeter."""
+    mass, part = 4e-3, 1e-3
+    light = 1150.0 * math.pi / 4.0 * (12e-3) ** 2
+    rod = {"length": 0.12, "sections": [
+        {"to": to, "bending_stiffness": 0.012, "linear_density": density}
+        for to, density in ((0.12 - part, light), (0.12, light + mass / part))
+    ]}  # fmt: skip
+    with_rod = {"hand.finger.rod": rod, "hand.finger.section": {"shape": "round"}, "hand.finger.half_thickness": 6e-3}
+    heavy = optimize_grasp(hand("ball", with_rod))
+    even = {"length": 0.12, "bending_stiffness": 0.012, "linear_density": light}
+    with_mass = {**with_rod, "hand.finger.rod": even, "hand.finger.masses": [{"at": 0.12, "mass": mass}]}
+    assert optimize_grasp(hand("ball", with_mass)).tension == pytest.approx(heavy.tension, rel=1e-3)
+
+
 @pytest.mark.deep
 @pytest.mark.parametrize("name", ["can", "lying_can", "box", "egg"])
 def test_shipped_hands_hold_and_are_stable(name):
@@ -216,6 +268,7 @@ def test_every_reason_repairs():
         ({"contacts.middle": "off", "contacts.tip": "off"}, "at least one of middle and tip"),
         ({"contacts.friction": 0.0}, "contacts.friction: 0 for finger_1: expected 0.001 or more"),
         ({"hand.finger.contacts": {"friction": 0.0}}, "contacts.friction: 0 for finger_1"),
+        ({"hand.finger.masses": [{"at": 0.06, "mass": 0.01}]}, "masses at their tips only"),
         ({"contacts.torsional_friction": 3.0}, "torsional_friction: 3 m is more than .* 0.018 m: is it in meters"),
     ],
 )

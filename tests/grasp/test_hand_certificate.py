@@ -91,6 +91,23 @@ def test_a_straight_finger_yields_to_a_force_at_its_end_or_ahead_of_it():
         assert contact.deflection * LENGTH == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize("ends", [(14e-3, 8e-3), (6e-3, 12e-3)])
+def test_a_cone_yields_to_a_force_to_the_side_ahead_of_its_end(ends):
+    """E I = pi E d^4 / 64 with d linear along it: w = F int (L - s)(L - s + h) / E I ds, with h half the end."""
+    modulus = 5e6
+    rod = {"length": LENGTH, "youngs_modulus": modulus, "density": 1e-3, "sections": [{"to": LENGTH, "diameter": ends}]}
+    tendons = [{"offset": side * 2e-3, "max_tension": 60.0} for side in (1.0, -1.0)]
+    plain, arrays = cases.one_finger(FORCED * Z, (0, -1, 0))
+    finger = {"rod": rod, "half_thickness": None, "section": {"shape": "round"}, "tendons": tendons}
+    scene = plain.changed({f"hand.finger.{key}": value for key, value in finger.items()})
+    (contact,) = certify_hand(scene, arrays).contacts
+    s, weights = np.polynomial.legendre.leggauss(40)
+    ahead = 0.5 * LENGTH * (1.0 - s)
+    stiffness = math.pi / 64.0 * modulus * np.interp(LENGTH - ahead, [0.0, LENGTH], ends) ** 4
+    expected = FORCED * (ahead * (ahead + 0.5 * ends[1]) / stiffness) @ weights * 0.5 * LENGTH
+    assert contact.deflection * LENGTH == pytest.approx(expected, rel=1e-7)
+
+
 def test_a_force_along_the_finger_does_not_bend_what_is_beyond_it():
     at = 0.04
     scene, arrays = cases.one_finger(FORCED * Z, Z, station=at)

@@ -155,18 +155,25 @@ def test_a_grasp_next_to_another_is_as_much_more_stable_as_was_asked():
 
 
 @pytest.mark.deep
-def test_places_that_stay_clear_are_on_the_displaced_backbone(leaning):
+@pytest.mark.parametrize("name", ["egg", "cones"])
+def test_places_that_stay_clear_are_on_the_displaced_backbone(name):
     """By the certificate's own quadrature; the search interpolates by cubics from element to element."""
-    search, tried = leaning
+    search, tried = first_grasp(name)
     hand = RecomputedHand(search.scene, tried.arrays)
-    guarded = search._guarded(tried.problem, tried.attempt.x, tried.numbers)
+    unit = search.units.length
+    guarded = tried.problem.guarded(tried.attempt.x, tried.numbers)
     assert max(np.abs(finger.deflections).max() for finger in hand.fingers) > 1e-4
-    for finger, places in zip(hand.fingers, guarded, strict=True):
+    for finger, (places, halves) in zip(hand.fingers, guarded, strict=True):
+        places, halves = unit * places, unit * halves
         a, b = finger.points[:-1], finger.points[1:]
         share = ((places[:, None] - a) * (b - a)).sum(axis=2) / ((b - a) ** 2).sum(axis=1)
         nearest = a + np.clip(share, 0.0, 1.0)[..., None] * (b - a)
-        away = np.linalg.norm(places[:, None] - nearest, axis=2).min(axis=1)
-        assert away.max() < 1e-4 * finger.length
+        away = np.linalg.norm(places[:, None] - nearest, axis=2)
+        assert away.min(axis=1).max() < 1e-4 * finger.length
+        panel = away.argmin(axis=1)
+        within = np.take_along_axis(np.clip(share, 0.0, 1.0), panel[:, None], axis=1)[:, 0]
+        thick = finger.plane.thickness
+        assert halves == pytest.approx(thick[panel] + within * (thick[panel + 1] - thick[panel]), rel=1e-3)
 
 
 # -- by hand: three straight fingers press a ball between their ends ---------------------------------------------------

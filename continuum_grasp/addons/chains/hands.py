@@ -222,15 +222,14 @@ def _camera(center: Array, length: float) -> dict[str, str]:
 
 def _finger(chain: HandFingerChain, armature: float, damping: float, edge: float) -> list[dict[str, object]]:
     """Bodies of a finger: the clamped part, and the links, each inside the one before."""
-    name, links, radius = chain.name, chain.links, chain.radius
-    capsule = max(radius - edge, _THIN)
-    touch = {"margin": numbers(radius - capsule + edge)} if edge > 0.0 else {}
-    torsional = chain.torsional_friction
-    touch |= {"condim": "4"} if torsional > 0.0 else {}
+    name, links, torsional = chain.name, chain.links, chain.torsional_friction
     found: list[dict[str, object]] = []
     for k in range(-1, len(links.at)):
         begin, end = links.span(k)
-        long = end - begin
+        long, radius = end - begin, chain.radius(k)
+        capsule = max(radius - edge, _THIN)
+        touch = {"margin": numbers(radius - capsule + edge)} if edge > 0.0 else {}
+        touch |= {"condim": "4"} if torsional > 0.0 else {}
         place = {"name": f"{name}_{k + 1}", "pos": numbers(0.0, begin - links.span(k - 1)[0] if k > -1 else 0.0, 0.0)}
         if k < 0:
             place |= {"pos": numbers(*chain.frame.base), "quat": numbers(*quaternion(chain.frame.axes))}

@@ -32,12 +32,17 @@ class HandFingerChain:
         self.links = Links.of(self.finger, hinges, even=True)
         self.section = (scene.hand.named_bases[self.name].finger or scene.hand.finger).cross_section
         self.stiffness = self.links.stiffness[:, None] * [1.0, self.section.lateral, self.section.torsion]
-        self.radius = float(self.finger.profile.half_thickness(0.0))
         self.gravity = np.array(scene.acceleration)
         self.contacts = [c for c in result.contacts if c.name.rpartition(".")[0] == self.name]
         self.tensions = result.tensions[self.name]
         s, _, _, angle = result.arrays[f"{self.name}.backbone"].T
         self.bends = np.diff(np.interp(self.links.edges, s, angle))
+
+    def radius(self, k: int) -> float:
+        """Half the thickness of a link [m]: where it touches, else amid it."""
+        touching = [c.station for c in self.contacts if self.links.link_of(c.station) == k]
+        at = touching[0] if touching else 0.5 * sum(self.links.span(k))
+        return float(self.finger.profile.half_thickness(at))
 
     @staticmethod
     def order(k: int) -> list[int]:

@@ -115,17 +115,21 @@ def _finger(result: Any, k: int, response: Any) -> dict[str, Any]:
     """Backbone of a finger, and its displacement by tensions."""
     setup = result.scene.setups[k]
     frame = result.frames[k]
-    finger: dict[str, Any] = {"name": setup.name, "radius": 1e3 * float(setup.finger.profile.half_thickness(0.0))}
-    if response is not None:
-        changes = response.places_by_tension[k]
-        return {**finger, "points": _millimeters(response.places[k]), "changes": _digits(1e3 * changes)}
     length = setup.finger.rod.length
-    line = (
-        result.arrays[f"{setup.name}.backbone"] if result.arrays else np.array([[0.0] * 4, [length, 0.0, length, 0.0]])
-    )
-    at = np.linspace(0.0, length, _NODES)
-    x, y = (np.interp(at, line[:, 0], column) for column in line.T[1:3])
-    return {**finger, "points": _millimeters(frame.world(np.column_stack([x, y, 0.0 * at]))), "changes": None}
+    changes = None
+    if response is not None:
+        points = response.places[k]
+        changes = _digits(1e3 * response.places_by_tension[k])
+        steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        at = length * np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
+    else:
+        straight = np.array([[0.0] * 4, [length, 0.0, length, 0.0]])
+        line = result.arrays[f"{setup.name}.backbone"] if result.arrays else straight
+        at = np.linspace(0.0, length, _NODES)
+        x, y = (np.interp(at, line[:, 0], column) for column in line.T[1:3])
+        points = frame.world(np.column_stack([x, y, 0.0 * at]))
+    radii = np.broadcast_to(setup.finger.profile.half_thickness(at), at.shape)
+    return {"name": setup.name, "radii": _millimeters(radii), "points": _millimeters(points), "changes": changes}
 
 
 def _support(result: Any, support: Any) -> dict[str, Any]:

@@ -172,9 +172,8 @@ class FingerChain:
         plane = self.finger.plane
         if plane.wound is None or not plane.wound.law.locks:
             return 0.0
-        (channel,), mesh, matrix = plane.finger.channels, plane.rod.mesh, np.zeros((self.size, self.size))
-        # The mean of their arm on a link, weighted by how a moment bends the finger there.
-        path = self.springs * np.diff(mesh.integrate(self._give * channel.shape(mesh.nodes), self.edges))
+        (channel,), matrix = plane.finger.channels, np.zeros((self.size, self.size))
+        path = self._path(channel)
         for arm, spring in zip(channel.arms, plane.wound.springs, strict=True):
             # Of which friction passes on a share; a motion's work counts, so the symmetric part.
             passed = path if plane.friction is None else path * plane.friction.shares(arm, self.middles)
@@ -212,14 +211,25 @@ class FingerChain:
         """Generalized forces (3 N, 3) of the weight per gravity along x, y and z, of links at their middles."""
         plane, mids = self.finger.plane, 0.5 * (self.points[1:] + self.points[:-1])
         loads = np.zeros((len(mids), 3, 3))
-        for k, mass in enumerate(plane.profile.linear_density(self.middles) * self.ds):
-            for j in range(k):
-                loads[j] += mass * skew(self.center[k] - mids[j])
+        carried = list(
+            zip(self.middles, self.center, plane.profile.linear_density(self.middles) * self.ds, strict=True)
+        )
+        carried += [(body.at, self._at(np.array([body.at]))[0][0], body.mass) for body in plane.finger.masses]
+        for at, place, mass in carried:
+            for j in np.flatnonzero(self.middles < at):
+                loads[j] += mass * skew(place - mids[j])
         return loads.reshape(-1, 3)
 
-    def turns_in_plane(self) -> Array:
-        """Turn of the tip within the plane of bending (3 N,), by which a tendon of constant offset shortens."""
-        return self.frames[:, :, 2].ravel()
+    def shortening(self, channel: Any) -> Array:
+        """Path that a motion draws in of a tendon, per arm (3 N,)."""
+        return (self._path(channel)[:, None] * self.frames[:, :, 2]).ravel()
+
+    def _path(self, channel: Any) -> Array:
+        """Mean arm of a tendon on each link, weighted by how a moment bends the finger there."""
+        if channel.shape.constant is not None:
+            return np.full(self.ds.size, channel.shape.constant)
+        mesh = self.finger.plane.rod.mesh
+        return np.asarray(self.springs * np.diff(mesh.integrate(self._give * channel.shape(mesh.nodes), self.edges)))
 
 
 def skew(vector: Array) -> Array:

@@ -311,7 +311,8 @@ def _contact(hand: RecomputedHand, finger: SpatialFinger, c: HandTouch) -> Itera
     off.append(abs(c.stored_station - c.station) / length)
     yield Check(f"stored contact, {c.name}", worst(*off), EXACT, f"{length:.4g} m")
     yield Check.part(f"contact gap, {c.name}", abs(c.distance - c.radius), length, "m")
-    aside = float(c.normal @ c.tangent)
+    # A finger is as thick as discs along it: where these grow, its skin leans by the slope of the radius.
+    aside = float(c.normal @ c.tangent - finger.plane.skin.slope(c.station))
     if c.kind == "middle":
         yield Check(f"contact tangency, {c.name}", abs(aside), EXACT, "rad")
     else:  # a rounded end touches with what lies ahead of it; the search leaves the root of its tolerance
@@ -340,13 +341,14 @@ def _turned(hand: RecomputedHand, c: TurnedContact) -> Iterator[Check]:
 def _clearances(hand: RecomputedHand) -> Iterator[Check]:
     """Displaced fingers against the object and each other, and each against itself within its plane."""
     for finger in hand.fingers:
-        depth = finger.radius - float(hand.surface.distance(finger.points).min())
+        depth = float((finger.plane.thickness - hand.surface.distance(finger.points)).max())
         # A mesh is not where its object is by more than its deviation.
         limit = GUARDED + hand.scene.object.deviation / finger.length
         yield Check.part(f"penetration into the object, {finger.name}", depth, finger.length, "m", limit)
         yield Check.part(f"{CURLED}, {finger.name}", self_overlap(finger.plane), finger.length, "m", GUARDED)
     for first, other in combinations(hand.fingers, 2):
-        depth = first.radius + other.radius - backbone_distance(first.points, other.points)
+        thick = first.plane.thickness, other.plane.thickness
+        depth = -backbone_gap((first.points, other.points), thick)
         length = min(first.length, other.length)
         yield Check.part(f"overlap of fingers, {first.name}, {other.name}", depth, length, "m", GUARDED)
 
@@ -367,18 +369,26 @@ def _support_clearances(hand: RecomputedHand) -> Iterator[Check]:
             beside = np.linalg.norm(away - heights[:, None] * normal, axis=1) - support.radius
             outside = np.hypot(np.maximum(heights, 0.0), np.maximum(beside, 0.0))
             distance = outside + np.minimum(np.maximum(heights, beside), 0.0)
-            depth = finger.radius - float(distance.min())
+            depth = float((finger.plane.thickness[free] - distance).max())
             yield Check.part(f"penetration into the {support.name}, {finger.name}", depth, finger.length, "m", GUARDED)
 
 
-def backbone_distance(a: Array, b: Array) -> float:
-    """Least distance of two chains of straight panels between points (A, 3), (B, 3) [m]."""
-    apart = np.linalg.norm(a[:, None] - b, axis=2)
+def backbone_gap(points: tuple[Array, Array], halves: tuple[Array, Array]) -> float:
+    """Least gap of two chains of straight panels between points (A, 3), (B, 3) [m], by half their thickness there (A,),
+    (B,) [m].
+    """
+    (a, b), (thick, other) = points, halves
+    gaps = np.linalg.norm(a[:, None] - b, axis=2) - thick[:, None] - other
     # What is nearest lies on panels that end where the points are nearly nearest.
-    reach = float(np.linalg.norm(np.diff(a, axis=0), axis=1).max() + np.linalg.norm(np.diff(b, axis=0), axis=1).max())
-    near = apart <= apart.min() + reach
+    reach = sum(
+        float((np.linalg.norm(np.diff(line, axis=0), axis=1) + np.abs(np.diff(half))).max())
+        for line, half in zip(points, halves, strict=True)
+    )
+    near = gaps <= gaps.min() + reach
     p, q = np.nonzero(near[:-1, :-1] | near[1:, :-1] | near[:-1, 1:] | near[1:, 1:])
-    return float(_segments_apart(a[p], a[p + 1], b[q], b[q + 1]).min())
+    # As thick as the thicker of their ends.
+    thick, other = (np.maximum(half[:-1], half[1:]) for half in halves)
+    return float((_segments_apart(a[p], a[p + 1], b[q], b[q + 1]) - thick[p] - other[q]).min())
 
 
 def _segments_apart(a: Array, b: Array, c: Array, d: Array) -> Array:

@@ -5,14 +5,14 @@ the planar one of `continuum_grasp.grasp.problem.unit_finger`, in a plane with a
 backbone p of a round finger of half thickness h, displaced by w out of its plane to p + w z, is as far from the object;
 n is the gradient of its distance d there, x = p + w z - h n the point touched:
 
-    contact    d(p + w z) = h,  n . (t + w' z) = 0 (middle)
+    contact    d(p + w z) = h,  n . (t + w' z) = h' (middle)
     finger     its planar equilibrium under the part of f = N n + f1 a + f2 b in the plane, and the couple
                z . ((x - p) x f); a = z x n / |z x n|, b = n x a
     to the side  w and w' by bending E I_l and torsion G J under f and its couples (`continuum_grasp.grasp.hand.lean`)
     object     m g - sum f = 0,  moments about the center of mass = 0, with the forces on palm and table, whose contacts
                are at given points
 
-In the plane of a round finger, n . t = 0 with a gap of h says that its line touches the section of the grown object.
+Where h is constant, n . t = 0 with a gap of h says that the line touches the section of the grown object.
 The object has no shape here: for each contact and place that stays clear, numbers are a cubic that stands for the
 surface d = h near by. The search moves them until they are where contacts and places are; there they are exact.
 
@@ -288,6 +288,7 @@ class FingerPart(HandPart):
         angle = finger.angles[touch.end]
         along = ca.vertcat(-ca.sin(angle), ca.cos(angle))
         tilt = ca.dot(axes[:, :2] @ along + self.placed.lean.slope(touch.end) * axes[:, 2], touch.normal)
+        tilt -= finger.slope_at(touch.end)
         if touch.joint == 0:
             require(f"contact tangency, {name}", tilt, "rad", f"contacts.{name}")
         else:
@@ -327,8 +328,13 @@ class FingerPart(HandPart):
 
     @cached_property
     def guards(self) -> ca.Function:
-        """Guarded places (3, K)."""
-        return self.read(self.placed.guarded)
+        """Guarded places (3, K) and half the finger's thickness there (K,)."""
+        return self.read(self.placed.guarded, self.finger.guarded[3])
+
+    @cached_property
+    def halves(self) -> ca.Function:
+        """Half the finger's thickness at each contact."""
+        return self.read(ca.vertcat(*(self._thick(touch) for touch in self.touches)))
 
     @cached_property
     def stored(self) -> ca.Function:
@@ -359,11 +365,14 @@ class PairPart(HandPart):
     def __init__(self, first: FingerSpec, second: FingerSpec, soft: bool) -> None:
         super().__init__(PLAIN)
         pair = [PlacedFinger(self, first, soft), PlacedFinger(self, second, soft)]
-        name, count, places = f"{first.name}, {second.name}", first.elements, list[ca.SX]()
+        name, count = f"{first.name}, {second.name}", first.elements
+        places, thick = list[ca.SX](), ca.SX(0)
         for placed, side in zip(pair, ("first", "second"), strict=True):
-            chosen = self.numbers(f"{side} of {name}", placed.guarded.shape[1] * count)
-            places.append(placed.guarded @ ca.reshape(chosen, placed.guarded.shape[1], count))
-        thick = sum(p.finger.half_at(p.spec.elements - 1) * p.finger.number("length") for p in pair)
+            finger, points = placed.finger, placed.guarded
+            chosen = ca.reshape(self.numbers(f"{side} of {name}", points.shape[1] * count), points.shape[1], count)
+            places.append(points @ chosen)
+            even = finger.half_at(placed.spec.elements - 1) * finger.number("length")
+            thick += chosen.T @ finger.guarded[3] if placed.spec.tapered else even
         # 1e-24 keeps the root differentiable where the fingers cross.
         away = ca.sqrt(ca.sum1((places[0] - places[1]) ** 2).T + 1e-24)
         spare = away - thick + self.numbers("tolerance")

@@ -129,9 +129,15 @@ class HandProblem:
         """The part of a finger."""
         return self.fingers[k].part
 
-    def guarded(self, x: Array, p: Array) -> list[Array]:
-        """Guarded places (K, 3) of each finger."""
-        return [placed.values(self.finger(k).guards, x, p)[0].T for k, placed in enumerate(self.fingers)]
+    def guarded(self, x: Array, p: Array) -> list[tuple[Array, Array]]:
+        """Guarded places (K, 3) of each finger, and half its thickness there (K,)."""
+        each = [placed.values(self.finger(k).guards, x, p) for k, placed in enumerate(self.fingers)]
+        return [(points.T, halves.ravel()) for points, halves in each]
+
+    def halves(self, x: Array, p: Array) -> Array:
+        """Half the thickness of the fingers at the contacts (C,)."""
+        each = [placed.values(self.finger(k).halves, x, p)[0].ravel() for k, placed in enumerate(self.fingers)]
+        return np.concatenate(each)
 
     def touches(self, k: int, x: Array, p: Array) -> list[list[Array]]:
         """Point, normal and force (3,) of each contact of a finger, its place along that, its shift and moment."""

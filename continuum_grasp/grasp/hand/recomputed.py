@@ -124,8 +124,8 @@ class SpatialFinger:
         self, plane: RecomputedFinger, frame: PlaneFrame, gravity: Array, stiffness: tuple[float, float]
     ) -> None:
         self.plane, self.frame, self.name, self.length = plane, frame, plane.name, plane.length
-        self.lateral, self.torsion = stiffness  # E I_l and G J [N m2]
-        self.radius = float(plane.finger.profile.half_thickness(0.0))
+        self.lateral, self.torsion = stiffness  # E I_l and G J [N m2], where E I is that of the uniform finger
+        self.radius = float(plane.thickness[0])  # half the thickness of its base [m]
         self.gravity = gravity  # along the axes of the plane and its normal (3,) [m/s2]
         self.contacts: list[HandTouch] = []
 
@@ -135,7 +135,8 @@ class SpatialFinger:
         rod = DenseRod(plane.finger, plane.rod.joints, PANEL, plane.base)
         angle = rod.angle(plane.shape.curvature(rod.nodes))
         along, across = np.stack([-np.sin(angle), np.cos(angle)]), -np.stack([np.cos(angle), np.sin(angle)])
-        soft = _squares(along) / self.torsion + _squares(across) / self.lateral
+        gives = plane.stiffness / plane.profile.bending_stiffness(rod.nodes)
+        soft = gives * (_squares(along) / self.torsion + _squares(across) / self.lateral)
         # Of turns (2 N,), x before y, the displacements at nodes.
         shifting = -np.hstack([rod.mesh.forward * part for part in across])
         moment, added = self._moments(rod, along, across, shifting)
@@ -283,7 +284,7 @@ class RecomputedHand:
                 kind=kind,
                 joint=joint,
                 station=finger.plane.joint_position(joint),
-                radius=finger.radius,
+                radius=float(finger.plane.skin(finger.plane.joint_position(joint))),
             )
             load, normal = (finger.frame.axes.T @ vector for vector in (contact.load, contact.stored_normal))
             couple = contact.moment * normal - contact.radius * np.cross(normal, load)

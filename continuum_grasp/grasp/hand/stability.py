@@ -145,9 +145,10 @@ class HandSystem(SpatialSystem):
         # Contacts that press and the rows by which they turn about the normal with what they touch.
         self.turning = list[tuple[int, int]]()
         for finger, chain, span in zip(hand.fingers, self.chains, self.spans, strict=True):
-            for arm in (arm for channel in finger.plane.finger.channels for arm in channel.arms):
-                tendons.append(np.zeros(self.size))
-                tendons[-1][span] = arm * chain.turns_in_plane()
+            for channel in finger.plane.finger.channels:
+                tendons += [np.zeros(self.size) for _ in channel.arms]
+                for arm, force in zip(channel.arms, tendons[-len(channel.arms) :], strict=True):
+                    force[span] = arm * chain.shortening(channel)
         for number, contact in enumerate(hand.pressing):
             if isinstance(contact, HandTouch):
                 k = next(k for k, finger in enumerate(hand.fingers) if contact in finger.contacts)

@@ -11,9 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.hand.frames import PlaneFrame
+from continuum_grasp.grasp.shape import skin
 from continuum_grasp.scene import FingerSetup
 
 Distance = Callable[[Array], tuple[Array, Array]]
@@ -27,25 +29,10 @@ DEPTH = 0.03
 """Depth, per length, that a posture may have in the object beside its contacts: the solver moves it out."""
 APART = 0.06
 """Difference of the places of two postures along the finger, per length, below which they may be the same."""
+FINE = 257
+"""Places at which the stiffness of a finger that changes along it is looked at."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
-
-
-@dataclass(frozen=True)
-class FingerPlane:
-    """A finger in its plane: lengths per its own."""
-
-    frame: PlaneFrame
-    length: float  # [m]
-    half: float  # half thickness [m]
-    distance: Distance
-
-    def gap(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Gap of its skin at points per length (...,), per length, and the normal of the object in the plane."""
-        points = np.stack([x, y, np.zeros_like(x)], axis=-1) * self.length
-        away, normal = self.distance(self.frame.world(points))
-        inside = normal @ self.frame.axes[:, :2]
-        return (away - self.half) / self.length, inside[..., 0], inside[..., 1]
 
 
 @dataclass(frozen=True)
@@ -75,22 +62,88 @@ STRAIGHT = TouchingPosture(0.0, 0.0, (0.0, 0.0), 0.5, 0.0)
 """A finger that touches nothing."""
 
 
+class FingerPlane:
+    """A finger in its plane, with lengths per its own. Its bending moment is linear, so that its curvature is a linear
+    function times the ratio of the mean stiffness and that of each section.
+    """
+
+    def __init__(self, setup: FingerSetup, frame: PlaneFrame, distance: Distance) -> None:
+        self.setup, self.frame, self._distance = setup, frame, distance
+        self.length = setup.finger.rod.length
+        profile = setup.finger.profile
+        self._skin = skin(profile.half_thickness)
+        self._graded = profile.bending_stiffness.constant is None
+        fine = np.linspace(0.0, 1.0, FINE)
+        # Of each place how much its section bends per moment; integrals of that, and of it times the place.
+        self._gives = (fine, setup.stiffness / profile.bending_stiffness(fine * self.length))
+        self._turned = [_running(fine, self._gives[1] * power) for power in (1.0, fine)]
+
+    def half(self, s: ArrayLike) -> Array:
+        """Half the thickness."""
+        return np.asarray(self._skin(np.asarray(s) * self.length) / self.length)
+
+    def gap(self, s: Array, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Gap of the skin at places s whose line is at points (...,), and the normal of the object in the plane."""
+        points = np.stack([x, y, np.zeros_like(x)], axis=-1) * self.length
+        away, normal = self._distance(self.frame.world(points))
+        inside = normal @ self.frame.axes[:, :2]
+        return away / self.length - self.half(s), inside[..., 0], inside[..., 1]
+
+    def turn(self, first: Array, rise: Array, start: Array | float, s: Array) -> Array:
+        """Turn from a place to others, of curvature (first + rise (s - start)) where the stiffness is the mean."""
+        if not self._graded:
+            return first * (s - start) + 0.5 * rise * (s - start) ** 2
+        whole, moment = (np.interp(s, *turned) - np.interp(start, *turned) for turned in self._turned)
+        return np.asarray((first - rise * start) * whole + rise * moment)
+
+    def line(self, first: Array, rise: Array, start: Array | float, s: Array) -> tuple[Array, Array, Array]:
+        """Turn and position at places s of a line from the origin along y, which begins at a place ``start``."""
+        at = start + (s - start)[..., None] * _NODES
+        angle = self.turn(first[..., None], rise[..., None], start, at)
+        x, y = ((s - start) * (part @ _WEIGHTS) for part in (-np.sin(angle), np.cos(angle)))
+        return self.turn(first, rise, start, s), x, y
+
+    def knots(self, posture: TouchingPosture) -> tuple[Array, Array]:
+        """Places, and curvatures there, which are linear between them."""
+        places, curvatures = (np.array(part) for part in posture.knots)
+        if not self._graded:
+            return places, curvatures
+        fine, gives = self._gives
+        at = np.union1d(places, fine)
+        return at, np.interp(at, places, curvatures) * np.interp(at, fine, gives)
+
+    def place(self, posture: TouchingPosture, at: float) -> Array:
+        """Position of a place of a posture, as the hand sees it (3,) [m]."""
+        s = np.linspace(0.0, at, 401)
+        curvature = np.interp(0.5 * (s[1:] + s[:-1]), *self.knots(posture))
+        angle = np.concatenate([[0.0], np.cumsum(curvature * np.diff(s))])
+        middle = 0.5 * (angle[1:] + angle[:-1])
+        point = np.array([-np.sin(middle) @ np.diff(s), np.cos(middle) @ np.diff(s), 0.0])
+        return self.frame.world(self.length * point)
+
+
+def _running(s: Array, values: Array) -> tuple[Array, Array]:
+    """Places and the integral up to them, by trapezoids."""
+    return s, np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(s))])
+
+
 def postures(
     plane: FingerPlane,
-    setup: FingerSetup,
     middle: bool,
     tip: bool,
     most: int,
     clears: Callable[[TouchingPosture], bool] = lambda posture: True,
 ) -> list[TouchingPosture]:
     """The likeliest postures of a finger that touch with middle contact or tip, or both, clear the rest, and differ."""
+    setup = plane.setup
     low, high = (s / plane.length for s in setup.middle_bounds)
     sign = {"both": (-1.0, 1.0), "left": (0.0, 1.0), "right": (-1.0, 0.0)}[setup.finger.tendons_used]
     first = np.linspace(BENDS * sign[0], BENDS * sign[1], FIRST)
     found = list[TouchingPosture]()
     for rise in RISES:
-        angle, x, y = _line(first[:, None], np.array(rise), np.linspace(0.0, 1.0, PLACES + 1)[1:])
-        gap, nx, ny = plane.gap(x, y)
+        s = np.linspace(0.0, 1.0, PLACES + 1)[1:]
+        angle, x, y = plane.line(first[:, None], np.array(rise), 0.0, s)
+        gap, nx, ny = plane.gap(s, x, y)
         if middle:
             found += _with_middle(plane, first, rise, gap, (low, high), tip)
         else:
@@ -103,14 +156,6 @@ def postures(
         if len(different) == most:
             break
     return different
-
-
-def _line(first: Array, rise: Array, s: Array) -> tuple[Array, Array, Array]:
-    """Angle and position at s of a line from the origin along y, with curvature first + rise s."""
-    at = s[..., None] * _NODES
-    angle = first[..., None] * at + 0.5 * rise[..., None] * at**2
-    x, y = (s * (part @ _WEIGHTS) for part in (-np.sin(angle), np.cos(angle)))
-    return first * s + 0.5 * rise * s**2, x, y
 
 
 def _with_tip(first: Array, rise: float, gap: Array, lean: Array) -> list[TouchingPosture]:
@@ -152,15 +197,16 @@ def _with_middle(
 
 def _beyond(plane: FingerPlane, first: float, rise: float, joint: float, tip: bool) -> list[TouchingPosture]:
     """A finger that touches at a joint, continued by arcs that are clear, or whose tip touches."""
-    angle, x, y = (float(part[0]) for part in _line(np.array([first]), np.array([rise]), np.array([joint])))
+    angle, x, y = (float(part[0]) for part in plane.line(np.array([first]), np.array([rise]), 0.0, np.array([joint])))
     here = first + rise * joint
     arcs = np.linspace(-BENDS, 2.0 * BENDS, 97) if tip else here + np.array([0.3, 1.0])
-    s = (1.0 - joint) * np.linspace(0.15, 1.0, 8)
-    turn, dx, dy = _line(arcs[:, None], np.array(0.0), s)
+    s = joint + (1.0 - joint) * np.linspace(0.15, 1.0, 8)
+    turn, dx, dy = plane.line(arcs[:, None], np.array([[0.0]]), joint, s)
     c, n = np.cos(angle), np.sin(angle)
-    gap, nx, ny = plane.gap(x + c * dx - n * dy, y + n * dx + c * dy)
-    _, bx, by = _line(np.array([first]), np.array([rise]), joint * np.linspace(0.05, 0.9, 8)[:, None])
-    before = max(-float(plane.gap(bx, by)[0].min()), 0.0)
+    gap, nx, ny = plane.gap(s, x + c * dx - n * dy, y + n * dx + c * dy)
+    early = joint * np.linspace(0.05, 0.9, 8)
+    _, bx, by = plane.line(np.array([first]), np.array([rise]), 0.0, early)
+    before = max(-float(plane.gap(early, bx, by)[0].min()), 0.0)
     if not tip:
         depths = [max(before, -float(row.min())) for row in gap]
         return [

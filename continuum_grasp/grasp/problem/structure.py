@@ -73,6 +73,11 @@ class FingerSpec:
         return next((n for n, on in zip(self.before, self.touching, strict=True) if on), self.before[0])
 
     @property
+    def tapered(self) -> bool:
+        """Whether the thickness changes along the finger."""
+        return any(curve.name == "thickness" and curve.panels * (curve.degree + 1) > 1 for curve in self.curves.curves)
+
+    @property
     def probes(self) -> int:
         """Guarded places per element, where it is deepest: long elements can enter an object at two places."""
         return 2 if self.elements < 4 else 1

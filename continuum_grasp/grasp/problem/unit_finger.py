@@ -87,9 +87,13 @@ class UnitFinger:
         """Half thickness at a contact, in units of the problem."""
         return self.half_at(self.end_of(contact)) * self.number("length")
 
+    def slope_at(self, end: int) -> ca.SX:
+        """Slope of the half thickness along the finger at the end of an element."""
+        return self.curves.slope("thickness", self.edges[end + 1])
+
     def lean(self, contact: ContactSpec) -> ca.SX:
         """Slope of the half thickness along the finger at a contact."""
-        return self.curves.slope("thickness", self.edges[self.end_of(contact) + 1])
+        return self.slope_at(self.end_of(contact))
 
     @cached_property
     def guarded(self) -> tuple[ca.SX, list[int], list[bool], ca.SX]:
@@ -119,11 +123,11 @@ class UnitFinger:
         """Places on their elements of what must stay clear, per length of the element."""
         count, elements = self.spec.guards, self.spec.elements
         probes = ca.vertsplit(self.number("probes", self.spec.probes * elements))
-        return [
-            *(ca.SX((j + 0.5) / count) for _ in range(elements) for j in range(count)),
-            *[ca.SX(1)] * elements,
-            *probes,
-        ]
+        even = [ca.SX((j + 0.5) / count) for _ in range(elements) for j in range(count)]
+        _, at = self.shared.fixed(self.q, self.u, self.p)
+        there = zip(ca.vertsplit(at), self.shared.owners, strict=True)
+        fixed = [(s - self.edges[k]) / self.lengths[k] for s, k in there] if self.spec.curves.graded else even
+        return [*fixed, *[ca.SX(1)] * elements, *probes]
 
     def stored(self) -> list[ca.SX]:
         """Expressions that a result stores: coordinates, lengths of the elements, curvature at the tip, tensions, base.

@@ -102,9 +102,8 @@ def _draw_space(ax: Any, result: Any, lines: dict[str, Array], scale: float) -> 
         boxes.append(patch.reshape(-1, 3))
     for setup, frame in zip(scene.setups, result.frames, strict=True):
         length = setup.finger.rod.length
-        half = float(setup.finger.profile.half_thickness(0.0))
         line = lines.get(setup.name, np.array([[0.0] * 4, [length, 0.0, length, 0.0]]))
-        points = 1e3 * _tube(frame, line, half)[::-1]
+        points = 1e3 * _tube(frame, line, setup.finger.profile.half_thickness)[::-1]
         layer = _layer(points, surface)
         ax.plot_surface(*np.moveaxis(points, -1, 0), color=colors[setup.name], alpha=0.9, zorder=layer, **look)
         boxes.append(points.reshape(-1, 3))
@@ -151,7 +150,7 @@ def _patch(scene: Any, support: Any) -> Array:
     return np.asarray(center + np.array([0.0, radius])[:, None, None] * rim)
 
 
-def _tube(frame: Any, line: Array, half: float) -> Array:
+def _tube(frame: Any, line: Array, half_thickness: Any) -> Array:
     """Points (K, 13, 3) of the skin of a round finger whose shape in its plane is (K, 4) [m]."""
     turn = np.linspace(0.0, 2.0 * np.pi, 13)
     places = line[::4]
@@ -159,7 +158,8 @@ def _tube(frame: Any, line: Array, half: float) -> Array:
     across = np.stack([np.cos(angle), np.sin(angle), np.zeros(len(places))], axis=1)
     center = np.column_stack([places[:, 1:3], np.zeros(len(places))])
     ring = np.cos(turn)[None, :, None] * across[:, None] + np.sin(turn)[None, :, None] * np.array([0.0, 0.0, 1.0])
-    return np.asarray(frame.world(center[:, None] + half * ring))
+    half = np.broadcast_to(half_thickness(places[:, 0]), len(places))
+    return np.asarray(frame.world(center[:, None] + half[:, None, None] * ring))
 
 
 def _draw_trace(ax: Axes, frame: Any, support: Any, shape: Array) -> None:

@@ -88,11 +88,11 @@ function tube(points, radii, tangents) { // around a line, along which the frame
   }), true);
 }
 
-function finger(points, radius) { // a tube with a flat base and a round end
+function finger(points, thick) { // a tube with a flat base and a round end, with half its thickness at each point
   const tangents = points.map((_, k) => unit(add(points[Math.min(k + 1, points.length - 1)], points[Math.max(k - 1, 0)], -1)));
-  const line = [points[0], ...points], radii = [0, ...points.map(() => radius)], along = [tangents[0], ...tangents];
+  const line = [points[0], ...points], radii = [0, ...thick], along = [tangents[0], ...tangents];
   for (let k = 1; k <= 8; k++) {
-    const turn = k * Math.PI / 16, end = tangents[tangents.length - 1];
+    const turn = k * Math.PI / 16, end = tangents[tangents.length - 1], radius = thick[thick.length - 1];
     line.push(add(points[points.length - 1], end, radius * Math.sin(turn)));
     radii.push(radius * Math.cos(turn));
     along.push(end);
@@ -165,10 +165,10 @@ let bodies = [], shown = [], through = true, labeled = true;
 function build() {
   for (const body of bodies) for (const name of ["position", "normal", "indices"]) gl.deleteBuffer(body[name]);
   const ink = dark.matches ? [0.95, 0.96, 0.98] : [0.12, 0.13, 0.16]; // of arrows, by the paper
-  const by = changes(), radius = Math.max(...known.fingers.map((f) => f.radius));
+  const by = changes(), radius = Math.max(...known.fingers.flatMap((f) => f.radii));
   shown = contacts(by);
   bodies = known.fingers.map((f, k) => buffered(
-    finger(f.points.map((point, i) => moved(point, f.changes === null ? null : f.changes[i], by)), f.radius), COLORS[k % COLORS.length]));
+    finger(f.points.map((point, i) => moved(point, f.changes === null ? null : f.changes[i], by)), f.radii), COLORS[k % COLORS.length]));
   const base = plate(known.fingers.map((f) => f.points[0]), radius);
   if (base && !known.supports.length) bodies.push(buffered(base, BASE));
   bodies.push(buffered(carriedBody(by), OBJECT, through ? 0.55 : 1));
