@@ -121,7 +121,7 @@ def _copy(files: Iterable[Path], folder: Path) -> list[Path]:
     contents = {folder / file: (root / file).read_bytes() for file in files}
     new = {file: content for file, content in contents.items() if not (file.is_file() and file.read_bytes() == content)}
     if there := [str(file) for file in new if file.exists() or file.is_symlink()]:
-        raise InputError(f"already there, with other content: {', '.join(there)}; nothing is overwritten")
+        raise InputError(f"these files exist with other content: {', '.join(there)}; nothing was overwritten")
     for file, content in new.items():
         with replacing(file) as temporary:
             temporary.write_bytes(content)

@@ -104,7 +104,7 @@ def test_new_overwrites_nothing(tmp_path):
     for name in ("grasp/mug", "mpc/pulse"):
         refused = run("new", str(tmp_path), "--example", name)
         assert refused.exit_code == 2
-        assert refused.stderr == f"error: already there, with other content: {finger}; nothing is overwritten\n"
+        assert refused.stderr == f"error: these files exist with other content: {finger}; nothing was overwritten\n"
     assert finger.read_text(encoding="utf-8") == "mine"
     assert sorted(tmp_path.rglob("*")) == before
 
@@ -116,7 +116,10 @@ def test_new_refuses_what_it_cannot_do(tmp_path):
         (["new"], "--list"),
         (["new", str(file)], "expected a folder, got a file"),
         (["new", str(tmp_path / "a"), "--example", "grasp/mugg"], "did you mean 'grasp/mug'?"),
-        (["new", str(tmp_path / "a"), "--notebooks", "--list"], "--notebooks: is in place of --example and --list"),
+        (
+            ["new", str(tmp_path / "a"), "--notebooks", "--list"],
+            "--notebooks: cannot be combined with --example or --list",
+        ),
         (["new", str(tmp_path / "a"), "--example", "nothing of the kind"], "no example 'nothing of the kind'"),
     ):
         refused = run(*arguments)

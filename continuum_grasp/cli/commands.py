@@ -168,7 +168,7 @@ def _add_verbs() -> None:
     _SAID.extend(str(warning.message) for warning in said)
     for name, addon in known.items():
         if again := (first | last).keys() & addon.verbs.keys():
-            raise InputError(f"add-on {name!r}: there is a verb {min(again)!r} already")
+            raise InputError(f"add-on {name!r}: the verb {min(again)!r} already exists")
         first |= addon.verbs
     for place in (first | last).values():
         app.command(cls=_Verb)(named_value(place))

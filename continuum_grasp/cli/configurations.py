@@ -34,20 +34,18 @@ def new(
     output: Output,
     folder: Annotated[
         Path | None,
-        typer.Argument(
-            metavar="DIR", parser=named_path, help="Where to; made where it is missing.", show_default=False
-        ),
+        typer.Argument(metavar="DIR", parser=named_path, help="Target folder; created if missing.", show_default=False),
     ] = None,
     name: str = option("Which one.", "--example", default=_FIRST, metavar="NAME"),
-    listed: bool = option("Copy nothing: list all examples, by the command.", "--list", default=False),
-    notebooks: bool = option("Copy the notebooks in place of an example.", "--notebooks", default=False),
+    listed: bool = option("Copy nothing: list all examples, by command.", "--list", default=False),
+    notebooks: bool = option("Copy the notebooks instead of an example.", "--notebooks", default=False),
 ) -> None:
     """Copy an example that runs, or the notebooks.
 
     Nothing is overwritten; one folder takes several examples.
     """
     if notebooks and (listed or name != _FIRST):
-        raise InputError("is in place of --example and --list", key="--notebooks")
+        raise InputError("cannot be combined with --example or --list", key="--notebooks")
     if listed:
         _list(output)
         return
@@ -206,7 +204,7 @@ def doctor(output: Output) -> None:
         "ipopt": "found" if casadi.has_nlpsol("ipopt") else "not found",
         "compiler": f"{' '.join(compiler.command)}, {compiler.version}"
         if compiler
-        else "not found: everything runs on CasADi's virtual machine, slower",
+        else "not found: all code runs on CasADi's virtual machine, which is slower",
         "ffmpeg": shutil.which("ffmpeg") or "not found: animations as GIF only",
     }
     output.pairs(facts)

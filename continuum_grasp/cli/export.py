@@ -25,12 +25,12 @@ def _targets() -> dict[str, str]:
     found = dict(_CORE)
     for name, addon in addons().items():
         if again := found.keys() & addon.exports.keys():
-            raise InputError(f"add-on {name!r}: there is an export {min(again)!r} already")
+            raise InputError(f"add-on {name!r}: the export {min(again)!r} already exists")
         found |= addon.exports
     return found
 
 
-_OUT = out_option("Where to (default: runs/export/TO/NAME-OF-CONFIG); an earlier export is replaced.", "DIR|FILE")
+_OUT = out_option("Target (default: runs/export/TO/NAME-OF-CONFIG); an earlier export is replaced.", "DIR|FILE")
 
 
 @verb("config", "out", "changes", "as_json", "quiet", out=_OUT)
@@ -52,23 +52,23 @@ def export(
         "c, fmu: range of a run-time parameter; repeatable.", "--range", metavar="NAME=MIN:MAX"
     ),
     step: float | None = option("c, fmu: longest or internal step (default: the scene's).", metavar="SECONDS"),
-    substeps: int | None = option("c, fmu: Runge-Kutta steps in one (default: for stability).", metavar="N"),
+    substeps: int | None = option("c, fmu: Runge-Kutta steps per step (default: enough for stability).", metavar="N"),
     real: str | None = option("c: number type (default: the target's).", metavar="float|double"),
-    prefix: str | None = option("c: of all names (default: finger).", metavar="NAME"),
+    prefix: str | None = option("c: prefix of all names (default: finger).", metavar="NAME"),
     target: str | None = option("c: host (default), cortex-m4f, cortex-m7 or wasm.", metavar="NAME"),
     sections: int | None = option("c: sections in one call of shape, velocities (default: 25).", metavar="N"),
     error: float | None = option("c: greatest relative error within the ranges.", metavar="NUMBER"),
     measured: bool | None = option("c: run on the emulated target; note sizes and counts.", "--measure"),
     clock: str | None = option(
-        "c: with --measure, such as 168MHz: calls as shares of the period; status 1 where one is longer.",
+        "c: with --measure, such as 168MHz: print calls as shares of the period; status 1 if a call is longer.",
         metavar="FREQUENCY",
     ),
-    finger: str | None = option("c, fmu: finger of a mission of several.", metavar="NAME"),
+    finger: str | None = option("c, fmu: finger to export, of a mission with several.", metavar="NAME"),
     fmi: str | None = option("fmu: version of the standard (default: both).", words=("2", "3", "both")),
-    name: str | None = option("fmu: of files and symbols (default: that of CONFIG).", metavar="NAME"),
+    name: str | None = option("fmu: name of files and symbols (default: the name of CONFIG).", metavar="NAME"),
     preview: bool | None = option("fmu: setpoints of every stage of the controller's horizon.", "--preview"),
     binary: bool | None = option("fmu: with this machine's binary (default) or without.", "--binary/--no-binary"),
-    hinges: int | None = option("mjcf: hinges of the finger (default: 40, of each of a hand 24).", metavar="N"),
+    hinges: int | None = option("mjcf: hinges per finger (default: 40; in a hand 24).", metavar="N"),
 ) -> None:
     """Write a finger, loop, mission or hand for use elsewhere.
 
@@ -96,7 +96,7 @@ def _export(output: Output, to: str, options: dict[str, Any], clock: str | None)
     loops = [kind.scene_class for kind in kinds().values() if kind.name == "mpc" or kind.loop]
     scene = _exported(output, target, loops)
     if rates and not isinstance(scene, tuple(loops)):
-        raise InputError("needs a closed loop or a mission, which has a period", key="--clock")
+        raise InputError("needs the period of a closed loop or mission", key="--clock")
     options = {**target.defaults(output.config, scene), **options}
     target.check(scene, output.folder, **options)
     hold_folder(output.folder)
@@ -117,7 +117,7 @@ def _exported(output: Output, target: ExportTarget, loops: Sequence[type]) -> An
 
     if target.takes_hands and output.config.is_dir():
         if output.changes:
-            raise InputError("has no effect on a grasp that is found already", key="--set")
+            raise InputError("has no effect on a stored grasp", key="--set")
         return output.config
     others = (*(loops if target.takes_loops else ()), *([HandScene] if target.takes_hands else ()))
     return resolved_scene(output, *others)[0]

@@ -18,12 +18,12 @@ def _trials() -> dict[str, str]:
 @run_verb(pictures="Draw a picture and write the HTML report.")
 def grasp(
     output: Output,
-    seed: int | None = option("Seed of robust grasps' draws (default: as in the configuration).", metavar="N"),
+    seed: int | None = option("Seed for the draws of robust grasps (default: from the configuration).", metavar="N"),
     fine: bool = option(
         "Solve once more with a fine model and report what that changes.", "--fine/--no-fine", default=True
     ),
     try_in: str | None = option(
-        "Of a hand: hold, turn and push the object in another program; status 1 where it is not held.",
+        "Hands only: hold, turn and push the object in another program; status 1 if the object is lost.",
         words=tuple(_trials()),
     ),
 ) -> None:
@@ -35,7 +35,7 @@ def grasp(
     scene = output.scene(GraspScene, HandScene)
     output.check_folder()
     if try_in is not None and not isinstance(scene, HandScene):
-        raise InputError("is for hands; a planar grasp is carried out by a mission", key="--try-in")
+        raise InputError("works only for hands; simulate a planar grasp by a mission", key="--try-in")
     if try_in is not None and find_spec(try_in) is None:
         raise InputError(f"{try_in} is not installed: pip install 'continuum-grasp[{try_in}]'", key="--try-in")
 

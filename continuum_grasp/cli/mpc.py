@@ -21,10 +21,8 @@ _SHOWN = 10
 @run_verb("animation")
 def mpc(
     output: Output,
-    seed: int | None = option("Seed of the noise (default: as in the configuration).", metavar="N"),
-    trials: str | None = option(
-        "Carry a mission out on N plants that differ at random (all: as many as it says).", metavar="N|all"
-    ),
+    seed: int | None = option("Seed of the noise (default: from the configuration).", metavar="N"),
+    trials: str | None = option("Run the mission on N random plants (all: trials.count of them).", metavar="N|all"),
     times: bool = option("Measure the controller's times, with optimized code.", default=False),
     jobs: int | None = option("Processes for --trials (default: all cores).", metavar="N", min=1),
 ) -> None:
@@ -42,9 +40,9 @@ def mpc(
     if isinstance(scene, ControlScene) and scene.duration is None:
         raise InputError("a closed loop needs a duration [s]", file=str(output.config), key="duration")
     if isinstance(scene, ControlScene) and trials is not None:
-        raise InputError("is for missions", key="--trials")
+        raise InputError("works only for missions", key="--trials")
     if trials is not None and output.animation is not None:
-        raise InputError("is for one mission, not for --trials", key="--animate")
+        raise InputError("works for one mission only, not with --trials", key="--animate")
     output.check_folder()
     if isinstance(scene, ControlScene):
         _control(scene, output, times)

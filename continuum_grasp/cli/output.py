@@ -80,7 +80,7 @@ class Output:
     pictures: Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw pictures.")] = True
     format: Annotated[
         str,
-        typer.Option("--format", metavar="png|pdf|svg", parser=one_of("png", "pdf", "svg"), help="Of the pictures."),
+        typer.Option("--format", metavar="png|pdf|svg", parser=one_of("png", "pdf", "svg"), help="Picture format."),
     ] = "png"
     style: Annotated[
         str,
@@ -96,7 +96,7 @@ class Output:
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print statistics too.")] = False
     optimize: Annotated[
         bool,
-        typer.Option("--optimize", help="Compile all code optimized now: for loops that run again and again."),
+        typer.Option("--optimize", help="Compile all code with optimization now, for loops that run many times."),
     ] = False
     verb: str = ""
 
@@ -108,7 +108,7 @@ class Output:
         if self.quiet and (self.as_json or self.verbose):
             raise InputError("--quiet cannot be combined with --json or --verbose")
         if self.animation == "mp4" and shutil.which("ffmpeg") is None:
-            raise InputError("mp4 needs ffmpeg, which is not found on this machine; write gif", key="--animate")
+            raise InputError("mp4 needs ffmpeg, which this machine does not have; use gif", key="--animate")
 
     @property
     def folder(self) -> Path:
@@ -197,7 +197,7 @@ class Output:
             if getattr(error.result, "kind", None) == self.verb:
                 with self.saving():
                     error.result.save(self.folder)
-                typer.echo(f"what was computed until then is in {self.folder}", err=True)
+                typer.echo(f"the results so far are in {self.folder}", err=True)
             raise
         return result, self.save(result, speed)
 

@@ -166,7 +166,7 @@ def run_hardware(
     CheckedArgument("watchdog", watchdog).number(most=60.0)
     for name in ("read", "write"):
         if not callable(getattr(driver, name, None)):
-            raise InputError(f"expected a driver with read() and write(command), which has no {name}", key="driver")
+            raise InputError(f"expected a driver with read() and write(command); this one has no {name}", key="driver")
     loop = _Loop(controller, driver, _first(controller, start), soft_start, watchdog)
     error: BaseException | None = None
     with ExitStack() as stack:
@@ -208,7 +208,7 @@ def _first(controller: Controller, start: ArrayLike | Command | None) -> Array:
         x = start.estimate.x
         u = start.u.copy()
         if x.size != controller.prediction.nx or u.size != rest.size:
-            raise InputError("the controller before has another model: give the input that acts", key="start")
+            raise InputError("the previous controller has another model: give the present input", key="start")
     else:
         u = CheckedArgument("start", start).vector(rest.size)
         x = controller.prediction.start_state(Initial(pose="equilibrium"), u.tolist())

@@ -51,6 +51,6 @@ class Integration(Remade):
         states, valid = self.run(begin, count, 1, step, u, rows, model.p)
         why = (
             "the plant's state is not finite after t = {time} s (last finite state {last}): its loads or inputs bend "
-            "it beyond what its model means; see plant.fidelity.bending_range and loads"
+            "it beyond the valid range of its model; see plant.fidelity.bending_range and loads"
         )
         return states[0], int(valid[0]), why

@@ -57,7 +57,7 @@ def _announced(name: str) -> type[PlantModel]:
     """The plant that an add-on announces; InputError where none is installed."""
     known = {key: place for addon in addons().values() for key, place in addon.plants.items()}
     if name not in known:
-        raise InputError("no add-on that is installed has such a plant", key=f"plant.{name}")
+        raise InputError("no installed add-on provides this plant", key=f"plant.{name}")
     kind: type[PlantModel] = named_value(known[name])
     return kind
 

@@ -84,7 +84,7 @@ def missed_setpoints(
             cause = (
                 "it is still on its way, and needs more time or less damping"
                 if off < _NEARING * earlier
-                else "no posture that inputs within their bounds hold is there, something is in the way, the finger "
+                else "no input within its bounds holds a posture there, something is in the way, the finger "
                 "differs from the model (estimator.disturbances finds by how much), or tendons "
                 "are slack, so that commands have no effect (give drive.pretension)"
             )

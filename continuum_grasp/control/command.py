@@ -291,7 +291,7 @@ class Command(Summarized):
         if self.health is Health.FROZEN:
             return "a reading is frozen"
         if self.status is CommandStatus.SAFE_RAMP:
-            return "no plan was found for as long as one lasts"
+            return "no plan was found for a whole horizon"
         return "no sensor shows the shape"
 
     @property

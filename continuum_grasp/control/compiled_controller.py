@@ -400,8 +400,8 @@ def _check_sendable(key: str, value: Any) -> None:
             name = getattr(value, "__qualname__", None) or type(value).__qualname__
             words = f"the function {name}, by which it is set over time, cannot be pickled ({error})"
             raise InputError(
-                f"{words}: expected one that is defined at the top of a module; a lambda or a function inside of "
-                "another is not",
+                f"{words}: expected a function that is defined at the top level of a module, not a lambda or a "
+                "nested function",
                 key=f"reference.{key}",
             ) from error
 

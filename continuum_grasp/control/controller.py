@@ -150,7 +150,7 @@ class Controller(CompiledController):
         least, most = self.parts.ranges.applied.T
         for name, value, low, high in zip(self.stages.u_names, before, least, most, strict=True):
             if not low <= value <= high:
-                raise InputError(f"{name}: {value:g} is beyond what a drive can have, {low:g} to {high:g}", key="u")
+                raise InputError(f"{name}: {value:g} is outside the drive's range, {low:g} to {high:g}", key="u")
         self._start(x, before)
 
     def step(

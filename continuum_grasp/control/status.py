@@ -136,11 +136,11 @@ MEASUREMENT_TEXTS = {
     MeasurementVerdict.MISSING: "not measured",
     MeasurementVerdict.ABSURD: "infinite or beyond its limits",
     MeasurementVerdict.OUTLIER: "outlier rejected",
-    MeasurementVerdict.REOPENED: "outlier too often, so it is used with bounded influence",
+    MeasurementVerdict.REOPENED: "too many outliers: used with bounded influence",
     MeasurementVerdict.FROZEN: "frozen: the reading does not move",
 }
 ANOMALY_TEXTS = {
-    Anomaly.BLIND: "nothing was measured for as long as a plan lasts",
+    Anomaly.BLIND: "no measurement for a whole horizon",
     Anomaly.ESTIMATE_LIMITED: "an estimated disturbance was clipped to its limits",
     Anomaly.ESTIMATE_RESTARTED: "the estimate was not finite or beyond its limits; the estimator restarted",
     Anomaly.BAD_SETPOINTS: "a setpoint is not finite or beyond its limits",
@@ -149,13 +149,13 @@ ANOMALY_TEXTS = {
     Anomaly.LATE: "the last command was late",
     Anomaly.NOT_SOLVED: "the real-time iteration failed",
     Anomaly.INPUT_LIMITED: "the planned input was outside its limits",
-    Anomaly.RATE_LIMITED: "the planned input was further from the last one than its rate allows in a stage",
-    Anomaly.BEYOND_LIMIT: "the command before was beyond a limit, which this one approaches as fast as allowed",
-    Anomaly.PLAN_GAPS: "the plan was no motion of the model: replaced, or integrated anew",
-    Anomaly.MISSED_CALLS: "calls were missed: the prediction goes on over the time that passed",
-    Anomaly.CLOCK: "the time of the call is not used: it stands still, goes back, or is none",
-    Anomaly.OLD: "the measurement is no younger than the one before: not used",
-    Anomaly.OUT_OF_REACH: "a setpoint is out of the finger's reach: the command aims at it, and cannot meet it",
+    Anomaly.RATE_LIMITED: "the planned input changed faster than its rate limit allows",
+    Anomaly.BEYOND_LIMIT: "the last command exceeded a limit; this one returns to it as fast as allowed",
+    Anomaly.PLAN_GAPS: "the plan did not satisfy the model: replaced, or integrated again",
+    Anomaly.MISSED_CALLS: "calls were missed: the prediction covers the time that passed",
+    Anomaly.CLOCK: "the time of the call is ignored: it stands still, goes back, or is not a number",
+    Anomaly.OLD: "the measurement is not newer than the last one: ignored",
+    Anomaly.OUT_OF_REACH: "a setpoint is out of the finger's reach: the command aims at it, but cannot reach it",
 }
 
 
@@ -176,7 +176,7 @@ def texts(anomalies: int, verdicts: Sequence[float], names: Sequence[str], misse
     unit = _unit_of(missed)
     lengths = {
         Anomaly.MISSED_CALLS: f"{missed:.3g} {ANOMALY_TEXTS[Anomaly.MISSED_CALLS]}",
-        Anomaly.CLOCK: f"the time of the call is not used: it counts {unit}" if unit else ANOMALY_TEXTS[Anomaly.CLOCK],
+        Anomaly.CLOCK: f"the time of the call is ignored: it counts {unit}" if unit else ANOMALY_TEXTS[Anomaly.CLOCK],
     }
     measured = [
         f"{name.split(' ')[0]}: {MEASUREMENT_TEXTS[MeasurementVerdict(int(verdict))]}"
@@ -191,13 +191,13 @@ _TRIPS = {
     Trip.CONTRADICTED: "contradicts the model by many standard deviations",
     Trip.AWAY: "contradicts the model and the tip stays far from its setpoint",
     Trip.UNSEEN: "is missing, beyond its limits or does not move, and nothing else shows the shape",
-    Trip.UNANSWERED: "shows nothing of what the drives move",
+    Trip.UNANSWERED: "does not respond to the drives",
     Trip.IMPLAUSIBLE: "leads to an estimated disturbance beyond what is plausible",
 }
 
 
 _OFFSETS = {
-    OffsetCause.NONE: "there is no plan that would show why",
+    OffsetCause.NONE: "no plan shows why",
     OffsetCause.UNEXPECTED: (
         "the plan ends at the setpoint, so camera (scale, shift, turn), load or stiffness are not the model's: "
         "commission the camera, or name the load in estimator.disturbances"
@@ -243,7 +243,7 @@ def health_text(
         cause += "call the controller once per period, or change controller.period"
     elif health == Health.FROZEN or reason == Trip.UNSEEN:
         cause = (
-            "a sensor or its driver is off or stuck, or reads in other units than its name says; quantized readings "
+            "a sensor or its driver is off or stuck, or has other units than its name says; quantized readings "
             "need estimator.frozen: false"
         )
     elif reason == Trip.UNANSWERED:

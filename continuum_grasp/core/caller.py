@@ -98,9 +98,9 @@ class Caller:
         at = self._history
         if at is not None and (len(values) <= at or values[at] is None):
             raise InputError(
-                f"{self.function.name()}: the finger has friction, and its shape alone does not say which way it acts: "
-                f"give history ({self._inputs[at].size} entries), the friction states and then h; h = 1 alone is a "
-                "finger that was pulled from straight, all zero is one without friction"
+                f"{self.function.name()}: the finger has friction, and its shape does not determine the direction of "
+                f"friction: give history ({self._inputs[at].size} entries), the friction states and then h; h = 1 "
+                "alone means a finger that was pulled from straight, all zeros a finger without friction"
             )
 
     def rows(self, values: Sequence[ArrayLike | None]) -> list[Array]:

@@ -158,9 +158,9 @@ class Core(Remade, Summarized):
         else:
             return
         raise InputError(
-            "u: the tip moment varies, which the tip of this matched_clothoid would not follow (a model without input "
-            "rates takes the moment to be constant): use family='clothoid', input_rates=True with rows of values, "
-            "rates and accelerations, or tendons.time_constant"
+            "u: the tip moment varies, and the tip of this matched_clothoid cannot follow it (a model without input "
+            "rates assumes a constant moment): use family='clothoid', input_rates=True with rows of values, rates "
+            "and accelerations, or tendons.time_constant"
         )
 
     def batch(self, name: str, *arguments: ArrayLike | None) -> Array | tuple[Array, ...]:

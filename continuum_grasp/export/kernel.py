@@ -115,8 +115,8 @@ class Kernel:
         """Refuse a function of so many instructions, before its C is written."""
         if count > most:
             raise InputError(
-                f"{name} is code without loops of about {count} instructions, for which compilers take minutes: "
-                f"expected {most} at most; take fewer elements, or leave out the part that needs it",
+                f"{name} has about {count} instructions without loops, for which compilers take minutes: expected at "
+                f"most {most}; use fewer elements, or omit the part that needs it",
                 key="what",
             )
 

@@ -220,7 +220,7 @@ def write_package(folder: Path, others: Mapping[str, str], values: dict[str, Any
         path = folder / name
         begun = path.is_file() and text.encode().startswith(path.read_bytes())
         if path.exists() and not begun and _digest(path) not in earlier.get(name, ()):
-            raise InputError(f"{path} is not as an export left it: move it away, or take another folder", key="folder")
+            raise InputError(f"{path} has changed since its export: move it, or choose another folder", key="folder")
     for name in earlier.keys() - files.keys():
         path = folder / name
         # A manifest may have been edited: what it lists outside of the folder, or was changed since, is not ours.

@@ -25,4 +25,4 @@ def check_file(file: Path, is_own: Callable[[Path], bool] = is_marked) -> None:
     if file.is_dir():
         raise InputError("expected the name of a file, got a folder", file=str(file))
     if file.exists() and not is_own(file):
-        raise InputError("no export wrote this file: move it away, or take another name", file=str(file))
+        raise InputError("no export wrote this file: move it away, or choose another name", file=str(file))

@@ -53,7 +53,7 @@ class ModelFields:
             else:
                 low, high = _usual(field.name, nominal, self.finger)
             if low < 0.0 and not field.name.startswith(_SIGNED):
-                raise InputError(f"it cannot be below zero, got a range from {low:g}", key=f"ranges.{field.name}")
+                raise InputError(f"it cannot be negative, got a range from {low:g}", key=f"ranges.{field.name}")
             if not low <= nominal <= high:
                 message = f"range {low:g} to {high:g} leaves out the nominal value {nominal:g} {field.unit}"
                 raise InputError(message, key=f"ranges.{field.name}")
@@ -61,7 +61,7 @@ class ModelFields:
         unknown = sorted(set(ranges) - {field.name for field in fields})
         if unknown:
             names = ", ".join(field.name for field in fields) or "none"
-            raise InputError(f"{unknown[0]!r} is no run-time parameter of this model (it has {names})", key="ranges")
+            raise InputError(f"{unknown[0]!r} is not a run-time parameter of this model (it has {names})", key="ranges")
         return tuple(fields)
 
     def states(self, parameters: Sequence[Field] = ()) -> tuple[Field, ...]:

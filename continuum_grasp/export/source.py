@@ -177,7 +177,7 @@ def prefix_of(given: Any) -> str:
     """A prefix that C takes."""
     if not isinstance(given, str) or not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", given) or given in _TAKEN:
         raise InputError(
-            "expected a free C identifier of small letters, digits and single underscores between them, that is no "
+            "expected a C identifier of lowercase letters, digits and single underscores between them, and not a "
             f"word, header, library or target of C, Python or CMake, got {given!r:.60}",
             key="prefix",
         )

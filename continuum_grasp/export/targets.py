@@ -56,7 +56,7 @@ def measured_core(target: str) -> str:
     """Core of a target's emulated board; InputError where there is none, or where its tools are missing."""
     core = _core(target)
     if core is None:
-        raise InputError(f"{target} has no emulated board: take cortex-m4f or cortex-m7", key="target")
+        raise InputError(f"{target} has no emulated board: use cortex-m4f or cortex-m7", key="target")
     check_tools(TOOLS, "measuring needs {}", "gcc-arm-none-eabi qemu-system-arm")
     return core
 

@@ -49,15 +49,15 @@ def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None) -> 
         cards(result.pairs().items() if result.verified else ()),
         *sections,
         section("The search", folded("Statistics", searched)),
-        section("The scene", folded("Configuration, as it was read", configuration, exact=True)),
+        section("The scene", folded("Configuration as read", configuration, exact=True)),
         solved=result.solved,
     )
 
 
 _WORTH = {
-    "first_repair": "Forces and margins as the repair needs them, beside the limits of the scene as it is.",
-    "nominal_grasp": "Verified for the object as the scene has it, and no more.",
-    "closest_attempt": "Where the search came closest: its forces are not in balance, or break limits.",
+    "first_repair": "Forces and margins with the repair, next to the limits of the unchanged scene.",
+    "nominal_grasp": "Verified for the nominal object only.",
+    "closest_attempt": "The closest attempt of the search: its forces are out of balance or violate limits.",
 }
 """Worth of the numbers of a scene without a grasp."""
 
@@ -72,10 +72,10 @@ def _why(result: GraspResult) -> str:
         for each, (what, repair) in zip((reason, *reason.also), words, strict=True):
             rows.append((what, each.key, amount(each.limit, each.unit), amount(each.needed, each.unit), repair))
     head = ("What stands against it", "Key", "As given", "Needed", "Repair")
-    broken = "<p>Broken constraints at the closest attempt:</p>" + items(result.violated) if result.violated else ""
+    broken = "<p>Violated constraints of the closest attempt:</p>" + items(result.violated) if result.violated else ""
     more = further_advice(result)
     advice = f"<p>{escaped(more)}</p>" if more else ""
-    lead = "<p>Any one of these would make a grasp possible.</p>" if rows else ""
+    lead = "<p>Any one of these makes a grasp possible.</p>" if rows else ""
     return section("Why there is no grasp", lead, table(head, rows, (2, 3)), broken, advice, kind="why")
 
 
@@ -104,8 +104,8 @@ def _friction(beside: Mapping[str, Axes]) -> str:
     """Say what the forces in the table of contacts are, and draw those of friction."""
     note = (
         '<p class="quiet">Forces on what touches the object: along the object\'s outward normal, and friction along '
-        "that normal turned by +90\N{DEGREE SIGN}. Lift acts on the object, out of the plane. The margin is what is "
-        "left of the friction cone: 0&nbsp;% is about to slip.</p>"
+        "that normal turned by +90\N{DEGREE SIGN}. Lift acts on the object, out of the plane. The margin is the unused "
+        "share of the friction cone: at 0&nbsp;% the contact is about to slip.</p>"
     )
     if "friction" not in beside:
         return note
@@ -121,7 +121,7 @@ def _resistance(beside: Mapping[str, Axes]) -> str:
         return ""
     words = beside["resisted"].get_title(loc="left")
     caption = (
-        "The greatest pure force at the center of mass that is resisted on top of the weight, direction by direction; "
-        f"the dashed circle is what is resisted whichever way it acts. {words[0].upper() + words[1:]}."
+        "The greatest pure force at the center of mass that the grasp resists on top of the weight, by direction; the "
+        f"dashed circle is the force that it resists in every direction. {words[0].upper() + words[1:]}."
     )
     return _figure("polygon", beside["resisted"], "resisted force by direction", caption)

@@ -146,8 +146,8 @@ class GraspResult(Result):
             return ""
         share = self.greatest_normal_force / self.lower_bound - 1.0 if self.lower_bound > 0.0 else 0.0
         return (
-            f"no grasp has a greatest normal force below {amount_text(self.lower_bound, 'N', '.4g')}, by the balance "
-            f"of the object alone; this one is {max(share, 0.0):.2%} above"
+            f"the balance of the object alone needs a greatest normal force of at least "
+            f"{amount_text(self.lower_bound, 'N', '.4g')}; this grasp is {max(share, 0.0):.2%} above"
         )
 
     @property
@@ -237,14 +237,14 @@ class GraspResult(Result):
             )
         if self._idle:
             warnings.append(
-                f"{' and '.join(self._idle)} on, but without a force: others hold the object, and what only touches "
-                "is lost with the least error; take auto where it need not press"
+                f"{' and '.join(self._idle)} on, but without a force: other contacts hold the object, and the least "
+                "error loses a contact that does not press; use auto where a contact need not press"
             )
         if self._slack:
             warnings.append(
                 f"the tendons hardly pull ({amount_text(self.tension, 'N', '.2g')} in all): the bases press the "
-                "fingers against the object, so that slack tendons do not release it, and its forces depend on where "
-                "bases and object are"
+                "fingers against the object, so slack tendons do not release it, and its forces depend on the places "
+                "of bases and object"
             )
         if self.outline is not None and self.outline.change and abs(self.outline.change.tension_change) > ROUGH:
             warnings.append(f"the outline is rough, {self.outline.words}: take a smaller object.tolerance")

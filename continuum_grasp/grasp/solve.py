@@ -34,6 +34,7 @@ from continuum_grasp.grasp.stations import find_station_reasons, search_stations
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import (
     DRIVEN_AWAY,
+    OPENED,
     REFUTED,
     STEADIER,
     STEADIER_IN_SPACE,
@@ -262,7 +263,7 @@ class _Verdict:
         if best is not None:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
-        self.budget.tell("no grasp found; what would make one possible is sought")
+        self.budget.tell("no grasp found; looking for a change that allows one")
         reasons = self._reasons()
         if not reasons and self._best() is None:
             reasons = self._reasons(further=True)
@@ -346,17 +347,18 @@ class _Verdict:
         notes, why = list(self._notes(best)), best.certificate.stability.why
         advice = STEADIER_IN_SPACE if why else STEADIER
         status = GraspStatus.FEASIBLE if notes else GraspStatus.OPTIMAL
+        allowed = ""
         if best.certificate.stability.stable:
             verdict = f"held with {held}"
         elif best.acceptable:
-            verdict = f"held but unstable (as the scene allows): {held}{why}"
+            verdict, allowed = f"held with {held}{why}", OPENED
         else:
             status = GraspStatus.UNSTABLE
             verdict = f"in balance with {held}, {DRIVEN_AWAY}{why}"
         return GraspResult(
             self.scene,
             status,
-            "; ".join([verdict, *notes]),
+            "; ".join([verdict, *notes]) + allowed,
             best.arrays,
             best.certificate,
             # The eigenvalue's own dependence on the scene's numbers is not in the problem.
@@ -370,68 +372,70 @@ class _Verdict:
     def _notes(self, best: Tried) -> Iterator[str]:
         """Why something better may have been missed."""
         if best is self.search.fallback and self.search.best is None:
-            yield "the least tension there is; nothing was found for the objective"
+            yield "this grasp has the least tension; no grasp was found for the objective"
         elif not best.attempt.optimal and not self.search.proven:
             yield f"the solver stopped early ({best.attempt.why_it_ended})"
         if self._before is not None:
-            yield f"which stations press was found by a local search, in {self.search.exploration.modes} sets"
+            yield f"a local search over {self.search.exploration.modes} sets chose the stations that press"
         search, explored = self.search, self.search.exploration
         if search.excess > OPEN and search.left_out:
             yield (
-                f"the greatest normal force is {search.excess:.0%} above what no grasp is below, and {search.left_out} "
-                "starts were left out or led to no grasp"
+                f"the greatest normal force is {search.excess:.0%} above its lower bound, and {search.left_out} starts "
+                "were skipped or led to no grasp"
             )
         if explored.sampled and not search.proven:
-            yield f"for {explored.sampled} of {explored.modes} sets of contacts only samples of postures were tried"
+            yield f"the search only sampled postures for {explored.sampled} of {explored.modes} sets of contacts"
         if explored.untried and search.best is not None and not search.proven:
-            none = f"from {explored.untried} of {explored.settled} postures that hold the object no grasp was sought"
-            yield f"{none} ({self._more} does)" if self._more else none
+            none = f"the search skipped {explored.untried} of {explored.settled} postures that hold the object"
+            yield f"{none} ({self._more} tries them)" if self._more else none
         if not math.isnan(explored.exact_less):
             held = amount_text(explored.exact_less, "N", ".4g")
-            yield f"exact rods hold with {held} in all, and {self._elements} elements per finger do not follow them"
+            yield f"exact rods hold with {held} in all, but {self._elements} elements per finger cannot follow them"
         if best.certificate.model_error.is_large:
             yield f"{best.certificate.model_error}: {self._elements} elements per finger are too few"
         if self.budget.cut:
-            yield f"{self._cut()}, not all starts were tried"
+            yield f"{self._cut()}, so it did not try all starts"
         if self.interrupted:
-            yield "the search was interrupted, not all starts were tried"
+            yield "you interrupted the search, so it did not try all starts"
 
     def _infeasible(self, reasons: list[Reason], closest: Tried | None) -> GraspResult:
         advice = "Any one of these repairs it: " + "; ".join(reason.repair for reason in reasons) + "."
         message = reasons[0].text
         if len(self.scene.setups) > 2 and not self.search.impossible:
             # One of ten random scenes of three fingers is held from one start of a hundred.
-            message += f"; of all postures {len(self.search.tried)} samples were tried"
+            message += f"; the search tried {len(self.search.tried)} samples of all postures"
             message += f" ({self._more} tries more)" if self._more else ""
         return self._failed(GraspStatus.INFEASIBLE, message, advice, closest, reasons)
 
     def _unsolved(self, closest: Tried | None) -> GraspResult:
         if self.budget.stopped:
-            message = f"{self._cut()} before there was a verdict"
+            message = f"{self._cut()} before it reached a verdict"
             return self._failed(GraspStatus.STOPPED, message, "Raise solver.time_limit, or free the machine.", closest)
         if self.budget.cut:
             message, advice = f"{self._cut()} without a verified grasp", "Raise solver.max_total_iterations."
         elif self.search.exact:
             held = amount_text(min(candidate.start.estimate for candidate in self.search.held_exactly), "N", ".4g")
-            message = f"exact rods hold with {held} in all, and {self._elements} elements per finger do not follow them"
-            advice = "Raise fidelity.elements, or leave it out: the program takes as many as are needed."
+            message = f"exact rods hold with {held} in all, but {self._elements} elements per finger cannot follow them"
+            advice = "Raise fidelity.elements, or omit it: the program then uses as many as it needs."
         elif curled := self.search.curled:
             message = f"no grasp was found in which {', '.join(sorted(curled))} does not pass through itself"
-            advice = "Take a shorter finger, or a base where it need not curl up: base_free lets the search find one."
+            advice = "Use a shorter finger, or a base where it need not curl up: base_free lets the search find one."
         elif closest is not None and closest.attempt.optimal:
             names = ", ".join(check.name for check in closest.certificate.failed)
             message = f"the solver converged, but the independent check rejects: {names}"
             advice = "Raise fidelity.elements or fidelity.accuracy."
         else:
             outcomes = {t.attempt.outcome for t in self.search.tried}
-            message = f"no grasp was found: {self._fruitless(outcomes)}; no limit explains it, and no two at once"
-            first = f"Try {self._more}, which tries more starts; else likely" if self._more else "Likely"
+            message = (
+                f"No grasp found. {self._fruitless(outcomes)}. No single limit explains it, and no two limits together."
+            )
+            first = f"Try {self._more}, which tries more starts. Otherwise" if self._more else "Probably"
             advice = (
-                f"{first} the geometry: move the base or the object (base_free lets the search move the base), or let "
-                "the middle contact be elsewhere (contacts.middle_range)."
+                f"{first} the geometry is the cause: move the base or the object (base_free lets the search move the "
+                "base), or let the middle contact be elsewhere (contacts.middle_range)."
             )
             if outcomes == {OVERDETERMINED}:
-                advice = "Add a contact: let the object lie against a support, or another finger hold it."
+                advice = "Add a contact: a support that the object lies against, or another finger."
         return self._failed(GraspStatus.NOT_SOLVED, message, advice, closest)
 
     def _failed(
@@ -458,11 +462,11 @@ class _Verdict:
         """Starts that led to no grasp, in words."""
         count = len(self.search.tried)
         if not count:
-            return "no posture touches the object as the scene asks"
-        tried = f"{count} starting postures were tried" if count > 1 else "one starting posture was tried"
+            return "No posture touches the object as the scene asks"
+        tried = f"{count} starting postures were tried" if count > 1 else "One starting posture was tried"
         if set(outcomes) == {OVERDETERMINED}:
-            return f"{tried}, but their contacts leave fewer unknowns than there are forces to balance"
-        return f"{tried}, and none reached contact and balance of forces within all limits"
+            return f"{tried}; their contacts leave fewer unknowns than there are forces to balance"
+        return f"{tried}; none reached contact and force balance"
 
     @property
     def _more(self) -> str:
@@ -484,7 +488,7 @@ class _Verdict:
     def _support_note(self) -> str:
         gaps = ((body.name, self.scene.gap_range(body)[0]) for body in self.scene.places)
         return " ".join(
-            f"The object is {gap:.4g} m away from {name}, which therefore carries nothing{_place_at(self.scene, name)}."
+            f"The object is {gap:.4g} m away from {name}, so {name} carries nothing{_place_at(self.scene, name)}."
             for name, gap in gaps
             if gap > self.scene.touching_gap
         )

@@ -79,7 +79,7 @@ def _why_lines(result: GraspResult) -> list[str]:
             now = (f"{each.key}, now {amount(each.limit, each.unit)}" for each in (r, *r.also))
             lines += [f"  {r.text}", f"    {r.repair}   ({'; '.join(now)})"]
     if result.violated:
-        lines += ["", "Broken constraints at the closest attempt:", *(f"  {text}" for text in result.violated)]
+        lines += ["", "Violated constraints of the closest attempt:", *(f"  {text}" for text in result.violated)]
     if result.arrays:
         lines += ["", f"{answer_words(result)}:"]
     return lines
@@ -91,7 +91,7 @@ def answer_words(result: GraspResult) -> str:
         return f"The grasp with the first repair ({result.reasons[0].repair})"
     if result.answer == "nominal_grasp" and result.robustness is not None:
         return f"The grasp {result.robustness.names[1]}"
-    return "The closest attempt, which is no grasp"
+    return "The closest attempt (not a grasp)"
 
 
 def further_advice(result: GraspResult) -> str:
@@ -172,7 +172,7 @@ def _contacts(result: GraspResult) -> TextPart:
 
 def _quality(result: GraspResult) -> TextPart:
     rows = [(name.replace("_", " "), _short(value), description) for name, value, description in result.quality.rows()]
-    return TextPart("Quality", ("Index", "Value", "What it means"), rows, (1,))
+    return TextPart("Quality", ("Index", "Value", "Meaning"), rows, (1,))
 
 
 def _disturbances(result: GraspResult) -> TextPart:
@@ -181,7 +181,7 @@ def _disturbances(result: GraspResult) -> TextPart:
     for (x, y, moment), factor, limiting in zip(held.wrenches, held.factors, held.limiting, strict=True):
         what = ", ".join(amount_text(value, unit) for value, unit in ((x, "N"), (y, "N"), (moment, "N m")))
         rows.append((what, "no limit" if np.isinf(factor) else _short(factor), ", ".join(limiting)))
-    head = ("Disturbance: force x, y, moment", "Multiple that is resisted", "What stops it then")
+    head = ("Disturbance: force x, y, moment", "Multiple resisted", "Then limited by")
     return TextPart("Resisted disturbances", head, rows, (1,))
 
 
@@ -212,11 +212,11 @@ def _certificate(certificate: Certificate) -> TextPart:
             else [f"out of the plane the weight moves it by {1e3 * space.sinks:.2g} mm"]
         ),
         str(error),
-        f"model error, limit {1e3 * error.limit:.2g} mm{mark}: its bending moment is off by {error.moment:.1%} of the "
-        "greatest, and the tension perhaps by as much",
+        f"model error, limit {1e3 * error.limit:.2g} mm{mark}: the model's bending moment differs by "
+        f"{error.moment:.1%} of the greatest one; the tension may differ as much",
     ]
     if overlap > 0:
-        notes.append(f"fingers overlap by {1e3 * overlap:.2f} mm in the plane: they must lie at different heights")
+        notes.append(f"fingers overlap by {1e3 * overlap:.2f} mm in the plane: place them at different heights")
     head = ("Check", "Found", "In terms of", "Limit", "Verdict")
     return TextPart("Certificate", head, rows, (1, 3), f"Verified independently: {verdict}", notes)
 

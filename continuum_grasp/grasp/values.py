@@ -25,15 +25,17 @@ SATISFIED = 1e-7
 """Scaled violation below which a constraint counts as satisfied: a hundred times the tolerances of the solvers."""
 REFUTED = "refuted by the fine model"
 DRIVEN_AWAY = "but any small push drives the object away (no stable grasp was found)"
+OPENED = ". Unstable: a small push opens this grasp. (`stability: ignore` accepts it.)"
 ROUGH = 0.02
 """Change of the tension by a polygon nearer to the object's drawing from which on a warning says so [1]: as much as a
 basin must promise for the search not to be complete without it."""
-IGNORED = "stability: ignore, where the drives hold their position or something else steadies the object."
+IGNORED = "Set stability: ignore where the drives hold their position or something else steadies the object."
 STEADIER = (
-    f"For a stable grasp: contacts nearer to the base, one more contact or support, or a stiffer finger. {IGNORED}"
+    "For a stable grasp, move contacts nearer to the base, add a contact or support, or use a stiffer finger. "
+    f"{IGNORED}"
 )
 STEADIER_IN_SPACE = (
-    "For a grasp that is stable in space: a wider section of the finger, one more contact off the line of two, a "
+    "For a grasp that is stable in space, use a finger with a wider section, a contact off the line of two others, a "
     f"support, or less force. {IGNORED}"
 )
 

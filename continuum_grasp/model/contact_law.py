@@ -170,9 +170,7 @@ def touch_law_of(law: ContactLaw, rod: Rod) -> TouchLaw:
     known = {name: place for addon in addons().values() for name, place in addon.contact_laws.items()}
     if law.law not in known:
         there = ", ".join(known) or "no add-on has one"
-        raise InputError(
-            f"no such law of an add-on that is installed: {law.law!r:.60} ({there})", key="contact_law.law"
-        )
+        raise InputError(f"no installed add-on provides the law {law.law!r:.60} ({there})", key="contact_law.law")
     found: TouchLaw = named_value(known[law.law])(law, rod)
     return found
 

@@ -323,7 +323,7 @@ class FingerModel(Model):
             For others, whose tensions are inputs.
         """
         if not self.structure.own_tendons:
-            raise InputError("the tensions of this finger are its inputs, all along: read them there", key="tensions")
+            raise InputError("the tensions of this finger are its inputs: read them there", key="tensions")
         return self._tensions
 
     def tensions_at_rest(self) -> ca.Function:

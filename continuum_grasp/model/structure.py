@@ -399,8 +399,8 @@ class Structure:
         if initial.reached_by is None:
             holds = "dry friction holds" if self.finger.damping.dry_friction else "tendons with friction hold"
             raise InputError(
-                f"{holds} a finger anywhere between two shapes: state how it got there, pulling, releasing, or state "
-                "with friction_states",
+                f"{holds} a finger anywhere between two shapes: state how it got there (pulling, releasing, or "
+                "state with friction_states)",
                 key="initial.reached_by",
             )
         states = initial.friction_states

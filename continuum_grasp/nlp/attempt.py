@@ -22,11 +22,11 @@ _VIOLATED, _SAME, _STILL = 1e-3, 0.03, 1e-3
 stands still: where steps become so short, IPOPT is at a point that violates least nearby, or about to restore
 feasibility."""
 _WORDS = {
-    "Infeasible_Problem_Detected": "the solver ended where constraints cannot be met nearby",
+    "Infeasible_Problem_Detected": "the solver stopped where nearby points cannot satisfy the constraints",
     "Invalid_Number_Detected": "values were not finite",
     "Maximum_Iterations_Exceeded": "the iterations were used up",
-    "Restoration_Failed": "the solver ended where no step lowers what is violated",
-    "Search_Direction_Becomes_Too_Small": "further steps gained next to nothing",
+    "Restoration_Failed": "the solver stopped where no step lowers the violation",
+    "Search_Direction_Becomes_Too_Small": "further steps gained almost nothing",
     STOP_REQUESTED: "the search was interrupted",
     STALLED: "constraints stayed violated while the solver went on",
     SPENT: "the iterations of this start were used up",

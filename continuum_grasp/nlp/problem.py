@@ -159,7 +159,7 @@ class Violation:
     --------
     >>> from continuum_grasp.nlp import Violation
     >>> print(Violation("contact gap, tip", 0, 0.0021, "m", "contacts.tip", 0.01))
-    contact gap, tip: off by 0.0021 m (contacts.tip)
+    contact gap, tip: violated by 0.0021 m (contacts.tip)
     """
 
     name: str
@@ -171,7 +171,7 @@ class Violation:
 
     def __str__(self) -> str:
         amount = f"{100.0 * self.amount:.3g} %" if self.unit == "1" else amount_text(self.amount, self.unit)
-        words = f"off by {amount}" if math.isfinite(self.amount) else "not a finite number"
+        words = f"violated by {amount}" if math.isfinite(self.amount) else "not a finite number"
         return f"{self.name}: {words} ({self.key})"
 
 

@@ -24,7 +24,7 @@ def check_folder(folder: str | os.PathLike[str], verb: str | None = None) -> Non
         raise InputError("this folder cannot be written", file=str(there))
     kind = None if verb is None else kind_of_run(path)
     if kind not in (None, verb):
-        raise InputError(f"the folder holds what {kind} wrote; take another one, or remove it", file=str(folder))
+        raise InputError(f"the folder holds results of {kind}; choose another one, or remove it", file=str(folder))
 
 
 _HELD: dict[Path, contextlib.ExitStack] = {}
@@ -62,7 +62,7 @@ def locked(lock: Path, folder: Path, what: str) -> Iterator[None]:
     """
     with open(lock, "a+b") as file:
         if not _lock(file):
-            text = f"another {what} is at work in this folder: wait for it, or take another one"
+            text = f"another {what} is using this folder: wait for it, or choose another folder"
             raise InputError(text, file=str(folder))
         yield
 

@@ -35,7 +35,7 @@ class MotionResult(Result):
     @property
     def simulated(self) -> Any:
         """Scene by which `continuum_grasp.simulate` repeats the motion; an InputError where none does."""
-        raise InputError(f"no scene of a simulation repeats a {type(self).__name__}")
+        raise InputError(f"no simulation scene can repeat a {type(self).__name__}")
 
     @property
     def length(self) -> float:
@@ -89,7 +89,7 @@ class MotionResult(Result):
     def _page(self) -> Any:
         """Page that `show` gives, made once."""
         if not self.page:
-            raise InputError(f"there is no page of a {type(self).__name__}: take animate")
+            raise InputError(f"a {type(self).__name__} has no page: use animate")
         return self._page_maker()(self)
 
     def animate(

@@ -288,7 +288,7 @@ class Result(Summarized):
                 with suppress(ImportError):  # of one whose libraries are not installed
                     if maker := named_value(target)().page_maker(self.page):
                         return maker
-        raise InputError(f"no add-on that is installed makes a page of a {self.page}")
+        raise InputError(f"no installed add-on makes a page of a {self.page}")
 
     def _shown_pairs(self) -> Mapping[str, str]:
         count = len(self.warnings)

@@ -136,11 +136,11 @@ def _resolved(document: Document, path: KeyPath, main: Path, within: tuple[str, 
 
 def _check_version(document: Document) -> None:
     if "schema_version" not in document.value:
-        message = f"missing; a file says which format it is in: schema_version: {VERSION}"
+        message = f"missing; the file needs its format version: schema_version: {VERSION}"
         raise document.places[()].error(message, ("schema_version",))
     version, place = document.value["schema_version"], document.place(("schema_version",))
     if isinstance(version, bool) or not isinstance(version, int) or version != VERSION:
-        message = f"not a format that is read here: expected {VERSION}, got {version!r}"
+        message = f"unsupported format: expected {VERSION}, got {version!r}"
         raise place.error(message, ("schema_version",))
 
 

@@ -214,18 +214,17 @@ class ControlScene(CommandedScene):
         """Warn of a constant load of the plant that the estimator has no unknown for, and that may trip the loop."""
         if self.plant.tip_mass > self.borne_mass * (1.0 + 1e-9):
             doubt(
-                f"plant.tip_mass = {1e3 * self.plant.tip_mass:.3g} g that the controller does not know: loops bear "
-                f"{1e3 * self.borne_mass:.2g} g, and may trip with more; expected estimator.adapt.tip_mass, which "
-                "learns it"
+                f"plant.tip_mass = {1e3 * self.plant.tip_mass:.3g} g is unknown to the controller: the loop bears "
+                f"{1e3 * self.borne_mass:.2g} g and may trip with more; add estimator.adapt.tip_mass, which learns it"
             )
         length = self.finger.rod.length
         constant = [(load.force, load.at / length) for load in self.loads if isinstance(load.force, tuple)]
         pushed = math.hypot(*(math.fsum(force[k] * share for force, share in constant) for k in (0, 1)))
         if pushed > self.borne_force * (1.0 + 1e-9):
             doubt(
-                f"loads: {pushed:.3g} N at the tip that the controller does not know: loops bear "
-                f"{self.borne_force:.2g} N, and may trip with more; expected estimator.disturbances.tip_force, with "
-                "angles among what is measured"
+                f"loads: {pushed:.3g} N at the tip are unknown to the controller: the loop bears "
+                f"{self.borne_force:.2g} N and may trip with more; add estimator.disturbances.tip_force and measure "
+                "angles"
             )
 
     def _check_estimator(self, estimator: EstimatorSettings) -> None:

@@ -176,7 +176,7 @@ class CommandedScene(FingerScene, Surroundings):
             raise ValueError(f"{self.AT}.moment_max is needed: the greatest tip moment of a finger without tendons")
         pair = getattr(limits, name, None)
         if pair is None and name in ("lengths", "angles"):
-            raise ValueError(f"{self.AT}.{name} is needed: the least and the greatest that the drives are commanded")
+            raise ValueError(f"{self.AT}.{name} is needed: the least and greatest command of the drives")
         greatest = min((drive.limit for drive in self.finger.winches), default=math.inf)
         if pair is not None and max(map(abs, pair)) > greatest:
             raise ValueError(f"{self.AT}.{name}: {list(pair)} is beyond what drive.torque_max allows, {greatest:g}")

@@ -135,7 +135,7 @@ class Measured(Value):
         shows = ("tip", "bending", "length", "angle")
         if all(getattr(self, name) is None for name in shows):
             raise ValueError(
-                "measure the tip, the bending, or what winches have wound up (length, angle): the shape cannot be "
+                "measure the tip, the bending, or a winch (its length or angle): the shape cannot be "
                 "estimated from a tension alone"
             )
 

@@ -221,7 +221,7 @@ class Finger(Value):
 
     def _check_stops(self, stops: Stops) -> None:
         if stops.curvature is None and self.rod.spirob is None:
-            raise ValueError("stops.curvature is needed: only that of rod.spirob follows from its shape")
+            raise ValueError("stops.curvature is needed: only a rod.spirob implies it by its shape")
         limit, rest = self.stop_curvature, self.profile.rest_curvature
         if limit is None or rest.constant == 0.0:
             return

@@ -64,7 +64,7 @@ class Fidelity(Value):
             raise ValueError(f"{key}.elements: their lengths add up to {edges[-1]:.9g} m, the finger has {length} m")
         for at in contacts:
             if min(abs(at - edge) for edge in edges) > SAME * length:
-                raise ValueError(f"{key}.elements: none ends at {at} m, where contacts has one")
+                raise ValueError(f"{key}.elements: no element ends at {at} m, where contacts has an entry")
 
 
 class Initial(Value):

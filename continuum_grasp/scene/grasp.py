@@ -308,15 +308,15 @@ class GraspScene(Configuration, Supported):
                 )
             if fixed and body.touch == "auto" and near < least < nearly and not is_beside(self.object, body):
                 raise ValueError(
-                    f"supports.{body.name} is {least:.4g} m away from the object, too near to be meant so and too far "
-                    f"to carry it: set object.against: {body.name}, or supports.{body.name}.touch: off"
+                    f"supports.{body.name} is {least:.4g} m away from the object, too near to be clear of it, too far "
+                    f"to touch it: set object.against: {body.name}, or supports.{body.name}.touch: off"
                 )
 
 
 def check_name(name: str) -> None:
     """Refuse, by `ValueError`, what cannot be the name of a finger or a support."""
     if not _NAME.fullmatch(name):
-        raise ValueError(f"{name!r:.40} is no name: expected letters, digits and _, beginning with a letter")
+        raise ValueError(f"{name!r:.40} is not a valid name: use letters, digits and _, beginning with a letter")
 
 
 def check_finger(setup: FingerSetup, where: str, of_all: Fidelity) -> None:
@@ -325,25 +325,25 @@ def check_finger(setup: FingerSetup, where: str, of_all: Fidelity) -> None:
     length = setup.finger.rod.length
     fidelity = finger.fidelity or of_all
     if finger.tendons is None:
-        raise ValueError(f"{where}.tendons is needed: the tendon tension is what is sought")
+        raise ValueError(f"{where}.tendons is needed: the search solves for the tendon tension")
     for feature in _FINGERS:
         feature.check(finger, where)
     if setup.drive is not None and not setup.drive.greatest > 0.0:
-        raise ValueError(f"{where}.tendons.drive.torque_max is no more than coulomb_friction: it pulls nothing")
+        raise ValueError(f"{where}.tendons.drive.torque_max does not exceed coulomb_friction: the motor cannot pull")
     if isinstance(fidelity.elements, tuple):
-        raise ValueError("fidelity.elements must be a number here: the lengths of the elements are sought")
+        raise ValueError("fidelity.elements must be a number here: the search chooses the lengths of the elements")
     if all(m == "off" for m in setup.middles) and setup.tip == "off":
         raise ValueError(f"{where}: at least one of middle and tip must be on or auto")
     if setup.stations and setup.elements <= len(setup.stations):
         raise ValueError(
-            f"{where}: contacts.stations: {len(setup.stations)} needs fidelity.elements of "
-            f"{len(setup.stations) + 1} at least, got {setup.elements}"
+            f"{where}: contacts.stations: {len(setup.stations)} needs fidelity.elements of at least "
+            f"{len(setup.stations) + 1}, got {setup.elements}"
         )
     marks = (0, *setup.before, setup.elements)
     if any(b <= a for a, b in pairwise(marks)):
         raise ValueError(
-            f"{where}: fidelity.elements: {setup.elements} leave no element between two middle contacts, or before "
-            f"base or tip: take {len(setup.middles) + 1} at least"
+            f"{where}: fidelity.elements: {setup.elements} leave no element between two middle contacts, or next "
+            f"to base or tip: use at least {len(setup.middles) + 1}"
         )
     family = FAMILIES[setup.family]
     finger.check_family("fidelity.family", setup.family)
@@ -351,7 +351,7 @@ def check_finger(setup: FingerSetup, where: str, of_all: Fidelity) -> None:
         wider = " or ".join(name for name, each in FAMILIES.items() if not each.one_turn)
         raise ValueError(
             f"fidelity.bending_range = {setup.bending_range} rad is more than an element of family "
-            f"{setup.family} can follow (one turn): take more elements, or family: {wider}"
+            f"{setup.family} can follow (one turn): use more elements, or family: {wider}"
         )
     _STATIONS.check(setup, where, finger)
     high = setup.middle_bounds[1]

@@ -119,8 +119,8 @@ def _in_space(value: Any) -> Any:
     if not isinstance(value, Mapping):
         raise ValueError(f"expected {written}; in the plane give [x, y, 0]")
     raise ValueError(
-        f"has no modes: expected {written}. In the plane give [0, -9.81, 0], out of it [0, 0, -9.81], without weight "
-        "[0, 0, 0]; tilt: ignore is now upright: true, beside gravity"
+        f"expected {written}, not a mode. In the plane give [0, -9.81, 0], out of it [0, 0, -9.81], without weight "
+        "[0, 0, 0]; tilt: ignore has become upright: true, next to gravity"
     )
 
 

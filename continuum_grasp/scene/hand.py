@@ -298,22 +298,22 @@ class HandScene(Configuration):
         for support in self.supports:
             if not support.clear_from(base.position, base.direction, half) < setup.finger.rod.length:
                 raise ValueError(
-                    f"{support.key}: {setup.name} does not leave it: its base is "
+                    f"{support.key}: {setup.name} runs into it: its base is "
                     f"{1e3 * support.height(base.position):.4g} mm above it, and the finger must point away"
                 )
         if setup.friction < LEAST_FRICTION:
             raise ValueError(
-                f"contacts.friction: {setup.friction:g} for {setup.name}: expected {LEAST_FRICTION:g} or more, as "
+                f"contacts.friction: {setup.friction:g} for {setup.name}: expected at least {LEAST_FRICTION:g}; "
                 "contacts without friction hold nothing in space"
             )
         if setup.drive is not None or setup.friction_states:
-            raise ValueError("hand.finger: fingers of hands have tendons without friction and drives so far")
+            raise ValueError("hand.finger: a hand takes only tendons without friction and drives")
         if any(mass.at < setup.finger.rod.length for mass in setup.finger.masses):
-            raise ValueError("hand.finger.masses: fingers of hands carry masses at their tips only so far")
+            raise ValueError("hand.finger.masses: a hand takes only fingers with masses at their tips")
         away = math.dist(self.object.position, base.position)
         reach = setup.finger.rod.length + setup.finger.thickness_radius + self.object.size
         if away > reach:
             raise ValueError(
-                f"{setup.name} cannot reach the object: its base is {away:.3g} m from the center, and {reach:.3g} m is "
-                "the most; is object.position in meters, as the hand sees it?"
+                f"{setup.name} cannot reach the object: its base is {away:.3g} m from the center, and it reaches "
+                f"{reach:.3g} m at most; is object.position in meters, as the hand sees it?"
             )

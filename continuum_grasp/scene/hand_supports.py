@@ -212,7 +212,7 @@ def check_support(body: SolidBody, support: PlaneSupport) -> None:
         raise ValueError(f"{support.key}: the object should touch it and is {1e3 * gap:.4g} mm away: {advice}")
     if support.touch == "auto" and near < gap < _NEARLY * body.size:
         raise ValueError(
-            f"{support.key}: the object is {1e3 * gap:.4g} mm away, too near to be meant so and too far to be carried: "
+            f"{support.key}: the object is {1e3 * gap:.4g} mm away, too near to be clear of it, too far to touch it: "
             f"{advice}, or set {support.key}.touch: off"
         )
     if support.touch == "on" and not support_contacts(body, support):

@@ -210,5 +210,5 @@ def _shift(gaps: Sequence[float], slopes: Sequence[tuple[float, float]]) -> tupl
     ((c, d),) = other
     area = a * d - b * c
     if abs(area) < PARALLEL:
-        raise ValueError("object.against: the two supports face alike: between them the object is free to slide")
+        raise ValueError("object.against: the two supports are parallel: the object can slide along them")
     return (b * gaps[1] - d * gaps[0]) / area, (c * gaps[0] - a * gaps[1]) / area

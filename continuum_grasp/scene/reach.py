@@ -78,7 +78,7 @@ class Reach:
             far = math.dist((x, y), self.finger.base.position)
             if far > reach * (1.0 + WRITTEN):
                 words = f"({x:g}, {y:g}) m is {far:.4g} m from the finger's base"
-                raise InputError(f"out of reach: {words}, expected {reach:.4g} m at most", key=where)
+                raise InputError(f"out of reach: {words}, expected at most {reach:.4g} m", key=where)
         unit, why, pairs = self._limits.get(name, ("", "", ()))
         for number, (low, high) in zip(row, pairs, strict=False):
             margin = _margin(low, high)
@@ -113,8 +113,8 @@ def _check_circle(finger: Finger, key: str, circle: CircleReference) -> None:
     center, length = math.dist(circle.center, finger.base.position), finger.rod.length
     near_by, far, limit = abs(center - circle.radius), center + circle.radius, length * (1.0 + WRITTEN)
     if near_by > limit:
-        words = f"the circle is nowhere nearer than {near_by:.4g} m to the finger's base"
-        raise InputError(f"out of reach: {words}, expected {length:.4g} m at most", key=key)
+        words = f"every point of the circle is at least {near_by:.4g} m from the finger's base"
+        raise InputError(f"out of reach: {words}, expected at most {length:.4g} m", key=key)
     if far > limit:
         doubt(f"{key} is up to {far:.4g} m from the finger's base, which is out of its reach of {length:g} m")
 

@@ -149,8 +149,8 @@ class Rod(Section):
             # A spiral of fewer than four units a turn is none.
             if turn > 0.5 * math.pi:
                 raise ValueError(
-                    f"spirob.units = {self.spirob.units}: each would turn by {math.degrees(turn):.0f} degrees; take "
-                    "more units, so that it is 90 degrees at most"
+                    f"spirob.units = {self.spirob.units}: each would turn by {math.degrees(turn):.0f} degrees; use "
+                    "more units, so that each turns by at most 90 degrees"
                 )
         elif self.samples is not None:
             if not math.isclose(self.samples.at[-1], self.length, rel_tol=1e-9):
@@ -167,8 +167,8 @@ class Rod(Section):
         too_large = "m is large for a finger; is it in millimeters? (expected: m)"
         self._doubt_outside("rod.length", self.length, 0.0, 10.0, too_large)
         # Materials from soft gels to graphene, and from foams to osmium.
-        no_material = "Pa is that of no material; 60 GPa is 60e9 (expected: Pa)"
-        no_solid = "kg/m3 is that of no solid; 6.45 g/cm3 is 6450 (expected: kg/m3)"
+        no_material = "Pa fits no material; 60 GPa is 60e9 (expected: Pa)"
+        no_solid = "kg/m3 fits no solid; 6.45 g/cm3 is 6450 (expected: kg/m3)"
         usual = {
             **dict.fromkeys(("diameter", "thickness"), (0.0, 0.3, too_large)),
             "youngs_modulus": (1e3, 2e12, no_material),
@@ -212,13 +212,13 @@ class Rod(Section):
             # 1.0 / 3.0: greatest thickness of a graded rod per length: beyond, it is no thin rod
             if thickness > (1.0 / 3.0) * self.length:
                 raise ValueError(
-                    f"{key}: a thickness of {thickness:g} m is more than a third of the length of {self.length} m: not "
-                    "a thin rod"
+                    f"{key}: a thickness of {thickness:g} m is more than a third of the length of {self.length} m: "
+                    "the rod is not thin"
                 )
             if thickness < _LEAST_THICKNESS * thickest:
                 raise ValueError(
                     f"{key}: a thickness of {thickness:g} m is less than {_LEAST_THICKNESS:g} of that of the base, "
-                    f"{thickest:g} m: at a point the curvature has no bound; cut the tip off"
+                    f"{thickest:g} m: the curvature of a sharp tip has no bound; cut the tip off"
                 )
             of_cone = _LEAST_THICKNESS**4
             if stiffness < of_cone * stiffest:

@@ -89,8 +89,8 @@ class _Tensions(Value):
     def _no_tension_drive(cls, given: object) -> object:
         if isinstance(given, Mapping) and given.get("kind") == "tension":
             raise ValueError(
-                "tensions are commanded where drive is left out: leave it out here too; the lag of what commands them "
-                "is time_constant of the tendons, beside max_tension"
+                "omit drive where tensions are commanded; their lag is time_constant of the tendons, next to "
+                "max_tension"
             )
         return given
 
@@ -121,7 +121,7 @@ class Tendon(_Tensions):
 
     def _check(self) -> None:
         if abs(ends(self.offset)[0]) < LEAST_OFFSET:
-            raise ValueError(f"offset = {ends(self.offset)[0]} m at the base: a tendon in the backbone bends nothing")
+            raise ValueError(f"offset = {ends(self.offset)[0]} m at the base: a tendon on the backbone cannot bend it")
 
     @property
     def offsets(self) -> tuple[float, float]:
@@ -248,7 +248,7 @@ class Chamber(Value):
 
     def _check(self) -> None:
         if abs(self.offset) < LEAST_OFFSET:
-            raise ValueError(f"offset = {self.offset} m: a chamber around the backbone bends nothing")
+            raise ValueError(f"offset = {self.offset} m: a chamber around the backbone cannot bend the finger")
         self._check_below("min_pressure", "max_pressure")
         self._check_below("start", "to")
 

@@ -116,7 +116,7 @@ class _Builder:
         here, above = node.start_mark, (key or node).start_mark
         self.places[path] = Place(self.name, here.line + 1, here.column + 1, above.line + 1, above.column + 1)
         if node.tag not in (f"{_TAG}map", f"{_TAG}seq") and not isinstance(node, yaml.ScalarNode):
-            raise self.error(node, path, f"tags are not read, got {node.tag!r}")
+            raise self.error(node, path, f"tags are not supported, got {node.tag!r}")
         if isinstance(node, yaml.MappingNode):
             return {
                 k: self.value(child, (*path, k), key_node, (*parents, node))
@@ -134,7 +134,7 @@ class _Builder:
                 got = repr(key.value) if isinstance(key, yaml.ScalarNode) else f"a {key.id}"
                 raise self.error(key, path, f"expected a word as key, got {got}{_comma_hint(before, key, child)}")
             if key.value == "<<":
-                raise self.error(key, path, "merge keys (<<) are not read; write the values out, or use extends")
+                raise self.error(key, path, "merge keys (<<) are not supported; write the values out, or use extends")
             if key.value in lines:
                 raise self.error(key, (*path, key.value), f"duplicate key, first given in line {lines[key.value]}")
             lines[key.value] = key.start_mark.line + 1
@@ -151,7 +151,7 @@ class _Builder:
         if kind == "bool":
             return word == "true"
         if kind not in ("int", "float"):
-            raise self.error(node, path, f"tags are not read, got {node.tag!r}")
+            raise self.error(node, path, f"tags are not supported, got {node.tag!r}")
         try:
             if kind == "int":
                 base = {"0o": 8, "0x": 16}.get(text[:2], 10)

@@ -35,7 +35,7 @@ def scene_under(
     duration = float(instants[-1] - instants[0])
     count = len(instants) - 1
     if not count:
-        raise InputError("there is one instant only: nothing moves")
+        raise InputError("the motion has only one instant")
     least, most = ([getattr(each, side) for each in finger.inputs] for side in ("least", "most"))
     rows = np.clip(np.asarray(u, dtype=float), least, most)
     if len(rows) < len(instants):

@@ -132,7 +132,7 @@ class EquilibriumSearch:
         if use.max() > LOST:
             k = int(use.argmax())
             raise SolverError(
-                "the equilibrium found lies where the model means nothing",
+                "the equilibrium found lies outside the model's valid range",
                 status="beyond the bending range",
                 violated=[f"element {k + 1} is bent {use[k]:.3g} times its range of {self._model.ranges[k]:.3g} rad"],
                 advice="lower the loads, raise fidelity.bending_range, or give a guess nearer to the shape",

@@ -115,8 +115,8 @@ class _Run:
             last = result.x[-1]
             beyond = NumericalError(
                 f"element {k + 1} is about to bend beyond {LOST:g} times its declared range of "
-                f"{self._model.ranges[k]:.3g} rad after t = {result.t[-1]:g} s (state {last.tolist()}), where the "
-                f"model means nothing: {advice}",
+                f"{self._model.ranges[k]:.3g} rad after t = {result.t[-1]:g} s (state {last.tolist()}), outside "
+                f"the model's valid range: {advice}",
                 time=float(result.t[-1]),
                 state=last,
             )

@@ -49,7 +49,7 @@ def test_the_verb_is_in_the_help(installed):
 def test_without_the_addon_its_law_is_missed(tmp_path):
     done = run(tmp_path, "-m", "continuum_grasp", "simulate", SCENE, "--out", tmp_path / "run", status=2)
     assert "contact_law.law" in done.stderr
-    assert "no such law of an add-on that is installed: 'adhesive'" in done.stderr
+    assert "no installed add-on provides the law 'adhesive'" in done.stderr
 
 
 def test_a_controller_meets_the_plant(installed):

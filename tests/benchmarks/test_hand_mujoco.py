@@ -210,7 +210,7 @@ def test_a_ball_that_is_held_upright_drops_when_the_hand_turns(ball):
 
 @pytest.mark.parametrize(
     ("scene", "words"),
-    [("hand/ball", "mujoco is not installed: pip install 'continuum-grasp"), ("grasp/mug", "is for hands")],
+    [("hand/ball", "mujoco is not installed: pip install 'continuum-grasp"), ("grasp/mug", "works only for hands")],
 )
 def test_a_trial_needs_its_program_and_a_hand(scene, words, monkeypatch, tmp_path):
     monkeypatch.setattr(grasps, "find_spec", lambda _: None)

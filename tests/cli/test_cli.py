@@ -162,7 +162,7 @@ def test_what_is_found_late_is_placed_too(tmp_path):
         assert result.exit_code == 2
         assert f"{file}:{line}:1: {missing}" in result.stderr
     result = run("mpc", str(ROOT / "configs/mpc/steady_tip.yaml"), "--trials", "all", "--out", str(tmp_path))
-    assert result.stderr == "error: --trials: is for missions\n"
+    assert result.stderr == "error: --trials: works only for missions\n"
 
 
 def test_an_animation_that_cannot_be_written_is_refused_before_any_work(tmp_path, monkeypatch):
@@ -240,7 +240,7 @@ def test_numerical_failure_exits_with_1_and_saves_what_there_is(pretend):
     result = run("simulate", RELEASE)
     assert result.exit_code == 1
     assert "error: not finite at 0.1 s" in result.stderr
-    assert "what was computed until then is in runs/simulate/nitinol_release_020g" in result.stderr
+    assert "the results so far are in runs/simulate/nitinol_release_020g" in result.stderr
     assert Path("runs/simulate/nitinol_release_020g/result.npz").exists()
 
 
@@ -319,7 +319,7 @@ def test_calls_are_shares_of_the_period_of_a_clock(monkeypatch, tmp_path, most, 
         (("--clock", "168MHz"), "needs --measure"),
         (("--measure", "--clock", "0 Hz"), "expected a frequency"),
         # Before the package is made, which takes its time: host has no board, of which export_c would speak.
-        (("--measure", "--clock", "168MHz"), "needs a closed loop or a mission"),
+        (("--measure", "--clock", "168MHz"), "needs the period of a closed loop or mission"),
     ],
 )
 def test_clocks_that_cannot_be_are_refused(options, said):
@@ -334,7 +334,7 @@ def test_clocks_that_cannot_be_are_refused(options, said):
         ("mug", "c --what mpg", "what: expected some of"),
         ("mug", "c --target cortex-m9", "target: expected one of host"),
         ("mug", "c --target cortex-m4f --real double", "real: cortex-m4f computes double in software"),
-        ("mug", "c --prefix int", "prefix: expected a free C identifier"),
+        ("mug", "c --prefix int", "prefix: expected a C identifier"),
         ("mug", "c --measure", "target: host has no emulated board"),
         ("pinch", "c", "finger: expected one of"),
         ("pinch", "c --finger middle", "got 'middle'"),
@@ -343,7 +343,7 @@ def test_clocks_that_cannot_be_are_refused(options, said):
         ("mug", "fmu --step 0.001", "step: is for a simulated scene"),
         ("mug", "fmu --preview", "preview: follows its phases"),
         ("mug", "casadi --what tips", "what: expected some of"),
-        ("pinch", "web", "a page has one finger"),
+        ("pinch", "web", "a page shows one finger"),
     ],
 )
 def test_options_of_an_export_are_refused_before_the_grasp_of_a_mission_is_optimized(

@@ -132,7 +132,7 @@ def test_a_plan_that_ends_far_from_a_setpoint_which_stood_is_no_optimum(goal, co
     [
         (("none.yaml",), "none.yaml"),
         ((STEADY, "--animate", "avi"), "expected gif or mp4"),
-        ((STEADY, "--trials", "3"), "--trials: is for missions"),
+        ((STEADY, "--trials", "3"), "--trials: works only for missions"),
         ((STEADY, "--set", "plant.stiffness=-1"), "plant.stiffness"),
         ((str(ROOT / "configs/simulate/hanging.yaml"),), "expected a closed loop"),
     ],

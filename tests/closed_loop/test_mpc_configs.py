@@ -63,10 +63,10 @@ def test_pressures_take_a_stiffer_finger_to_its_setpoints():
     ("changes", "words"),
     [
         (["plant.tip_mass=1.8 g"], ""),
-        (["plant.tip_mass=1.9 g"], r"plant.tip_mass = 1.9 g .* loops bear 1.8 g"),
+        (["plant.tip_mass=1.9 g"], r"plant.tip_mass = 1.9 g .* the loop bears 1.8 g"),
         (["plant.tip_mass=1.9 g", "parameters=[tip_mass]", "estimator.adapt={tip_mass: 3 g}"], ""),
         (["loads=[{at: 0.18, force: [0.03, 0.036]}]"], ""),
-        (["loads=[{at: 0.18, force: [0.03, 0.037]}]"], r"loads: 0.0476 N at the tip .* loops bear 0.047 N"),
+        (["loads=[{at: 0.18, force: [0.03, 0.037]}]"], r"loads: 0.0476 N at the tip .* the loop bears 0.047 N"),
         (["loads=[{at: 0.09, force: [0.06, 0.072]}]"], ""),
         (["loads=[{at: 0.18, force: [0.3, 0.0]}]", "estimator.disturbances={tip_force: 0.1}"], ""),
     ],
@@ -76,7 +76,7 @@ def test_loads_that_no_unknown_stands_for_and_that_may_trip_are_doubted(changes,
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
         load(FOLDER / "steady_tip.yaml", changes)
-    texts = [str(one.message) for one in found if "loops bear" in str(one.message)]
+    texts = [str(one.message) for one in found if "the loop bears" in str(one.message)]
     assert len(texts) == bool(words)
     assert all(re.search(words, text) for text in texts)
 

@@ -402,7 +402,7 @@ def test_a_start_begins_with_inputs_as_far_as_drives_can_be():
         control.reset(u=[u])
         assert abs(control.step(None).u[0]) == pytest.approx(2.0 * MOST - RATE * 0.01)
     for u in (2.01 * MOST, -2.01 * MOST):
-        with pytest.raises(InputError, match=r"u: tip_moment \[N m\]: .* beyond what a drive can have, -0.6 to 0.6"):
+        with pytest.raises(InputError, match=r"u: tip_moment \[N m\]: .* outside the drive's range, -0.6 to 0.6"):
             control.reset(u=[u])
 
 

@@ -209,7 +209,7 @@ def test_a_function_that_no_process_can_be_sent_is_named():
     named = controller()
     named.reference(tip=lambda t: TIP)
     assert copy.copy(named).step([0.0, 0.6]).u == copy.deepcopy(named).step([0.0, 0.6]).u
-    with pytest.raises(InputError, match=r"reference\.tip: the function .*<lambda>.*top of a module"):
+    with pytest.raises(InputError, match=r"reference\.tip: the function .*<lambda>.*top level of a module"):
         pickle.dumps(named)
     named.reference(tip=upright)
     sent = pickle.loads(pickle.dumps(named))

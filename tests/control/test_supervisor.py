@@ -184,7 +184,7 @@ FAULTS = {
 NO_OFFSET = "estimator.disturbances={tip_moment: 0.01}"
 # The cause that the trip names, of those that leave no doubt.
 UNSEEN = "is missing, beyond its limits or does not move, and nothing else shows the shape"
-UNANSWERED = "shows nothing of what the drives move"
+UNANSWERED = "does not respond to the drives"
 REASONS = {
     "tip stuck": UNSEEN,
     "old image with noise": UNANSWERED,

@@ -89,7 +89,7 @@ def test_limits_that_no_design_satisfies(moment, expression, limit):
 @pytest.mark.parametrize("cost", ["tension / (e - 0.005)", "log(e - 0.005)", "tension + sqrt(e - 0.005)"])
 def test_a_cost_that_is_no_number_is_no_design(cost):
     """At the start e is 5 mm: infinite, no number, and of infinite slope."""
-    with pytest.raises(SolverError, match="not a finite number") as caught:
+    with pytest.raises(SolverError, match="not finite") as caught:
         designed(minimize=cost)
     found = caught.value.result
     assert (found.status, found.influences, found.values) == (DesignStatus.NO_GRASP, (), {})

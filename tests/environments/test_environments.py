@@ -430,7 +430,7 @@ def test_contact_forces():
         (lambda env: env.step(np.ones((12, 3))), "shape"),
         (lambda env: env.reset(options={"pose": 1}), "reset_mask or scene"),
         (lambda env: env.reset(options={"scene": 12}), "from 0 to 11"),
-        (lambda env: env.reset(options={"reset_mask": np.zeros(12, dtype=bool)}), "some of them true"),
+        (lambda env: env.reset(options={"reset_mask": np.zeros(12, dtype=bool)}), "at least one true entry"),
         (lambda env: FingerVectorEnv(SWEEP, 0), "num_envs"),
         (lambda env: FingerVectorEnv(SWEEP, 1, substeps=0), "substeps"),
         (lambda env: FingerVectorEnv({**SWEEP, "scene": "configs/mpc/none.yaml"}, 1), "no such file"),

@@ -327,7 +327,7 @@ def test_an_earlier_package_is_replaced_and_nothing_else(tmp_path):
     for changed in (board, tmp_path / "MANIFEST.json"):
         before = changed.read_text()
         changed.write_text("{}")
-        with pytest.raises(InputError, match="is not as an export left it"):
+        with pytest.raises(InputError, match="has changed since its export"):
             export_c(scene("arcs"), tmp_path, what=["step"], prefix="tip")
         assert (changed.read_text(), (tmp_path / "README.md").stat().st_size > 1000) == ("{}", True)
         changed.write_text(before)
@@ -431,9 +431,9 @@ def test_a_name_means_nothing_to_a_language(tmp_path):
         ({"what": ["mpc"]}, "needs a closed loop"),
         ({"what": []}, "one part or more"),
         ({"what": ["step", "step"]}, "each once"),
-        ({"prefix": "2f"}, "free C identifier"),
-        ({"prefix": "double"}, "free C identifier"),
-        ({"prefix": "Finger"}, "free C identifier"),
+        ({"prefix": "2f"}, "expected a C identifier"),
+        ({"prefix": "double"}, "expected a C identifier"),
+        ({"prefix": "Finger"}, "expected a C identifier"),
         ({"prefix": "string"}, "no word, header"),
         ({"prefix": "test"}, "no word, header"),
         ({"prefix": "board"}, "no word, header"),
@@ -457,7 +457,7 @@ def test_a_name_means_nothing_to_a_language(tmp_path):
             for values, message in (
                 ((0.01, 0.02), "leaves out the nominal value"),
                 ((0.02, 0.01), "a least and a greatest value"),
-                ((-0.01, 0.01), "cannot be below zero"),
+                ((-0.01, 0.01), "cannot be negative"),
                 ((0.0, float("inf")), "a least and a greatest value"),
             )
         ],

@@ -273,7 +273,7 @@ def test_what_goes_beside_measurements(libraries):
     assert said.missed == 0.0
     control.elapsed(0.0)
     control.step(state, rows)
-    assert finger.ANOMALIES[control.diagnosis().anomalies].startswith("the time of the call is not used")
+    assert finger.ANOMALIES[control.diagnosis().anomalies].startswith("the time of the call is ignored")
     for function in (control.elapsed, control.age):
         for wrong in (-1.0, math.nan, math.inf):
             with pytest.raises(finger.Error):

@@ -93,5 +93,5 @@ def test_what_was_torn_or_interrupted_does_not_block_the_next_export(tmp_path, m
     write_package(tmp_path, *third)
     assert (tmp_path / "b.c").read_text() == "-3;\n"
     (tmp_path / "b.c").write_text("-3; /* mine */\n")
-    with pytest.raises(InputError, match="is not as an export left it"):
+    with pytest.raises(InputError, match="has changed since its export"):
         write_package(tmp_path, *second)

@@ -298,7 +298,7 @@ def test_what_no_page_plays_back_says_why():
     [
         ("grasp/mug", [], "expected a Scene or a ControlScene or a MissionScene"),
         ("mpc/steady_tip", ["plant.guides=12"], "plant.guides"),
-        ("mission/pinch", [], "a page has one finger, and this mission 2"),
+        ("mission/pinch", [], "a page shows one finger, not 2"),
         ("mission/mug", [], "the grasp of this mission is not optimized yet"),
         ("simulate/spirob_units", [], "fidelity.elements: a page has no sweeps along the chain"),
     ],

@@ -384,13 +384,13 @@ def test_of_what_many_disturbances_break_the_worst_is_named():
 
 def test_what_was_tried_in_vain_is_counted():
     verdict = solve._Verdict(load(CONFIGS / "pinch.yaml"), Budget())
-    assert "no posture touches the object" in verdict._unsolved(None).message
+    assert "No posture touches the object" in verdict._unsolved(None).message
     start = SimpleNamespace(label="scan", contacts={})
     ended = {"iterations": 3, "seconds": 0.1, "objective": 1.0, "badness": 0.5, "start": start}
     tried = SimpleNamespace(attempt=SimpleNamespace(outcome="Stalled", converged=False, **ended))
     verdict.search.tried += [tried] * 48
     message = verdict._unsolved(None).message
-    assert "48 starting postures were tried, and none reached contact and balance of forces" in message
+    assert "48 starting postures were tried; none reached contact and force balance." in message
     assert "Stalled" not in message
 
 
@@ -407,7 +407,7 @@ def test_violated_constraints_are_reported_in_newtons_and_newton_meters():
         return {violation.name: str(violation) for violation in attempt.violations}
 
     weak = reported(**{"finger.tendons.max_tension": greatest - 2.0})
-    assert weak["tendon tension, finger"] == "tendon tension, finger: off by 2 N (finger.tendons.max_tension)"
+    assert weak["tendon tension, finger"] == "tendon tension, finger: violated by 2 N (finger.tendons.max_tension)"
     aside = reported(**{"object.center_of_mass": [0.003, 0.0]})
     moment = f"{1e3 * 0.3 * 9.81 * 0.003:.3g} mN m"
-    assert aside["object moment balance"] == f"object moment balance: off by {moment} (object)"
+    assert aside["object moment balance"] == f"object moment balance: violated by {moment} (object)"

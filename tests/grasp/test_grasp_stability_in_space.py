@@ -249,5 +249,5 @@ def test_a_grasp_that_need_not_be_stable_says_that_it_is_not():
     scene = cg.load("configs/grasp/pinch.yaml").changed({**ROUND, "stability": "ignore"})
     found = cg.optimize_grasp(scene)
     assert found.status == "optimal"
-    assert "held but unstable" in found.message
+    assert "Unstable: a small push opens this grasp." in found.message
     assert any("not stable in space" in warning for warning in found.warnings)

@@ -113,5 +113,5 @@ def test_stations_stand_in_place_of_middle_contacts() -> None:
 
 
 def test_there_is_an_element_between_every_two_stations() -> None:
-    with pytest.raises(InputError, match=r"stations: 8 needs fidelity\.elements of 9 at least, got 8"):
+    with pytest.raises(InputError, match=r"stations: 8 needs fidelity\.elements of at least 9, got 8"):
         _mug(stations=8, middle_range=(0.06, 0.12))

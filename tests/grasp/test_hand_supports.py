@@ -128,7 +128,7 @@ def test_a_face_reaches_no_further_than_the_disc():
         ({"object.against": "table"}, "object.against: there is no table"),
         ({"hand.palm": {"height": -0.06, "radius": 0.001, "touch": "on"}}, "lies beside the disc"),
         ({"table": {"point": [0, 0, 0.2], "normal": [0, 0, -1], "touch": "on"}}, "table: the object should touch it"),
-        ({"hand.palm": {"height": -0.2}, "object.position": [0, 0, -0.25]}, "hand.palm: finger_1 does not leave it"),
+        ({"hand.palm": {"height": -0.2}, "object.position": [0, 0, -0.25]}, "hand.palm: finger_1 runs into it"),
     ],
 )
 def test_what_does_not_lie_as_it_should_is_named(changes, said):

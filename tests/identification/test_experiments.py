@@ -147,9 +147,9 @@ def test_choices_have_their_place(changes, match):
 
 def test_what_cannot_be_designed_is_refused():
     bare = {key: value for key, value in MOMENT.items() if key != "choices"}
-    with pytest.raises(InputError, match="expected choices of tip_moment"):
+    with pytest.raises(InputError, match="expected choices for tip_moment"):
         design_experiments(scene([{"name": "bending_stiffness"}], conditions=[bare]))
-    with pytest.raises(InputError, match="nothing is to be designed"):
+    with pytest.raises(InputError, match="there is nothing to design"):
         design_experiments(scene([{"name": "bending_stiffness"}], conditions=[bare], propose=None))
     many = MOMENT | {"choices": np.linspace(0.0, 0.02, 6000).tolist()}
     with pytest.raises(InputError, match="make 6000 rows"):

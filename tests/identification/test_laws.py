@@ -115,7 +115,7 @@ def test_what_cannot_be_chosen_is_refused():
         scene(PLAIN, PLAIN)
     t = np.linspace(0.01, 0.3, 30)
     alone = TipPath(t, at_tip(0.01 * t, 0.2 + 0.0 * t))
-    with pytest.raises(InputError, match="hold rows or a set out"):
+    with pytest.raises(InputError, match="hold out rows or a set"):
         cg.identify(scene(PLAIN, TURNED), alone)
     wrong = {"name": "wrong", "set": ["finger.softening.ratio=0.2"]}
     with pytest.raises(InputError) as error:

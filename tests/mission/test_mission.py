@@ -43,9 +43,7 @@ COSTLY_FIXTURES = ("held",)
 def test_a_mission_of_several_fingers_is_not_simulated_and_says_what_is():
     several = object.__new__(MissionRun)
     object.__setattr__(several, "runs", (None, None))
-    with pytest.raises(
-        InputError, match=r"a scene has one finger, and this mission 2: simulate the closed loop of one"
-    ):
+    with pytest.raises(InputError, match=r"a scene has one finger, not 2: simulate the closed loop of one"):
         simulate(several)
 
 
@@ -556,7 +554,7 @@ def test_a_page_plays_it_back_and_goes_on_with_its_weights(held):
     force = [name.startswith("contact_force") and "rate" not in name for name in loop.r_names]
     weights = np.array([change["weights"] for change in changes])
     assert (weights[:, force].max(axis=1) > 0.0).tolist() == [False, True, True, False]
-    with pytest.raises(InputError, match="one finger, and this mission 2"):
+    with pytest.raises(InputError, match="one finger, not 2"):
         replace(held, runs=(loop, loop)).show()
     with pytest.raises(InputError, match="friction does not change"):
         replace(held, variation=PlantVariation(friction_fall=0.3)).show()

@@ -112,7 +112,7 @@ def test_fingers_let_go_at_once_where_one_is_blind_before_the_lift(since, blind,
         ({"anomaly": Anomaly.BLIND}, "nothing was measured"),
         ({"trip": Trip.UNSEEN}, "the controller is tripped (unseen)"),
         ({"health": Health.FROZEN}, "a reading is frozen"),
-        ({"status": CommandStatus.SAFE_RAMP}, "no plan was found for as long as one lasts"),
+        ({"status": CommandStatus.SAFE_RAMP}, "no plan was found for a whole horizon"),
         ({}, "no sensor shows the shape"),
     ],
 )
@@ -279,6 +279,6 @@ def test_more_is_needed_than_is_borne_at_any_tension(assignments, states, monkey
 
     check(0.999 * least)
     for entry in (check_mission, run_mission, run_trials):
-        with pytest.raises(SolverError, match=r"not reached on pads of 2000 N/m") as error:
+        with pytest.raises(SolverError, match=r"do not reach the grasp on pads of 2000 N/m") as error:
             check(1.001 * least, entry)
         assert (error.value.status, [text.split()[0] for text in error.value.violated]) == ("not_loaded", [contact])

@@ -143,10 +143,10 @@ def test_several_fingers_do_not_turn():
     ("position", "said"),
     few(
         [
-            ([0.020, -0.008], "stands 6.86 mm inside of palm"),
-            ([0.080, -0.008], "the straight finger overlaps the object"),
+            ([0.020, -0.008], "lies 6.86 mm inside palm"),
+            ([0.080, -0.008], "the object overlaps the straight finger"),
             ([0.029, 0.200], "out of reach"),
-            ([0.030, -0.070], "first at 0.072 m of its length, not with its tip"),
+            ([0.030, -0.070], "first at 0.072 m of its length, not at the tip"),
         ],
         2,
     ),

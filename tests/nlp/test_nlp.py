@@ -328,9 +328,9 @@ def test_violations_are_named_with_their_amounts():
     assert_allclose(upper, [0, 0, 0, 0, 4, 4, 4])
     g = np.array([0.0, 0.01, -0.002, 0.0, -1.0, 2.0, 4.5])
     gap, force = (block.violation(g[block.rows]) for block in constraints.blocks)
-    assert (str(gap), gap.index) == ("gap: off by 0.001 m (contacts.tip)", 1)
+    assert (str(gap), gap.index) == ("gap: violated by 0.001 m (contacts.tip)", 1)
     assert (force.amount, force.scaled, force.index) == (2.0, 1.0, 0)
-    assert str(replace(force, unit="1", amount=0.00316)) == "force: off by 0.316 % (contacts.force)"
+    assert str(replace(force, unit="1", amount=0.00316)) == "force: violated by 0.316 % (contacts.force)"
     assert str(replace(force, amount=INF)) == "force: not a finite number (contacts.force)"
     g[5] = np.nan
     assert constraints.blocks[1].violation(g[constraints.blocks[1].rows]).scaled == INF

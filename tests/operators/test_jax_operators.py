@@ -100,7 +100,7 @@ def test_what_does_not_fit_is_refused(operators):
             lambda: operators.forward_dynamics(x[:, :3]),
             "forward_dynamics: x has 4 entries, got an array of shape (3, 3)",
         ),
-        (lambda: operators.forward_dynamics(x, jnp.zeros((2, 1))), "leading dimensions do not fit"),
+        (lambda: operators.forward_dynamics(x, jnp.zeros((2, 1))), "leading dimensions do not match"),
         (lambda: operators.forward_dynamics(x.astype(int)), "x: expected an array of float64 or float32, got int64"),
         (lambda: operators.forward_dynamics("x"), "x: expected an array of numbers"),
         (lambda: operators.tip(x[:, :2], v=u), "tip: unknown input 'v', expected q, u, p"),

@@ -163,7 +163,7 @@ def test_weighted_goal_that_a_limit_keeps_out_of_reach_is_missed():
     found = cg.plan(scene(0.0, "pulley", fidelity=ARCS, bounds=limits))
     assert found.status == "goal_missed"
     off = np.linalg.norm(found.tip[-1] - AIM)
-    assert any(f"goal tip: off by {off:.3g} m" in warning for warning in found.warnings)
+    assert any(f"goal tip: violated by {off:.3g} m" in warning for warning in found.warnings)
     assert off > 0.05
 
 

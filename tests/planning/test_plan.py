@@ -317,12 +317,12 @@ def test_known_loads_bend_the_plan():
 @pytest.mark.parametrize(
     ("changes", "texts"),
     [
-        ({"goal": {"tip": (-0.01, 0.29)}}, ["goal out of reach", "nearest tip reached", "goal tip: off by"]),
+        ({"goal": {"tip": (-0.01, 0.29)}}, ["goal out of reach", "nearest tip reached", "goal tip: violated by"]),
         (
             {"goal": {"bending": (1.2, 1.0)}, "input": {"moment_max": 0.08}},
             ["input limit", "input.moment_max", "goal bending"],
         ),
-        ({"duration": 0.02}, ["duration", "goal bending: off by"]),
+        ({"duration": 0.02}, ["duration", "goal bending: violated by"]),
         ({"input": {"moment_max": 0.3, "rate_max": 0.5}}, ["rate limit", "input.rate_max"]),
         ({"goal": {"bending": (2.0, 2.0)}, "bounds": {"curvature": 5.0}}, ["curvature limit", "bounds.curvature"]),
         (
@@ -357,7 +357,7 @@ def test_goal_that_has_a_weight_is_missed_beyond_its_tolerance(aim, share, statu
     assert loose.status is PlanStatus.OPTIMAL
     assert tight.status is status
     assert tight.solved
-    assert any(f"goal {name}: off by {off:.3g}" in text for text in tight.warnings) is (share < 1.0)
+    assert any(f"goal {name}: violated by {off:.3g}" in text for text in tight.warnings) is (share < 1.0)
 
 
 BEYOND = {"tip": {"value": (-0.2, 0.15), "weight": 1e5}, "end": "still"}
@@ -416,7 +416,7 @@ def test_a_search_that_is_cut_says_so_where_its_motion_misses_the_goal():
     found = _result(search)
     assert found.status is PlanStatus.NOT_SOLVED
     assert found.message.startswith("no plan was found: the iterations were used up; the motion there misses goal bend")
-    assert found.violated == ("goal bending: off by 0.4 rad (goal.bending)",)
+    assert found.violated == ("goal bending: violated by 0.4 rad (goal.bending)",)
     assert "more iterations" in found.advice
 
 
@@ -505,7 +505,7 @@ def test_a_bound_that_cannot_be_satisfied_is_named_with_its_amount_and_instant()
     amount = 0.011 - np.array(model.tip(moved, [-0.3], [])).ravel()[0]
     assert found.status is PlanStatus.INFEASIBLE
     assert f"wall is left by {amount:.3g} m at t = {first:.3g} s" in found.message
-    assert any(text == f"wall: off by {amount:.3g} m (bounds.keep_out.wall)" for text in found.violated)
+    assert any(text == f"wall: violated by {amount:.3g} m (bounds.keep_out.wall)" for text in found.violated)
     # Known from the first three of 25 intervals: whole horizons from five sides took a minute.
     assert len(found.t) == 4
     assert len(found.statistics["starts"]) == 1

@@ -181,7 +181,7 @@ def test_more_steps_than_can_be_taken_are_refused_with_what_to_try(monkeypatch, 
         if not refused:
             assert motion.steps == (given or 9, 2)  # 0.1 % of a mode of 40/s over 25 ms
             continue
-        with pytest.raises(InputError, match=r"up to 1e\+12 1/s, for which each of 4 intervals needs more") as caught:
+        with pytest.raises(InputError, match=r"up to 1e\+12 1/s, so each of 4 intervals needs more") as caught:
             _ = motion.steps
         assert caught.value.key == ("solver.substeps" if given else "method")
         assert ("method: collocation" in str(caught.value)) is not sudden
@@ -418,4 +418,4 @@ def test_what_is_violated_is_judged_in_units_of_the_problem(searched, monkeypatc
         monkeypatch.setattr(searched, "attempts", [("direct", replace(attempt, g=g))])
         monkeypatch.setattr(searched, "best", None)
         monkeypatch.setattr(searched, "diagnosis", None)
-        assert any(text.startswith(f"{block.name}: off by") for text in _result(searched).violated) is named
+        assert any(text.startswith(f"{block.name}: violated by") for text in _result(searched).violated) is named

@@ -119,7 +119,9 @@ def test_a_folder_of_another_command_is_refused_before_anything_is_computed(comm
     save(tmp_path, 1.0, "other")
     result = run(*COMMANDS[command], "--out", tmp_path)
     assert result.exit_code == 2
-    assert result.stderr == (f"error: {tmp_path}: the folder holds what other wrote; take another one, or remove it\n")
+    assert result.stderr == (
+        f"error: {tmp_path}: the folder holds results of other; choose another one, or remove it\n"
+    )
     assert names(tmp_path) == RUN
 
 
@@ -132,7 +134,7 @@ def test_the_second_of_two_runs_in_a_folder_is_refused_while_the_first_is_alive(
         assert other.stdout.readline() == "held\n"
         second = run("modes", RELEASE, "--out", tmp_path / "run")
         assert second.exit_code == 2
-        assert second.stderr.startswith(f"error: {tmp_path / 'run'}: another run is at work in this folder")
+        assert second.stderr.startswith(f"error: {tmp_path / 'run'}: another run is using this folder")
         assert not (tmp_path / "run").exists()
         other.kill()
     for _ in range(2):  # one after another, also within a process

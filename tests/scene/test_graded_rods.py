@@ -235,7 +235,7 @@ WRONG = {
     ),
     "few units": (
         "SOFT spirob: {base_thickness: 0.04, tip_thickness: 0.005, units: 3, core: 0.1}",
-        "finger.rod.spirob.units: spirob.units = 3: each would turn by 255 degrees; take more units",
+        "finger.rod.spirob.units: spirob.units = 3: each would turn by 255 degrees; use more units",
     ),
 }
 

@@ -117,7 +117,7 @@ def test_supports_that_place_nothing_are_refused(against, supports, message):
 
 def test_parallel_supports_and_the_end_of_an_edge_are_refused():
     two = {"palm": PALM, "other": PALM | {"normal_angle": 0.3 + math.pi, "point": [1.0, 0.0]}}
-    with pytest.raises(InputError, match="face alike"):
+    with pytest.raises(InputError, match="are parallel"):
         load(MUG, {"supports": two, "object.against": ["palm", "other"]})
     short = {"edge": {"type": "line", "start": [0.2, -0.1], "end": [0.3, -0.1]}}
     with pytest.raises(InputError, match="beside the ends of edge"):

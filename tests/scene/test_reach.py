@@ -60,7 +60,7 @@ def test_points_beyond_the_length_are_refused_with_their_key(kind):
     with pytest.raises(InputError, match="out of reach") as caught:
         cg.load(CONFIGS / file, changes)
     assert key in str(caught.value)
-    assert f"expected {0.5 * LENGTH if 'shape' in kind else LENGTH:g} m at most" in str(caught.value)
+    assert f"expected at most {0.5 * LENGTH if 'shape' in kind else LENGTH:g} m" in str(caught.value)
     file, changes, _ = at(0.999)[kind]
     assert isinstance(cg.load(CONFIGS / file, changes), BaseModel)
 
@@ -70,7 +70,7 @@ def test_file_and_line_of_a_goal_out_of_reach(tmp_path):
     file = tmp_path / "far.yaml"
     file.write_text(text.replace("../fingers", str(CONFIGS / "fingers")))
     line = 1 + next(k for k, row in enumerate(text.splitlines()) if "value: [1.0" in row)
-    with pytest.raises(InputError, match=r"\(1, 1\) m is 1.414 m from the finger's base, expected 0.18 m") as caught:
+    with pytest.raises(InputError, match=r"\(1, 1\) m is 1.414 m from the finger's base, expected at most 0.18 m") as caught:
         cg.load(file)
     assert (caught.value.file, caught.value.line, caught.value.key) == (str(file), line, "goal.tip")
 

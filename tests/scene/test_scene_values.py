@@ -119,7 +119,7 @@ def test_a_duration_is_a_whole_number_of_steps_but_for_rounding(excess, taken):
 @pytest.mark.parametrize(
     ("gravity", "said"),
     [
-        ({"mode": "out_of_plane", "magnitude": 9.81}, r"gravity: has no modes: .* out of it \[0, 0, -9.81\]"),
+        ({"mode": "out_of_plane", "magnitude": 9.81}, r"gravity: expected .*, not a mode.* out of it \[0, 0, -9.81\]"),
         ([0.0, -9.81], r"gravity: expected three components .* in the plane give \[x, y, 0\]"),
         (9.81, "gravity: wrong type: expected a list of 3"),
     ],

@@ -187,7 +187,7 @@ WRONG = {
     ),
     "too many": (
         "vary: {object.mass: {min: 1, max: 2, count: 99999}, object.angle: {min: 1, max: 2, count: 99999}}",
-        "are more than the 10000000 that are possible",
+        "scenes; the limit is 10000000",
     ),
 }
 

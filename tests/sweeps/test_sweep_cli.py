@@ -115,5 +115,5 @@ def test_a_sweep_without_any_grasp_warns(tmp_path):
     )
     found = run("sweep", config, "--out", tmp_path / "out", "--workers", 1)
     assert found.exit_code == 0
-    assert "warning: no scene has a grasp; the first row says: " in found.stderr
+    assert "warning: no scene has a grasp; first row: " in found.stderr
     assert "inside the object" in found.stderr

@@ -201,7 +201,7 @@ def test_ctrl_c_stops_and_says_how_to_go_on(tmp_path):
         _, said = process.communicate(timeout=20)
     assert process.returncode == 130
     assert said.splitlines()[-1].startswith("interrupted: ")  # after lines of progress, where it took long
-    assert f"of 2000 scenes are in {folder / 'table.jsonl'}; the same command goes on from there" in said
+    assert f"of 2000 scenes are in {folder / 'table.jsonl'}; run the same command to resume" in said
     assert 3 <= len(sweep_table(folder)) < 2000
 
 

@@ -86,7 +86,7 @@ class HandChain:
 def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
     """The model of a grasp that was found."""
     if not result.arrays:
-        raise InputError(f"there is no grasp to be exported: {result.message}")
+        raise InputError(f"there is no grasp to export: {result.message}")
     scene = result.scene
     solid = result.scene.object
     chains = [HandFingerChain(result, k, hinges) for k in range(len(scene.setups))]

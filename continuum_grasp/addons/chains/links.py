@@ -156,8 +156,8 @@ def _edges(profile: Profile, count: int, marks: Sequence[float]) -> Array:
     bounds = [0.0, *(b for a, b in pairwise([0.0, *inside]) if b - a > SAME * length), length]
     if count < len(bounds) - 1:
         raise InputError(
-            f"expected {len(bounds) - 1} at least, one for each part between the places where the bending moment jumps "
-            f"(ends of tendons, couples), got {count}",
+            f"expected at least {len(bounds) - 1}, one per segment between jumps of the bending moment "
+            f"(tendon ends, couples), got {count}",
             key="hinges",
         )
     # 4097: places of the table from which the elements' ends are taken: four times as many as the most hinges

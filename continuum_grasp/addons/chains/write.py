@@ -35,8 +35,7 @@ _CONTACT = "contacts are MuJoCo's own, as stiff as the step allows"
 _CHAIN = Consumer(
     "export to mjcf",
     refused={
-        "finger.tendons.drive.kind=motor": "motors are not exported, which would be hinges of their own: command "
-        "lengths (kind: length) or tensions",
+        "finger.tendons.drive.kind=motor": "the export has no motors: command lengths (kind: length) or tensions",
         **Consumer.unknown_laws("the chain", "finger.stops"),
         "finger.damping.dry_friction": "MuJoCo's friction is a steep damper, under which a bend that should stay "
         "creeps: leave dry_friction out",
@@ -49,10 +48,10 @@ _CHAIN = Consumer(
         "finger.tendons.drive.rate_max": "the winches are as fast as their lag allows",
         "finger.damping.per_arc": "spread over the hinges of each element, which damps bends within it too",
         "object": f"{_CONTACT}, with the scene's friction; all links of the finger touch, not its stations",
-        **{f"contact_law.{key}": f"not taken; {_CONTACT}" for key in ("stiffness", "dissipation", "rounding")},
-        **{f"contact_law.{key}": "not taken; MuJoCo has its own creep" for key in ("presliding", "slip_speed")},
-        "contact_law.viscous": "not taken; MuJoCo's friction does not grow with the slip",
-        **{f"contact_law.{key}": f"not taken; {_CONTACT}" for key in ("law", "law_numbers")},
+        **{f"contact_law.{key}": f"unsupported; {_CONTACT}" for key in ("stiffness", "dissipation", "rounding")},
+        **{f"contact_law.{key}": "unsupported; MuJoCo has its own creep" for key in ("presliding", "slip_speed")},
+        "contact_law.viscous": "unsupported; MuJoCo's friction does not grow with the slip",
+        **{f"contact_law.{key}": f"unsupported; {_CONTACT}" for key in ("law", "law_numbers")},
         "out_of_plane_gravity": "the table's friction acts along x, along y and against turning apart",
         "parameters": "they have their nominal values",
     },
@@ -209,8 +208,8 @@ def _of_finger(scene: Scene, file: str | os.PathLike[str] | None, hinges: int) -
     links = Links.of(scene.finger, hinges, [at for control in controls for at in control.jumps], per_arc=per_arc)
     if links.inertia.min() < _LEAST_INERTIA:
         raise InputError(
-            f"a link of {hinges} has an inertia of {links.inertia.min():.2g} kg m2, below MuJoCo's least of "
-            f"{_LEAST_INERTIA:g}: take fewer",
+            f"with {hinges} hinges a link has an inertia of {links.inertia.min():.2g} kg m2, below MuJoCo's minimum of "
+            f"{_LEAST_INERTIA:g}: use fewer",
             key="hinges",
         )
     pulsations, _ = links.pulsations()

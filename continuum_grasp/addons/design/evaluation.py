@@ -307,7 +307,7 @@ class DesignProblem:
         value = expression.value(quantities)
         slope = expression.gradient(quantities, slopes)
         if not (np.isfinite(value) and np.isfinite(slope).all()):
-            raise LostGrasp(f"{values.case}: {text} or its slope is not a finite number there ({value:g})")
+            raise LostGrasp(f"{values.case}: {text} or its derivative is not finite at this design ({value:g})")
         return DesignNumber(text, values.case, values.signs, value, slope)
 
     def _costs(self, cases: tuple[CaseValues, ...], chosen: list[float]) -> tuple[DesignNumber, ...]:

@@ -62,7 +62,7 @@ class CaseGrasps:
             self.found = self._searched(scene)
             grasp = self._follower.again(self.found)
             if grasp is None:
-                raise LostGrasp(f"{self.name}: the grasp was found but not again from its own numbers")
+                raise LostGrasp(f"{self.name}: the solver found the grasp, but not a second time from its own numbers")
             self._take("objective", grasp)
         if "payload" in self.wanted:
             self._search_payload(scene)
@@ -130,7 +130,7 @@ class CaseGrasps:
                 continue
             grasp = self._follower.heaviest(result, mass)
             if grasp is None:
-                raise LostGrasp(f"{self.name}: no payload was found from the grasp of {mass:.3g} kg")
+                raise LostGrasp(f"{self.name}: the solver found no payload, starting from the grasp of {mass:.3g} kg")
             if best is not None and grasp.quantities["payload"] < best.quantities["payload"] * (1.0 + SAME):
                 break
             best = grasp

@@ -147,7 +147,7 @@ class _Box:
             self.known[key] = self.evaluate(u)
             # 5: designs without a grasp after which a run of the optimizer ends: each takes a full search
             if self.known[key] is None and self.lost >= 5:
-                raise LostGrasp("too many designs in the box lose a grasp")
+                raise LostGrasp("too many designs within the bounds lose a grasp")
         evaluation = self.known[key]
         if evaluation is None:
             count = len(start.limits) + self.bounded * len(start.costs)

@@ -53,7 +53,7 @@ class DesignVariable(Value):
         if self.start is not None and not self.min <= self.start <= self.max:
             raise ValueError(f"start = {self.start:g} is not within {self.min:g} and {self.max:g}")
         if self.name in DESIGN_QUANTITIES or self.name in FUNCTIONS:
-            raise ValueError(f"name: {self.name!r} has a meaning in expressions already")
+            raise ValueError(f"name: {self.name!r} is already defined in expressions")
 
     def value(self, coordinate: float) -> float:
         """The value at a coordinate, which goes from 0 at the least value to 1 at the greatest."""
@@ -145,7 +145,7 @@ class Design(Varied):
         for name in self.cases:
             if not re.fullmatch(r"[\w .,+%=-]{1,60}", name):
                 raise ValueError(
-                    f"cases: {name!r} cannot name a folder: expected letters, digits, blanks and _ . , + - = % alone"
+                    f"cases: {name!r} cannot name a folder: use only letters, digits, spaces and _ . , + - = %"
                 )
         for key in self.tolerances:
             if key in self.follow:
@@ -180,11 +180,11 @@ def names_in(expression: str) -> frozenset[str]:
 def check_expression(key: str, expression: str, known: tuple[str, ...]) -> None:
     """Refuse an expression that is no formula of known names; the message begins with the key."""
     if len(expression) > _MOST_SYMBOLS:
-        raise ValueError(f"{key}: an expression of {len(expression)} characters is more than {_MOST_SYMBOLS}")
+        raise ValueError(f"{key}: the expression has {len(expression)} characters; the limit is {_MOST_SYMBOLS}")
     try:
         tree = ast.parse(expression.strip(), mode="eval")
     except SyntaxError as error:
-        raise ValueError(f"{key}: {expression!r} is no formula ({error.msg})") from None
+        raise ValueError(f"{key}: {expression!r} is not a valid formula ({error.msg})") from None
     for node in ast.walk(tree.body):
         match node:
             case ast.Name(id=name) if name not in known and name not in FUNCTIONS:
@@ -200,6 +200,6 @@ def check_expression(key: str, expression: str, known: tuple[str, ...]) -> None:
             case _:
                 what = ast.unparse(node) if isinstance(node, ast.expr) else type(node).__name__
                 allowed = f"numbers, names, + - * / ** ( ) and {', '.join(FUNCTIONS)}"
-                raise ValueError(f"{key}: {what!r} has no place in {expression!r}: expected {allowed}")
+                raise ValueError(f"{key}: {what!r} is not allowed in {expression!r}: expected {allowed}")
     if not names_in(expression) & set(known):
-        raise ValueError(f"{key}: {expression!r} names nothing that a design could change")
+        raise ValueError(f"{key}: {expression!r} contains nothing that a design can change")

@@ -180,8 +180,8 @@ def _correlated(problem: FitProblem, weighted: Array) -> list[str]:
             span = f"over {last} instants" if of.moves else f"over {last} rows"
             messages.append(
                 f"residuals of {of.name} are correlated in time ({span}, {sure:.0f} deviations): the model misses "
-                "something, for which the intervals are wider, as if it were noise, and estimates may be off by more; "
-                "more elements show whether it is the family's own error"
+                "an effect; the intervals count it as noise, but estimates may be off by more; more elements show "
+                "whether it is the family's own error"
             )
     return messages
 

@@ -159,14 +159,14 @@ def _designed(scene: IdentifyScene) -> tuple[list[tuple[int, StaticPoses]], list
     logged = moving[:1] if "excitation" in scene.model_fields_set else []
     if not (proposed or logged):
         raise InputError(
-            "nothing is to be designed: give propose of a static set, with choices of its conditions, or excitation "
-            "and a set of kind: trajectory",
+            "there is nothing to design: give propose in a static set, with choices for its conditions, or "
+            "excitation and a set of kind: trajectory",
             key="data",
         )
     both: list[tuple[int, StaticPoses | TipTrajectory]] = [*proposed, *logged]
     for k, of in both:
         if any(isinstance(place, Column) for reading in of.measured for place in (reading.at, reading.offset)):
-            raise InputError("before anything is measured places are numbers, not columns", key=f"data[{k}]")
+            raise InputError("without measurements, give positions as numbers, not as columns", key=f"data[{k}]")
     return proposed, logged
 
 

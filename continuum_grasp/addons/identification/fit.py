@@ -157,7 +157,7 @@ class Fit(Predicted):
             If the scene does not take a value, or the measurements are implausible and that was not accepted.
         """
         if not self.usable:
-            raise InputError(f"{self.verdict}; correct the data, or accept implausible ones", key="data")
+            raise InputError(f"{self.verdict}; correct the data, or accept implausible data", key="data")
         return applied(self.scene if scene is None else scene, self.targets, self.values)
 
     def details(self) -> dict[str, Any]:
@@ -257,7 +257,7 @@ def _changes(finger: Finger, target: str, value: float, added: bool) -> Mapping[
         return {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}
     numbers = Parameters.numbers_of(finger)
     if target not in numbers:
-        raise InputError(f"no value of a scene is behind {target}")
+        raise InputError(f"no value of the scene corresponds to {target}")
     return dict.fromkeys(numbers[target].places(finger), value)
 
 

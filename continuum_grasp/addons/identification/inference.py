@@ -109,14 +109,14 @@ def infer(
         if not gone and (value <= unknown.lower or value >= unknown.upper)
     ]
     warnings += [
-        f"{unknown.name} comes out negative ({value:.2g}), which no friction is: the finger bends more towards its tip "
-        "than the model says, so that its elements are too few, or its law of stiffness is wrong"
+        f"{unknown.name} comes out negative ({value:.2g}), but friction cannot: the finger bends more toward its tip "
+        "than the model, which has too few elements or a wrong law of stiffness"
         for unknown, value, deviation in zip(reported, values, deviations, strict=False)
         if unknown.target == "tendon_friction" and value < -surely(freedom) * deviation
     ]
     if freedom <= 0:
         numbers = f"{rows} fitted numbers" + (f", correlated, that count as {independent:.0f}," if series else "")
-        warnings.append(f"{numbers} for {count} parameters: nothing is left to tell their uncertainty")
+        warnings.append(f"{numbers} for {count} parameters: too few to estimate their uncertainty")
     return Inference(deviations, intervals, correlation, singular, freedom, tuple(warnings))
 
 

@@ -72,7 +72,7 @@ def _at_drive(model: FingerModel, reading: Reading, u: ca.SX, tensions: ca.SX, s
     count = len(model.finger.tendon_list) if reading.quantity == "tension" else len(winches)
     if number >= count:
         what = "tendons" if reading.quantity == "tension" else "drives"
-        raise InputError(f"{reading.quantity} {number + 1} of {count} {what}", key="measured")
+        raise InputError(f"no {reading.quantity} {number + 1}: the finger has {count} {what}", key="measured")
     if reading.quantity == "tension":
         return tensions[number]
     start = sum(winch.states for winch in winches[:number])
@@ -91,8 +91,8 @@ def check_tensions(model: FingerModel, readings: Sequence[Reading], name: str) -
     """Raise an InputError for tensions of tendons that have none of their own."""
     if not model.structure.own_tendons and any(reading.quantity == "tension" for reading in readings):
         raise InputError(
-            "a tension that was measured at a drive is predicted for tendons with friction or on winches; here it is "
-            "what is commanded: make it a condition",
+            "only tendons with friction or on winches have a predicted tension at the drive; this one equals its "
+            "command: make it a condition",
             key=name,
         )
 

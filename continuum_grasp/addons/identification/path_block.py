@@ -88,7 +88,7 @@ class PathBlock(MeasuredBlock):
         self._initial = scene.initial
         self.kinked, self.free = bool(model.friction_names), self._signals.constant
         if self.free and self._late is not None:
-            raise InputError("a delay needs commands that vary: actuation, or conditions, of the set", key=data.name)
+            raise InputError("a delay needs commands that vary (actuation or conditions of the set)", key=data.name)
         check_tensions(model, readings, data.name)
         names = [split_unit(label)[0] for label in model.p_names]
         self._passed = list[Array]()
@@ -231,7 +231,7 @@ class PathBlock(MeasuredBlock):
         # 2.0: steps per step of a simulation: a sixteenth of its error, so that the steps do not pass for parameters
         rate = 2.0 * radius / INTEGRATORS["rk4"].target
         if not np.isfinite(rate):
-            raise NumericalError("the model has no usable numbers at these parameters", time=0.0)
+            raise NumericalError("the model's fastest rate is not finite at these parameters", time=0.0)
         if settled is not None and 0.5 * settled[1] < rate <= settled[1]:
             self.followed = shapes, (p, *settled[1:])
             return cast(_Grid, settled[2])
@@ -239,9 +239,9 @@ class PathBlock(MeasuredBlock):
         count = grid.steps * grid.substeps
         if count > MOST_STEPS:
             raise NumericalError(
-                f"{count:.3g} steps are needed to follow this motion from {self._begins:g} to {self._t[-1]:g} s at "
-                f"these parameters; at most {MOST_STEPS} are taken: use fewer elements, a shorter part of the data, "
-                "bounds on stiffness and damping, or instants that count from the start of the motion (zero of t)",
+                f"this motion from {self._begins:g} to {self._t[-1]:g} s needs {count:.3g} steps at these parameters; "
+                f"the limit is {MOST_STEPS}: use fewer elements, a shorter part of the data, bounds on stiffness and "
+                "damping, or instants that count from the start of the motion (zero of t)",
                 time=0.0,
             )
         self.followed = shapes, (p, rate, grid)

@@ -212,7 +212,7 @@ class FitProblem(MeasuredNumbers):
         InputError if nothing is to be fitted, SolverError if the search fails, or begins not ``below`` a misfit.
         """
         if not self.fitted.any():
-            raise InputError("no row is to be fitted", key="data")
+            raise InputError("there is no row to fit", key="data")
         values = np.array([unknown.start for unknown in self.unknowns]) if start is None else start
         sigma = self._first_sigma()
         for share in _HORIZONS if any(block.free for block in self.blocks) else (1.0,) * (below < math.inf):
@@ -222,7 +222,7 @@ class FitProblem(MeasuredNumbers):
                 values = self._search(values, chosen, 1.0 / sigma, self._sought, first=True).values
             progress(0.5 * share)
         if below < math.inf and self.misfit(values) >= below:
-            raise SolverError("the first steps lead nowhere lower", status="given up")
+            raise SolverError("the first steps do not lower the residuals", status="given up")
         for round_ in range(_ROUNDS):
             minimum = self._search(values, self.fitted, 1.0 / sigma, self._sought)
             predictions, jacobian = self.predict(minimum.values, self.fitted)

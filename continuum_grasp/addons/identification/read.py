@@ -95,7 +95,7 @@ def read_data(scene: Scene, paths: Sequence[Path] = (), *, beside: Path | None =
     for path in paths:
         if path.is_file() and path not in used:
             wanted = ", ".join(str(data_set.file) for data_set in sets)
-            raise InputError(f"no set of the configuration reads this file; they read {wanted}", file=str(path))
+            raise InputError(f"no set of the configuration reads this file; the sets read {wanted}", file=str(path))
     return measurements
 
 
@@ -122,7 +122,7 @@ def _read(data_set: DataSet, table: DataTable, scene: Scene, name: str, key: str
         chosen = np.full(len(points.groups), fitted)
         for row in data_set.holdout_rows:
             if row > chosen.size:
-                raise InputError(f"row {row} of {chosen.size}", key=f"{key}.holdout_rows")
+                raise InputError(f"there is no row {row}: the set has {chosen.size}", key=f"{key}.holdout_rows")
             chosen[row - 1] = False
         conditions = {
             which: points.same(v, which) for which, v in _conditions(table, data_set.conditions, scene, key).items()
@@ -159,7 +159,7 @@ def _read(data_set: DataSet, table: DataTable, scene: Scene, name: str, key: str
     readings = [reading for k, of in enumerate(data_set.measured) for reading in points.readings(of, f"measured[{k}]")]
     there = np.isfinite([np.asarray(reading.values) for reading in readings]).all(axis=0)
     if not (there & inside).any():
-        raise InputError("at every instant a cell that is read is empty", file=table.file)
+        raise InputError("every row has an empty cell in a column that is read", file=table.file)
     inside &= there
     earlier = [reading.selected(there & (t < t[inside][0])) for reading in readings]
     selected = [reading.selected(inside) for reading in readings]
@@ -191,14 +191,14 @@ def choices_of(data: StaticPoses, scene: Scene, key: str) -> tuple[tuple[str, ..
     for k, condition in enumerate(data.conditions):
         if not (condition.choices or choices.get(condition.column)):
             raise InputError(
-                f"expected choices of {condition.name}, to propose some", key=f"{key}.conditions[{k}].choices"
+                f"expected choices for {condition.name} to choose from", key=f"{key}.conditions[{k}].choices"
             )
         choices[condition.column] = condition.choices or choices[condition.column]
     fixed = {of.column: of.equals[0] for of in data.where}
     seen = dict.fromkeys(text for of in data.measured for text in (of.column, of.minus) if text is not None)
     rows = list(product(*choices.values()))
     if len(rows) > _ROWS:
-        raise InputError(f"the choices of all conditions make {len(rows)} rows; expected {_ROWS} at most", key=key)
+        raise InputError(f"the choices of all conditions make {len(rows)} rows; expected at most {_ROWS}", key=key)
     headings = (*fixed, *choices, *seen)
     cells = [(*fixed.values(), *(f"{v:.12g}" for v in row), *["0"] * len(seen)) for row in rows]
     plain = data.model_copy(update={"where": (), "holdout_rows": (), "use": "fit", "pose": None})
@@ -247,7 +247,7 @@ class _Points:
             quantity = "x" if axis[-1] == "x" else "y"
             sign = -1.0 if axis[0] == "-" else 1.0
         elif quantity in KIND_OF and data_set.axes != ("x", "y"):
-            raise InputError(f"axes are those of x and y: give {quantity} by scale", key=f"{self.key}.axes")
+            raise InputError(f"axes apply to x and y only: use scale for {quantity}", key=f"{self.key}.axes")
         origin = data_set.origin["xy".index(quantity)] if quantity in ("x", "y") else 0.0
         values = sign * _column(table, m, UNIT_OF[quantity], gaps=True) + origin
         if quantity in ("x", "y") and m.sigma is not None and m.sigma > length:
@@ -366,7 +366,7 @@ def unit_of_entry(name: str, scene: Scene, key: str) -> str:
             message = f"no input or force {name!r} (this scene has {', '.join(units)}), and {error.message}"
             raise InputError(message, key=key) from None
     if name not in units:
-        raise InputError(f"{name} is several numbers: name one of {', '.join(units)}", key=key)
+        raise InputError(f"{name} has several components: name one of {', '.join(units)}", key=key)
     return units[name]
 
 

@@ -85,7 +85,7 @@ class RestShapes:
         more = [target for target in conditions if target not in entries]
         for target in more:
             if target in {unknown.target for unknown in unknowns if not unknown.added}:
-                raise InputError(f"{target} is to be estimated, and given by the data", key=key)
+                raise InputError(f"{target} is both estimated and given by the data", key=key)
         try:
             # by the family of the model without these parameters: data must not change what is fitted
             self.model = model = FingerModel(

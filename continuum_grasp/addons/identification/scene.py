@@ -311,4 +311,4 @@ class IdentifyScene(Scene):
         if len(laws) == 1 or len(set(laws)) < len(laws):
             raise ValueError("laws: expected two or more, with names of their own")
         if self.estimate and self.data and all(data_set.use == "holdout" for data_set in self.data):
-            raise ValueError("data: every set is a hold-out; one at least must be fitted")
+            raise ValueError("data: every set is a hold-out; at least one must be fitted")

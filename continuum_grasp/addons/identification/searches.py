@@ -135,7 +135,7 @@ def choose_law(
     """
     any_of = next(iter(candidates.values()))
     if any_of.fitted.all():
-        raise InputError("laws are chosen by what they predict: hold rows or a set out", key="laws")
+        raise InputError("laws are compared by their predictions: hold out rows or a set", key="laws")
     fits, verdicts = dict[str, Solution](), dict[str, str]()
     for k, (name, problem) in enumerate(candidates.items()):
         try:

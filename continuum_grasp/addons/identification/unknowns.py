@@ -75,7 +75,7 @@ def read_unknowns(scene: Scene, estimates: Sequence[Estimate | str]) -> list[Unk
     """
     chosen = [Estimate(name=estimate) if isinstance(estimate, str) else estimate for estimate in estimates]
     if not chosen:
-        raise InputError("expected names of parameters to estimate; compare estimates nothing", key="estimate")
+        raise InputError("expected names of parameters to estimate; to estimate nothing, use compare", key="estimate")
     unknowns = [_unknown(scene, estimate, f"estimate[{k}]") for k, estimate in enumerate(chosen)]
     targets = [unknown.target for unknown in unknowns]
     for k, unknown in enumerate(unknowns):

@@ -24,7 +24,7 @@ def compare(
     output: Output,
     data: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="DATA", help="Tables of measurements, or folders; none: those that CONFIG names."),
+        typer.Argument(metavar="DATA", help="Tables of measurements, or folders. Default: the tables in CONFIG."),
     ] = None,
 ) -> None:
     """Compare a simulation with measurements. Nothing is estimated."""
@@ -60,16 +60,14 @@ _SHOWN = 12
 def identify(
     output: Output,
     data: list[Path] | None = option(
-        "Table of measurements, or a folder; repeatable; none: those that CONFIG names, with --design none.",
+        "Table of measurements, or a folder; repeatable. Default: the tables in CONFIG; with --design no table.",
         metavar="FILE",
     ),
-    design: bool = option("Propose loads, poses and motions to measure next, beside those of --data.", default=False),
+    design: bool = option("Propose loads, poses and motions to measure next, in addition to --data.", default=False),
     apply: list[Path] | None = option(
         "Write this configuration with the estimates in it, beside the result; repeatable.", metavar="CONFIG"
     ),
-    accept_implausible: bool = option(
-        "Write the finger although the data cannot be those of this finger.", default=False
-    ),
+    accept_implausible: bool = option("Write the finger although its data are implausible.", default=False),
 ) -> None:
     """Estimate parameters from measurements, with intervals. What to measure next is proposed by --design.
 
@@ -117,7 +115,7 @@ def _targets(paths: Sequence[Path]) -> list[tuple[Path, FingerScene]]:
     for path in paths:
         target = load(path)
         if not isinstance(target, FingerScene):
-            raise InputError("estimates go into scenes of one finger", file=str(path))
+            raise InputError("estimates can be written only into scenes with one finger", file=str(path))
         targets.append((path, target))
     return targets
 
@@ -184,11 +182,11 @@ def commission(
     output: Output,
     log: Annotated[
         Path | None,
-        typer.Argument(metavar="LOG", help="Table of commands and readings (CSV); none: plan the commands."),
+        typer.Argument(metavar="LOG", help="Table of commands and readings (CSV). Without it, plan the commands."),
     ] = None,
     plant: bool = option("Play the plan on the configuration's simulated plant, and read its log.", default=False),
     duration: float = option("Duration of the plan [s].", default=10.0),
-    reach: float = option("Share of bending range and tensions that is used.", default=0.6),
+    reach: float = option("Share of bending range and tensions to use.", default=0.6),
 ) -> None:
     """Find how a bench is mounted and connected.
 
@@ -201,7 +199,7 @@ def commission(
 
     scene = output.scene(ControlScene)
     if plant and log is not None:
-        raise InputError("--plant plays the plan itself: give no LOG, or no --plant")
+        raise InputError("--plant simulates the log itself: give either LOG or --plant")
 
     from continuum_grasp.addons.identification.commissioning.log import commission as run
     from continuum_grasp.addons.identification.commissioning.plan import design_commissioning

@@ -97,7 +97,7 @@ def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> Da
         raise SolverError(
             f"{name}: no damped vibration found",
             status="no vibration",
-            violated=[f"residuals of {noise:.3g} beside a vibration of {strength:.3g}"],
+            violated=[f"residual of {noise:.3g}, vibration of {strength:.3g}"],
             advice="choose a window in which one mode rings",
         )
     return DampedSine(float(parameters[0]), float(parameters[1]))

@@ -62,12 +62,12 @@ class Assignment:
 def object_of(scene: ControlScene | Scene) -> GraspObject:
     """The object of a mission's controller or plant."""
     if scene.object is None:
-        raise ValueError("a mission has an object")
+        raise ValueError("a mission needs an object")
     return scene.object
 
 
 def present(value: T | None) -> T:
     """A value that a mission always has, where other scenes and closed loops may have none."""
     if value is None:
-        raise ValueError("a mission has an object that moves")
+        raise ValueError("a mission needs an object that moves")
     return value

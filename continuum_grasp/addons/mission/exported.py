@@ -44,8 +44,8 @@ class AssignedMission(Summarized):
         """Assigned mission of a run; InputError of a mission whose grasp is not found yet."""
         if isinstance(given, MissionScene):
             raise InputError(
-                "the grasp of this mission is not optimized yet: give what assign_mission(mission), or "
-                "run_mission(mission), returns",
+                "the grasp of this mission is not optimized yet: pass the result of assign_mission(mission) or "
+                "run_mission(mission)",
                 key="given",
             )
         return given if isinstance(given, AssignedMission) else AssignedMission(given.assignments)

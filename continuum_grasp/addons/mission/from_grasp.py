@@ -322,14 +322,14 @@ def _check_start(control: ControlScene, nearest: float) -> None:
         # Beside an edge of finite length it may stand lower.
         # 1e-4: depth in a support up to which an object stands beside it [m]: it is pressed in by as much
         if deep > 1e-4 and math.isinf(wall.half_length):
-            raise InputError(f"the object stands {1e3 * deep:.3g} mm inside of {wall.name} before its turn", key=key)
+            raise InputError(f"before its turn, the object lies {1e3 * deep:.3g} mm inside {wall.name}", key=key)
     if nearest < 0.0:
-        raise InputError("the straight finger overlaps the object where it stands before its turn", key=key)
+        raise InputError("before its turn, the object overlaps the straight finger", key=key)
     if math.isinf(nearest):
-        raise InputError("the finger does not reach the object where it stands before its turn", key=key)
+        raise InputError("before its turn, the object is out of the finger's reach", key=key)
     if nearest < length - control.finger.profile.half_thickness(length) - length / _DENSE:
         raise InputError(
-            f"the finger meets the object first at {nearest:.3g} m of its length, not with its tip ({length:.3g} m), "
-            "where it stands before its turn",
+            f"before its turn, the object meets the finger first at {nearest:.3g} m of its length, not at the tip "
+            f"({length:.3g} m)",
             key=key,
         )

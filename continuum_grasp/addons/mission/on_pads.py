@@ -178,9 +178,9 @@ def check_pads(assignments: Sequence[Assignment]) -> None:
             f"{_STIFFER * law.stiffness:g} N/m it bears {amount_text(firm.normal_force[k], 'N', '.2f')}"
         )
     raise SolverError(
-        f"the grasp is not reached on pads of {law.stiffness:g} N/m, on which the object gives way by "
+        f"the fingers do not reach the grasp on pads of {law.stiffness:g} N/m, on which the object gives way by "
         f"({1e3 * x:+.2g}, {1e3 * y:+.2g}) mm and turns by {math.degrees(angle):+.2g} deg: "
-        f"{', '.join(shortfall.contact for shortfall in lacking)} would not be loaded at the lift",
+        f"{', '.join(shortfall.contact for shortfall in lacking)} would carry no load at the lift",
         status="not_loaded",
         violated=where,
         advice="Take stiffer pads (contact_law.stiffness), more tension (drive_tension), or a grasp with less force on "

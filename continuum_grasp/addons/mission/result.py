@@ -117,8 +117,8 @@ class MissionRun(MissionRecord, MotionResult):
         """
         if self.run is None:
             raise InputError(
-                f"a scene has one finger, and this mission {len(self.runs)}: simulate the closed loop of one, of "
-                "`fingers`, whose object rests where the grasp has it"
+                f"a scene has one finger, not {len(self.runs)}: simulate the closed loop of one of `fingers`; its "
+                "object rests where the grasp holds it"
             )
         plant = scene_under(self.run.scene, self.t, self.run.u, plant=self.scene)
         outside = self.timetable.outside()
@@ -200,9 +200,9 @@ class MissionRun(MissionRecord, MotionResult):
     @cached_property
     def _page(self) -> Any:
         if self.run is None:
-            raise InputError(f"a page has one finger, and this mission {len(self.runs)}: take animate")
+            raise InputError(f"a page shows one finger, not {len(self.runs)}: use animate")
         if self.variation.friction_fall:
-            raise InputError("on a page friction does not change, and here it falls in the hold: take animate")
+            raise InputError("a page has constant friction, and this mission's friction drops in the hold: use animate")
         return self._page_maker()(self.run, self.controller_changes)
 
     def controller_changes(self, stages: Stages) -> list[dict[str, Any]]:

@@ -209,7 +209,7 @@ def run_trials(
     drawn = variations(mission.trials)
     count = min(ProcessPool.cores() if jobs is None else jobs, len(drawn))
     if count < 1:
-        raise InputError(f"expected one process at least, got {jobs}", key="jobs")
+        raise InputError(f"expected at least one process, got {jobs}", key="jobs")
     assignments = assign(mission, grasp)
     known = exceeded_by_trials(assignments, drawn)
     admit(assignments, known)

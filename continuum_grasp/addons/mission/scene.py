@@ -134,7 +134,7 @@ class Turn(Value):
 
     def _check(self) -> None:
         if self.angle == 0.0:
-            raise ValueError("angle must not be zero: without a turn leave `turn` out")
+            raise ValueError("angle must not be zero: omit `turn` where the object should not turn")
         why = "rad is more than half a turn (expected: rad, or a number with deg)"
         self._doubt_outside("turn.angle", abs(self.angle), 0.0, math.pi, why)
         if self.tolerance >= abs(self.angle):

@@ -110,9 +110,9 @@ class PlannedMotion:
             substeps = scene.solver.substeps
             lever = "leave out solver.substeps" if substeps else "raise intervals"
             raise InputError(
-                f"single_shooting follows motions of up to {np.abs(rates).max():.2g} 1/s, for which each of "
-                f"{scene.intervals} intervals needs more steps than {substeps or MOST_STEPS:,}: "
-                + (lever if scene.sudden else f"take method: collocation, or {lever}"),
+                f"single_shooting would have to follow rates of up to {np.abs(rates).max():.2g} 1/s, so each of "
+                f"{scene.intervals} intervals needs more than {substeps or MOST_STEPS:,} steps: "
+                + (lever if scene.sudden else f"use method: collocation, or {lever}"),
                 key="solver.substeps" if substeps else "method",
             )
         return steps, stages

@@ -262,14 +262,14 @@ class PlanScene(CommandedScene):
             at = () if goal.shape is None else goal.shape.at
             Reach(self.finger, at, ranges=self.stated_ranges).check("goal", goal.targets)
         if self.objective != "tracking" and not goal.targets and self.grasp is None:
-            raise ValueError("goal: give tip, bending, shape, contact_force or input (only tracking may do without)")
+            raise ValueError("goal: give tip, bending, shape, contact_force or input (only tracking can omit the goal)")
         free = isinstance(self.duration, DurationRange)
         if self.objective == "least_time" and not free:
             raise ValueError("duration: least_time needs a range, {least: ..., most: ...}")
         if self.objective == "tracking" and free:
             raise ValueError("duration: tracking needs a number, since its reference runs in time")
         if self.cost is None and self.objective == "tracking":
-            raise ValueError("cost is missing, which objective: tracking needs")
+            raise ValueError("cost is missing: objective: tracking needs it")
         if self.cost is not None:
             self.check_references(self.cost)
         places = (*self.contacts, self.finger.rod.length)

@@ -84,7 +84,7 @@ def plan(
     except KeyboardInterrupt:  # outside the solver, which keeps it until it has ended
         search.interrupted, searched = True, time.perf_counter()
         if not (search.attempts or search.relaxed):
-            raise Interrupted("interrupted before anything was found") from None
+            raise Interrupted("interrupted before a plan was found") from None
         result = _result(search)
     ended = time.perf_counter()
     times = {"build": built - began, "search": searched - built, "check": ended - searched, "total": ended - began}

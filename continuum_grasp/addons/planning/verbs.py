@@ -11,8 +11,8 @@ from continuum_grasp.cli import Output, option, run_verb
 @run_verb("animation")
 def plan(
     output: Output,
-    warm: Path | None = option("Run folder of a plan from which to begin.", metavar="DIR"),
-    grasp: Path | None = option("Run folder of the grasp that is to be carried out.", metavar="DIR"),
+    warm: Path | None = option("Run folder of a plan to start from.", metavar="DIR"),
+    grasp: Path | None = option("Run folder of the grasp to carry out.", metavar="DIR"),
     speed: float = option("Seconds of motion per second of animation.", default=0.1, metavar="S"),
 ) -> None:
     """Plan a whole motion to a goal. Costs: time, effort, smoothness, tracking."""

@@ -48,7 +48,7 @@ def store_plan(folder: Path, plan: SweepPlan) -> list[str]:
     now = provenance()
     if not (folder / PLAN).exists():
         if (folder / TABLE).exists():
-            raise InputError(f"there is a {TABLE} without its {PLAN}; take another folder", file=str(folder))
+            raise InputError(f"the folder has {TABLE} but no {PLAN}; choose another folder", file=str(folder))
         check_folder(folder, "sweep")
         about = {"name": plan.sweep.name, "created": now["created"], "versions": now["versions"]}
         _write(folder, {**about, "columns": list(plan.columns), "units": plan.units, "pictures": pictures, **new})
@@ -59,7 +59,7 @@ def store_plan(folder: Path, plan: SweepPlan) -> list[str]:
         raise InputError(
             "the folder holds a sweep with another plan: "
             + "; ".join(changed)
-            + ". Take another folder, or remove this one to begin anew",
+            + ". Choose another folder, or remove this one to start over",
             file=str(folder),
         )
     if old.get("pictures") != pictures:  # which decide nothing that is computed

@@ -168,7 +168,7 @@ class _SweepRun:
             finished = True
         except KeyboardInterrupt:
             left = f"interrupted: {self.done} of {len(self.plan)} scenes are in {self.folder / TABLE}"
-            raise Interrupted(f"{left}; the same command goes on from there") from None
+            raise Interrupted(f"{left}; run the same command to resume") from None
         finally:
             pool.close(not finished)
             self.file.close()
@@ -212,7 +212,7 @@ class _SweepRun:
             raise self._stopped("the scheduler is gone") from error
         except Exception as error:
             if not pool.lost(future):
-                raise self._stopped(f"a worker cannot do the work: {type(error).__name__}: {error}") from error
+                raise self._stopped(f"a worker failed: {type(error).__name__}: {error}") from error
             return self._suspected(points)
         seconds = sum(outcome.seconds for outcome in outcomes)
         mean = seconds / len(outcomes)  # neighbors cost alike, so that the last chunks foretell the next one
@@ -258,7 +258,7 @@ class _SweepRun:
         return SolverError(
             what,
             status="stopped",
-            advice=f"{self.done} of {len(self.plan)} scenes are in {self.folder}; the same command goes on from there.",
+            advice=f"{self.done} of {len(self.plan)} scenes are in {self.folder}; run the same command to resume.",
         )
 
 

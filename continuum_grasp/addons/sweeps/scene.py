@@ -281,7 +281,7 @@ class Sweep(Varied):
             if not _RECORDED.fullmatch(name):
                 raise ValueError(f"record[{k}] must be quality., certificate. or statistics. and a name, got {name!r}")
         if self.count > MOST_SCENES:
-            raise ValueError(f"{self.count} scenes are more than the {MOST_SCENES} that are possible")
+            raise ValueError(f"the sweep has {self.count} scenes; the limit is {MOST_SCENES}")
 
     @property
     def varied_keys(self) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from continuum_grasp.cli import Output, option, run_verb
 
-_FOLDER = "Folder of the sweep (default: runs/sweep/NAME-OF-CONFIG); one that was stopped goes on."
+_FOLDER = "Folder of the sweep (default: runs/sweep/NAME-OF-CONFIG); a stopped sweep resumes."
 
 
 @run_verb(out=_FOLDER, pictures="Draw maps and Pareto pictures.")
@@ -14,8 +14,8 @@ def sweep(
     output: Output,
     workers: int | None = option("Processes on this machine (default: all cores).", metavar="N", min=1, max=4096),
     scheduler: str | None = option("Work on a Dask cluster (extra: cluster).", metavar="tcp://HOST:PORT"),
-    keep: str = option("Of which runs to keep the files.", default="all", words=("all", "failed", "none")),
-    plot_only: bool = option("Compute nothing: draw what the table holds by now.", default=False),
+    keep: str = option("Runs whose files to keep.", default="all", words=("all", "failed", "none")),
+    plot_only: bool = option("Compute nothing: draw the rows of the table so far.", default=False),
 ) -> None:
     """Find the grasps of many scenes. Keys vary on a grid or at random; a sweep resumes after an interruption."""
     folder = output.folder
@@ -49,7 +49,7 @@ def sweep(
     statistics = dict(table.statistics)
     output.warn(statistics.pop("notes", ()))
     if len(table) and not table.solved.any():
-        output.warn([f"no scene has a grasp; the first row says: {table['message'][0]}"])
+        output.warn([f"no scene has a grasp; first row: {table['message'][0]}"])
     output.conclude(
         replace(table, statistics=statistics),
         files,

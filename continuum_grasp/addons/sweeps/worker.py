@@ -168,8 +168,8 @@ def _recorded(result: Any, name: str, solved: bool) -> Any:
             if not solved:  # what failed early has no certificate, and few statistics
                 return None
             there = value if isinstance(value, Mapping) else [n for n in dir(value) if not n.startswith("_")]
-            raise InputError(f"a grasp has no number of this name; {part!r} is none of {', '.join(there)}", key=name)
+            raise InputError(f"a grasp has no number of this name: {part!r} is not one of {', '.join(there)}", key=name)
         value = value[part] if isinstance(value, Mapping) else getattr(value, part)
     if value is None or isinstance(value, str | int | float) or getattr(value, "ndim", 1) == 0:
         return value
-    raise InputError(f"not one number, but {type(value).__name__}", key=name)
+    raise InputError(f"expected one number, got {type(value).__name__}", key=name)

@@ -160,7 +160,7 @@ def page_of_mission(given: MissionScene | AssignedMission | MissionRun) -> Page:
 def check_one_finger(mission: MissionScene) -> None:
     """Refuse a mission of several fingers."""
     if (count := len(mission.grasp.setups)) > 1:
-        raise InputError(f"a page has one finger, and this mission {count}: take run_mission and animate", key="grasp")
+        raise InputError(f"a page shows one finger, not {count}: use run_mission and animate", key="grasp")
 
 
 def page_of_motion(run: Trajectory) -> Page:

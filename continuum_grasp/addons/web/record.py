@@ -120,7 +120,7 @@ def _record(plant: WebPlant, t: Array, x: dict[str, Array], u: dict[str, Array],
     missing = [name for name in (*plant.x_names, *plant.u_names) if name not in {**x, **u}]
     if missing:
         lacks = ", ".join(missing[:3])
-        raise InputError(f"the model of a page has states that this run has not ({lacks}): take animate")
+        raise InputError(f"this run lacks states of the page's model ({lacks}): use animate")
     nothing = np.zeros(len(t))
     chosen = frames_of(t)
     forces = [w.get(name, nothing) if k not in plant.hands else nothing for k, name in enumerate(plant.system.w_names)]

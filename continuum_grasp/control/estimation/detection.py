@@ -48,7 +48,7 @@ def check_detectable(
     shown = [k for k, name in enumerate(names) if name.startswith(_AT_REST) and (offset or k not in adapted)]
     if len(shown) < 2 or _tells_at_one(model, len(names), shown, slope, outputs):
         return
-    words = f"at rest, sensors do not tell {', '.join(names[k].split(' ')[0] for k in shown)} apart"
+    words = f"at rest, sensors cannot tell {', '.join(names[k].split(' ')[0] for k in shown)} apart"
     if offset:
         raise InputError(
             f"{words}: expected tip_offset with one disturbance that moves the tip along its path (tip_moment or "

@@ -119,7 +119,7 @@ class Setpoints:
         for key, value in given.items():
             if key not in keys or not key:
                 known = ", ".join(self.parts) or "none"
-                raise InputError(f"expected setpoints of what has a weight ({known}), got {key!r:.60}", key=key)
+                raise InputError(f"expected setpoints of weighted quantities ({known}), got {key!r:.60}", key=key)
             at = keys.index(key)
             width = blocks[at][0]
             blocks[at] = width, _replacement(key, value, width, since, stage, check)

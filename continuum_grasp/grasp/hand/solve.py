@@ -15,7 +15,7 @@ from continuum_grasp.grasp.hand.search import HandSearch, HandTried
 from continuum_grasp.grasp.hand.steady import steadied
 from continuum_grasp.grasp.hand.turning import turned_grasps
 from continuum_grasp.grasp.problem.relaxations import beyond_needed
-from continuum_grasp.grasp.values import NEAR, GraspStatus, Reason
+from continuum_grasp.grasp.values import NEAR, OPENED, GraspStatus, Reason
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import HandScene
 
@@ -187,7 +187,7 @@ def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tu
                     look(one)
     except KeyboardInterrupt:
         if not verified:
-            raise Interrupted(f"interrupted before a grasp was found ({len(tried)} starts tried to the end)") from None
+            raise Interrupted(f"interrupted before a grasp was found ({len(tried)} starts tried)") from None
     statistics = {
         "starts": len(tried),
         "iterations": sum(one.attempt.iterations for one in tried),
@@ -205,13 +205,13 @@ def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tu
                 f"in balance with {held}, but a small push drives the object away: {certificate.stability}",
                 best.arrays,
                 certificate,
-                advice="For a stable grasp: a wider section of the fingers, shorter fingers, or middle contacts. "
-                "stability: ignore, where something else steadies the object.",
+                advice="For a stable grasp, use fingers with a wider section, shorter fingers, or middle contacts. "
+                "Set stability: ignore where something else steadies the object.",
                 statistics=statistics,
             )
             return unstable, None
-        words = "" if certificate.stability.stable else f" but unstable ({certificate.stability})"
-        message = f"held with {held}{words}; {len(tried)} starts were tried, which are samples of all postures"
+        words = "" if certificate.stability.stable else OPENED
+        message = f"held with {held}; {len(tried)} starting postures were tried, a sample of all postures{words}"
         return HandResult(scene, GraspStatus.FEASIBLE, message, best.arrays, certificate, statistics=statistics), best
     return _without(scene, search, tried, statistics), None
 
@@ -220,10 +220,10 @@ def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], stati
     """The verdict where no start led to a grasp."""
     if not tried:
         idle = sorted({name for fingers in search.untouched.values() for name in fingers})
-        message = f"{' and '.join(idle)} touch the object in no posture that was sampled"
-        advice = "Move the object or the bases, turn the planes of the fingers to it (twist), or take longer fingers."
+        message = f"no sampled posture of {' and '.join(idle)} touches the object"
+        advice = "Move the object or the bases, turn the planes of the fingers to it (twist), or use longer fingers."
         return HandResult(scene, GraspStatus.NOT_SOLVED, message, advice=advice, statistics=statistics)
-    search.budget.tell("no grasp found; what would make one possible is sought")
+    search.budget.tell("no grasp found; looking for a change that allows one")
     found = [_reason(scene, search, tried, limit) for limit in LIMITS]
     reasons = sorted((reason for reason in found if reason is not None), key=lambda reason: not reason.stable)
     nearest = min(tried, key=lambda one: one.attempt.violation)
@@ -231,7 +231,7 @@ def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], stati
         repairs = "; ".join(reason.repair for reason in reasons)
         advice = f"Any one of these repairs it: {repairs}."
         if not reasons[0].stable:
-            advice = f"With any one of these forces balance, but a small push drives the object away: {repairs}."
+            advice = f"Any one of these balances the forces, but a small push then drives the object away: {repairs}."
             advice += _of_two(scene)
         message = reasons[0].text
         arrays = dict(reasons[0].arrays)
@@ -246,9 +246,12 @@ def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], stati
     else:
         worst = nearest.problem.rows.violations(nearest.attempt.g, 1e-6, {})
         names = ", ".join(violation.name for violation in worst[:3])
-        message = f"no grasp was found from {len(tried)} starts, and no single limit explains it"
-        message += f"; the nearest breaks {names}"
-        advice = "Likely the geometry: move the object or the bases, or turn the planes of the fingers to it (twist)."
+        message = f"No grasp found. {len(tried)} starting postures were tried; the nearest violates {names}. "
+        message += "No single limit explains it."
+        advice = (
+            "Probably the geometry is the cause: move the object or the bases, or turn the planes of the fingers to "
+            "it (twist)."
+        )
         advice += _of_two(scene)
     return HandResult(
         scene, GraspStatus.NOT_SOLVED, message, nearest.arrays, None, advice=advice, statistics=statistics

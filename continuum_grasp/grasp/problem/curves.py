@@ -26,8 +26,8 @@ def curves_of(setup: FingerSetup, weighs: bool) -> CurvesSpec:
     """The structure of a finger's curves."""
     if setup.graded and Family.named(setup.family).degree != 1:
         raise InputError(
-            f"elements of family {setup.family} do not follow a finger that changes along its length in a grasp: "
-            "take matched_clothoid",
+            f"in a grasp, elements of family {setup.family} cannot follow a finger that changes along its length: "
+            "use matched_clothoid",
             key="fidelity.family",
         )
     made = _curves(setup, weighs)
@@ -41,8 +41,8 @@ def curves_of(setup: FingerSetup, weighs: bool) -> CurvesSpec:
     panels = max(each.spec.panels for each in made)
     if panels > MOST_PANELS:
         raise InputError(
-            f"{setup.name} consists of {panels} parts with curves of their own, a grasp takes {MOST_PANELS} at "
-            "most: give fewer sections or samples",
+            f"{setup.name} has {panels} parts with separate curves; a grasp allows at most {MOST_PANELS}: use fewer "
+            "sections or samples",
             key="rod",
         )
     return CurvesSpec(tuple(each.spec for each in made))

@@ -240,7 +240,7 @@ RELAXATIONS = (
         "tilt balance",
         "upright",
         "N m",
-        "the object would tip over: the contacts leave a moment of {needed:.3g} {unit} at least",
+        "the object would tip over: the contacts leave a moment of at least {needed:.3g} {unit}",
         start=lambda s: s.weight * s.object.size,  # moment of the weight about the rim
         relaxed=lambda s, amount: _may_tilt(s),
         without=_may_tilt,

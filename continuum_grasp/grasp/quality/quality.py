@@ -103,10 +103,10 @@ class Quality:
             (
                 "disturbance_margin",
                 self.disturbance_margin,
-                f"least multiple of the disturbances that is resisted; {tendons}",
+                f"least multiple of the disturbances that the grasp resists; {tendons}",
             ),
-            ("friction_margin", self.friction_margin, "share of the friction cone that is left, worst contact"),
-            ("tension_margin", self.tension_margin, "share of the greatest tension that is left, worst tendon"),
+            ("friction_margin", self.friction_margin, "unused share of the friction cone, worst contact"),
+            ("tension_margin", self.tension_margin, "unused share of the greatest tension, worst tendon"),
             ("normal_force_spread", self.normal_force_spread, "(greatest - least) / greatest normal force"),
             ("epsilon_l1", self.epsilon_l1, f"Ferrari-Canny, normal forces add up to one; {per}; < 0: no closure"),
         )

@@ -144,8 +144,8 @@ def out_of_reach(scene: GraspScene) -> Reason | None:
     missing, distance, reach = max(((d - r, d, r) for d, r in away), key=lambda gap: gap[0], default=(0.0, 0.0, 0.0))
     if missing <= ROUNDING * reach:
         return None
-    text = f"the object is out of reach: it is {distance:.4g} m from the base, {reach:.4g} m can be reached"
-    repair = f"bring object and base nearer to each other, by {missing:.4g} m at least"
+    text = f"the object is out of reach: it is {distance:.4g} m from the base; the finger reaches {reach:.4g} m"
+    repair = f"move object and base closer together, by at least {missing:.4g} m"
     return Reason("reach", "object.position", "m", distance, reach, text, repair)
 
 
@@ -230,7 +230,9 @@ class Repairs(Elastic):
             return reason
         if certify_reached(self.relaxed(repair.parts), repair.arrays).stability.stable:
             return reason
-        return replace(reason, repair=f"{reason.repair}, where the grasp found is {GraspStatus.UNSTABLE}", stable=False)
+        return replace(
+            reason, repair=f"{reason.repair}, but the grasp found then is {GraspStatus.UNSTABLE}", stable=False
+        )
 
     # -- sets of limits ----------------------------------------------------------------------------------------
 

@@ -126,8 +126,8 @@ class InError:
         if pose is None:
             raise InputError(
                 "robust: an object of another size or angle cannot touch all of "
-                f"{', '.join(sorted(self.on))} at once; expected bounds that leave these contacts, so leave out "
-                "radius or angle",
+                f"{', '.join(sorted(self.on))} at once; expected bounds that preserve these contacts: omit radius or "
+                "angle",
                 key="robust",
             )
         return pose

@@ -21,7 +21,16 @@ from continuum_grasp.grasp.robust.search import Exchange, find_robust, with_post
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.tried import Tried
-from continuum_grasp.grasp.values import DRIVEN_AWAY, NEAR, STEADIER, STEADIER_IN_SPACE, GraspStatus, Reason, tension_of
+from continuum_grasp.grasp.values import (
+    DRIVEN_AWAY,
+    NEAR,
+    OPENED,
+    STEADIER,
+    STEADIER_IN_SPACE,
+    GraspStatus,
+    Reason,
+    tension_of,
+)
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import FingerSetup, GraspFinger, GraspScene, Robust
 
@@ -70,7 +79,7 @@ def with_robust(result: GraspResult, search: GraspSearch, budget: Budget) -> Gra
     robustness = Robustness(errors, nominal, robust, exchange.errors, result.arrays, exchange.touching)
     if robust is None:
         return _none(result, robustness, exchange, bounds, budget)
-    held = f"held with {amount_text(robust.tension, 'N', '.4g')} of tension in all whatever {_whatever(scene)}"
+    held = f"held with {amount_text(robust.tension, 'N', '.4g')} of total tension whatever {_whatever(scene)}"
     effort = {
         "corners": len(exchange.responses),
         "corners_in_problem": len(exchange.errors),
@@ -78,7 +87,10 @@ def with_robust(result: GraspResult, search: GraspSearch, budget: Budget) -> Gra
         "branches": branches,
     }
     # Why the search may have missed a better one.
-    notes = [*result.message.split("; ")[1:], *([] if exchange.optimal else ["the solver stopped early"])]
+    notes = [
+        *result.message.removesuffix(OPENED).split("; ")[1:],
+        *([] if exchange.optimal else ["the solver stopped early"]),
+    ]
     without = f"{amount_text(nominal.tension, 'N', '.4g')} {'without errors' if scene.robust else 'as they are pulled'}"
     changed = replace(
         result,
@@ -108,7 +120,7 @@ def with_robust(result: GraspResult, search: GraspSearch, budget: Budget) -> Gra
     unknown = int(np.isnan(robust.margins).sum())
     failed = count - robust.held - unknown
     shown = [f"{failed} of {count} draws do not hold"] if failed or not unknown else []
-    shown += [f"of {unknown} of {count} draws nothing is known, the solver gave up"] if unknown else []
+    shown += [f"{unknown} of {count} draws are undecided, as the solver gave up"] if unknown else []
     corners = "corners of robust" if scene.robust else "friction states sought"
     message = f"held at all {corners}, but NOT robust: {'; '.join(shown)}"
     return replace(changed, status=GraspStatus.FEASIBLE, message=message)

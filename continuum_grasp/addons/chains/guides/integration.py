@@ -41,7 +41,7 @@ class ChainIntegration(Integration):
         done = self._run_steps(
             *begin, numbers.ctypes, u.ctypes, rows.ctypes, ctypes.c_longlong(model.nw), p.ctypes, states.ctypes
         )
-        why = "the plant's step after t = {time} s has no solution: its loads or inputs move it too fast"
+        why = "the plant's step after t = {time} s has no solution: its loads or inputs change too fast"
         return states, int(done), why
 
 

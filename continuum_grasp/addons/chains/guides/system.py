@@ -330,9 +330,9 @@ _GUIDES = Consumer(
     "plant.guides",
     refused={
         **Consumer.unknown_laws("a chain of guides (plant.guides)"),
-        "finger.pressure": "a chain of guides (plant.guides) has tendons alone: leave guides out",
-        "loads.kind=moment": "a chain of guides (plant.guides) takes forces as loads, no moments",
-        "initial.reached_by=state": "state is that of cells, which a chain of guides has not",
+        "finger.pressure": "a chain of guides (plant.guides) works only with tendons: omit guides",
+        "loads.kind=moment": "a chain of guides (plant.guides) takes only forces as loads, no moments",
+        "initial.reached_by=state": "state describes friction cells, which a chain of guides does not have",
     },
     unneeded={
         **Consumer.LIMITS_OF_BENDING,
@@ -347,10 +347,7 @@ _GUIDES = Consumer(
 )
 _ON_AXIS = Consumer(
     "plant.guides under what is aside",
-    {
-        "finger.tip_body.center_of_mass": "a chain of guides carries a body at the tip on its axis alone: expected 0 "
-        "across"
-    },
+    {"finger.tip_body.center_of_mass": "a chain of guides takes a tip body only on its axis: expected 0 across it"},
     where=lambda s: s.finger.tip_body is not None and s.finger.tip_body.center_of_mass[0] != 0.0,
 )
 

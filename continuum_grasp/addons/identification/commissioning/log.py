@@ -143,7 +143,7 @@ def _log_of(scene: ControlScene, bench: Bench, given: ControlLog | str | PathLik
         at = at[np.isin(at, columns[name][0])]
     at = at[(at >= t[0]) & (at <= t[-1])]
     if at.size < 50:
-        raise InputError(f"the log has {at.size} instants with all readings; expected 50 at least", file=file)
+        raise InputError(f"the log has {at.size} instants with all readings; expected at least 50", file=file)
     at = at[:: math.ceil(at.size / _INSTANTS)]
     rows = np.column_stack([columns[name][1][np.isin(columns[name][0], at)] for name in present])
     return Log(t, u, at, rows, tuple(present)), [split_unit(name).name for name in names if name not in present]
@@ -269,8 +269,8 @@ def _result(
         undetermined.append("; or ".join(_words(of.way) for _, of, *_ in alike))
     if len(bench.zeros) < bench.model.nu and cells:
         undetermined.append(
-            "a zero that both drives share cannot be distinguished from one that both load cells share: taken as the "
-            "cells'"
+            "a zero shared by both drives cannot be distinguished from one shared by both load cells: it counts as "
+            "a zero of the load cells"
         )
     status = "identified" if len(alike) == 1 and not idle and not missing else "undecided"
     # 0.05: root mean square error of the tip per length of the finger from which the log is not of this finger

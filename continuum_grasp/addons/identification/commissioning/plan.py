@@ -30,7 +30,7 @@ _CONSUMER = Consumer(
         "finger.tendons.drive": f"{_TENSIONS}: identify finds the numbers of winches and motors",
         "finger.pressure": _TENSIONS,
     },
-    unneeded={"loads": "nothing pushes the finger while it is commissioned", "reference": "drives follow a plan"},
+    unneeded={"loads": "commissioning needs a finger without loads", "reference": "drives follow a plan"},
 )
 _BLIND = Consumer.beside(
     "controller",
@@ -97,7 +97,7 @@ def design_commissioning(
     unknowns = block(np.zeros(1), np.zeros((1, 1))).unknowns
     motion = design.excited(allowed)
     if exceeded:
-        raise InputError(f"no excitation is possible: it goes beyond the limit of {exceeded}", key="controller.bounds")
+        raise InputError(f"no excitation is possible: it would exceed the limit of {exceeded}", key="controller.bounds")
     to_bench = Wiring.of(known.mounting, (), bench.model.u_names, "mounting").commands
     sent = np.array([to_bench(row) for row in commands(motion.rehearsal)])
     sent_names = tuple(ControlLog.COMMANDED + name for name in bench.model.u_names)

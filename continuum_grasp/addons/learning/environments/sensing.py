@@ -113,7 +113,8 @@ def sensing_of(plants: Plants, sensors: str | Sequence[str] | None) -> Sensing:
         asked = tuple(sensors)
     if not asked or any(name not in known or asked.count(name) > 1 for name in asked):
         raise InputError(
-            f"expected each once of {', '.join(known)} (what estimator.measured has), got {list(asked)}", key="sensors"
+            f"expected some of {', '.join(known)} (as in estimator.measured), each once, got {list(asked)}",
+            key="sensors",
         )
     delay = scene.plant.delay
     if delay is None:

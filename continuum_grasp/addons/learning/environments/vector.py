@@ -204,9 +204,10 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
             raise InputError(f"expected reset_mask or scene, got {', '.join(map(repr, asked))}", key="options")
         lanes = np.ones(self.num_envs, dtype=np.bool_) if mask is None else np.asarray(mask)
         if lanes.shape != (self.num_envs,) or lanes.dtype != np.bool_ or not lanes.any():
-            raise InputError(f"expected ({self.num_envs},) of bool, some of them true", key="options.reset_mask")
+            expected = f"a boolean array of shape ({self.num_envs},) with at least one true entry"
+            raise InputError(f"expected {expected}", key="options.reset_mask")
         if not self._begun and not lanes.all():
-            raise InputError("the first reset is of all plants", key="options.reset_mask")
+            raise InputError("the first reset must include all plants", key="options.reset_mask")
         self._begun = True
         self._begin(np.flatnonzero(lanes), number)
         info: dict[str, Any] = {"scene": self.drawn.copy(), "_scene": lanes.copy(), **self._contact_info()}
@@ -251,7 +252,7 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         """
         asked = self._commands(actions)
         if not self._begun:
-            raise InputError("an episode begins with reset()")
+            raise InputError("call reset() before the first step")
         waiting = self._done.copy()
         if self._mode is AutoresetMode.DISABLED and waiting.any():
             raise InputError("episodes have ended: reset these plants before the next step", key="options.reset_mask")

@@ -224,8 +224,8 @@ def held_step(model: Any, method: str) -> ca.Function:
         end = step_function(model, method)(x, u, u, u, w, w, w, p, h)
     else:
         raise InputError(
-            f"{method} writes the elimination of its equations out, which takes too long for this many elements: take "
-            "one of rk4, rodas, extrapolated_euler",
+            f"{method} unrolls the elimination of its equations, which takes too long with this many elements: use "
+            "rk4, rodas or extrapolated_euler",
             key="method",
         )
     return ca.Function(f"{method}_held", [*symbols.values(), h], [end], [*sizes, "h"], ["xn"])

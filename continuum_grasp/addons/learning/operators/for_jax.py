@@ -122,7 +122,7 @@ def _primitive() -> Any:
             raise NotImplementedError(f"{operator.name} is not linear")
         residuals, tangents = origin.split(list(arrays))
         if any(ad.is_undefined_primal(value) for value in residuals):
-            raise NotImplementedError(f"{operator.name} is not linear in what it is to be transposed by")
+            raise NotImplementedError(f"{operator.name} is not linear in the argument to be transposed")
         pulled, needed, pick = origin.pull(residuals, seeds)
         picked = pick(list(call.bind(*needed, operator=pulled)))
         linear = [v if ad.is_undefined_primal(t) else None for v, t in zip(picked, tangents, strict=True)]

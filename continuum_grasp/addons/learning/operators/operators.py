@@ -183,7 +183,7 @@ class Operators(Remade, Summarized, ABC):
             if rows < 1 or steps % rows:
                 raise InputError(
                     f"expected (..., rows, {sizes[key]}) with a number of rows in time that divides the {steps} steps, "
-                    f"got {tuple(arrays[key].shape)}; what holds throughout has one row",
+                    f"got {tuple(arrays[key].shape)}; a constant input has one row",
                     key=key,
                 )
         for key in ("x0", "p"):
@@ -264,7 +264,7 @@ def _batch(name: str, shapes: Mapping[str, tuple[int, ...]], sizes: Mapping[str,
         return np.broadcast_shapes(*(shape[:-1] for shape in shapes.values()))
     except ValueError:
         listing = ", ".join(f"{key} {shape}" for key, shape in shapes.items())
-        raise InputError(f"{name}: leading dimensions do not fit each other: {listing}") from None
+        raise InputError(f"{name}: leading dimensions do not match: {listing}") from None
 
 
 def _shaped(function: Any, outputs: list[Any]) -> Any:
