@@ -134,7 +134,7 @@ def _example(path: Path) -> Example:
 
 
 def _schema_of(path: Path, text: str) -> Path:
-    """The schema that a configuration names in its first line; its name is that of the kind."""
+    """The schema that a configuration names in its first line; it has the name of the kind."""
     return _beside(path, text.partition("\n")[0].removeprefix(_SCHEMA_LINE))
 
 

@@ -35,7 +35,7 @@ class ConfigurationKind:
     required: Collection[str] = ()
     """Keys that each of its files has."""
     marks: Collection[str] = ()
-    """Keys of which each of its files has one at least."""
+    """Keys; each of its files has one of them at least."""
     without: Collection[str] = ()
     """Keys that none of its files has."""
     names_files: bool = True
@@ -117,7 +117,7 @@ def addons() -> dict[str, Addon]:
     Raises
     ------
     InputError
-        If an entry point names no `Addon`, or if those of the package itself are not there: its metadata are then of
+        If an entry point names no `Addon`, or if the package's own entry points are missing: its metadata are then of
         another version than its files.
 
     Warns

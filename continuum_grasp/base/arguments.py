@@ -118,7 +118,7 @@ class CheckedArgument(NamedTuple):
         return CheckedArgument(self.name, array).array(finite=True) if check else array
 
     def array(self, *, finite: bool = False) -> NDArray[np.float64]:
-        """A contiguous array of doubles, NaN where masked; an error for what is no array of real numbers.
+        """A contiguous array of doubles, NaN where masked; an error for anything but an array of real numbers.
 
         ``finite``: for the first entry that is NaN or infinite, too.
         """
@@ -153,7 +153,7 @@ def _nearest(value: Any) -> float:
 
 
 def _double(value: Any) -> float:
-    """A number in double precision; NaN for what is none."""
+    """A number in double precision; NaN for a value that is none."""
     try:
         return float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
     except OverflowError:  # a whole number beyond the doubles

@@ -27,9 +27,9 @@ from typing import Any
 class ExitStatus(IntEnum):
     """Exit statuses of commands, beside 0.
 
-    Failed is what ended without a usable result: a solver that failed, a supervisor that tripped, an object that was
-    dropped, data that do not agree with the model or do not tell what was asked. Bad input has that of argparse and
-    click. Where the only grasp found is unstable, every check passes, and it does not hold the object. Ctrl-C gives
+    Failed means no usable result: a solver that failed, a supervisor that tripped, an object that was
+    dropped, data that do not agree with the model or do not answer the question. Bad input has the status of argparse
+    and click. Where the only grasp found is unstable, every check passes, and it does not hold the object. Ctrl-C gives
     128 and the signal's number, as in shells.
     """
 

@@ -18,7 +18,9 @@ def prefixes(unit: str) -> dict[str, float]:
 
 
 def prefixed(unit: str, greatest: float) -> tuple[float, str]:
-    """Factor and unit in which values of an SI unit are shown: the first one of which the greatest has a tenth."""
+    """Factor and unit in which values of an SI unit are shown: the first unit in which the greatest value is at least
+    0.1.
+    """
     units, size = prefixes(unit), abs(greatest)
     if not 0.0 < size < math.inf:
         return 1.0, unit
@@ -131,7 +133,7 @@ def clipped(text: str, most: int = _LINE) -> str:
 
 
 def nearest(word: str, allowed: Iterable[str], *, say_all: bool = True, cutoff: float = 0.6) -> str:
-    """``; did you mean 'x'?`` where one is near, otherwise what is allowed."""
+    """``; did you mean 'x'?`` where one is near, otherwise the allowed names."""
     from difflib import get_close_matches
 
     known = {name.lower(): name for name in allowed}
@@ -142,6 +144,6 @@ def nearest(word: str, allowed: Iterable[str], *, say_all: bool = True, cutoff: 
 
 
 def quoted(name: str | None, *more: str) -> str:
-    """A name in quotation marks, where there is one, and what is said of it: ``"mug": optimal``."""
+    """A name in quotation marks, where there is one, and a statement about it: ``"mug": optimal``."""
     head, rest = f'"{name}"' if name else "", ", ".join(part for part in more if part)
     return f"{head}: {rest}" if head and rest else head or rest

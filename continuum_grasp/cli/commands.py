@@ -30,7 +30,7 @@ from continuum_grasp.base import (
 )
 
 _UsageError: Any = typer.BadParameter.__bases__[0]
-"""Class of click, of which typer has a copy."""
+"""Class of click that typer has a copy of."""
 
 
 _GONE = {
@@ -41,7 +41,7 @@ _GONE = {
 
 @contextmanager
 def _one_line() -> Iterator[None]:
-    """Print what is wrong with options, or with files and what is printed, like all other errors."""
+    """Print faults of options, files and printing in one line, like all other errors."""
     try:
         yield
     except _UsageError as error:
@@ -149,7 +149,7 @@ def _root(
 
 _FIRST = "configurations:new motions:simulate grasps:grasp mpc:mpc motions:modes motions:accuracy export:export"
 _LAST = "configurations:schema configurations:validate configurations:doctor"
-"""Verbs of the core before and after those of add-ons, each behind the module that has its function."""
+"""Verbs of the core before and after the add-ons' verbs, each behind the module that has its function."""
 
 
 _SAID: list[str] = []

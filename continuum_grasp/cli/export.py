@@ -145,7 +145,7 @@ _READ: dict[str, Callable[[Any], Any]] = {
 }
 """Arguments of options that are given as text."""
 _SPELLED = {"measured": "measure", "ranges": "range"}
-"""Options whose name is not that of the argument in Python."""
+"""Options whose name differs from the argument in Python."""
 
 
 def _frequency(text: str, measured: bool) -> float:

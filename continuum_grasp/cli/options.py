@@ -29,7 +29,7 @@ def option(explained: str, *names: str, default: Any = None, words: Sequence[str
 _OF_RUNS = ("config", "out", "changes", "pictures", "as_json", "quiet", "verbose", "optimize")
 """Shared arguments and options of verbs that save a run and draw it."""
 _FIRST = ("config", "out", "changes", "animation")
-"""Shared arguments and options that `--help` lists before those of the verb alone; the others come after them."""
+"""Shared arguments and options that `--help` lists before the verb's own; the others come after them."""
 
 
 def verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -84,7 +84,7 @@ def verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[
 
 
 def run_verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Make a verb that saves a run and draws it, as `verb` does; ``names`` are options beside those of all such."""
+    """Make a verb that saves a run and draws it, as `verb` does; ``names`` are options beside the common ones."""
     return verb(*_OF_RUNS, *names, **other)
 
 

@@ -48,7 +48,8 @@ def out_option(explained: str, metavar: str = "DIR") -> Any:
 @dataclass(frozen=True)
 class Output:
     """Request to a verb, and its output: text for people, or one JSON object for programs; warnings always go to the
-    error stream. Fields are the arguments and options that verbs share, and the verb, of which the folder of a run is.
+    error stream. Fields are the arguments and options that verbs share, and the verb, after which a run's folder is
+    named.
     """
 
     config: Annotated[

@@ -1,4 +1,4 @@
-"""Progress on the error stream: a bar on a terminal, else lines; and what is compiled."""
+"""Progress on the error stream: a bar on a terminal, else lines; and notes on compiling."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 
 _PATIENCE = 2.0
-"""After which anything is shown [s]: what is done sooner needs nothing."""
+"""After which anything is shown [s]: shorter work needs nothing."""
 _SILENCE = 10.0
 """After which there is another line without a terminal [s], however little was done: a day of work is 8,640 lines."""
 
@@ -24,7 +24,7 @@ class Progress:
     start: float = field(default_factory=time.monotonic)
 
     def __call__(self, share: float | None, what: str | None = None) -> None:
-        """Note the share, and what is going on where that is more than the work's name."""
+        """Note the share, and the current work where it says more than the work's name."""
         self.share, self.what = share, what or self.what
 
 

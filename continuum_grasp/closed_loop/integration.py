@@ -42,7 +42,7 @@ class Integration(Remade):
         raise NumericalError(text, time=time, state=last, result=states[: done + 1])
 
     def _steps(self, x: Array, u: Array, start: float, step: float, count: int) -> tuple[Array, int, str]:
-        """States, how many after the first are good, and what is said where the next one is not."""
+        """States, how many after the first are good, and a reason where the next one is not."""
         model = self._model
         steady = self._model.steady
         # At the start, the middle and the end of each step, where the methods evaluate forces.

@@ -24,18 +24,18 @@ class Plant:
     """A finger that differs from what its controller knows.
 
     Commands hold for a period. Measurements are as old as ``sensors.delay``; between the integrator's steps the state
-    is interpolated linearly. Those of before the start show the finger as it was at the start.
+    is interpolated linearly. Measurements from before the start show the finger as it was at the start.
 
     Parameters
     ----------
     scene : ControlScene
         The scene.
     prediction : Prediction, optional
-        The controller's model, where it exists already; what is measured without an estimator is its state.
+        The controller's model, where it exists already; a measurement without an estimator is its state.
     period : float, optional
-        Control period [s]; that of the scene where not given.
+        Control period [s]; by default the scene's.
     model : PlantModel, optional
-        Its equations, where they are not those of the scene's plant.
+        Its equations, where they differ from the scene's plant.
     seed : int, optional
         Of the measurement noise; ``plant.seed`` of the scene where not given.
 
@@ -139,7 +139,7 @@ class Plant:
 
 
 class SharedPlant:
-    """Plants of fingers at one instant that move together, each of which measures for itself; one moves alone.
+    """Plants of fingers at one instant that move together and measure each for itself; one moves alone.
 
     ``model`` has their equations, where they exist already.
     """
@@ -190,7 +190,7 @@ class Sensors:
     Without an estimator the controller is given its state, exactly: the one whose section angles and their rates are
     nearest to the plant's, four sections to an element. ``names`` has name and unit of each measured number, ``delay``
     the age of measurements when they arrive [s], ``std`` (ny) the standard deviation of each one's noise, ``value`` the
-    function (x, u, w) of what is measured without it.
+    function (x, u, w) of the measured quantities without it.
     """
 
     def __init__(self, scene: ControlScene, plant: PlantModel, prediction: Prediction, seed: int | None) -> None:
@@ -213,8 +213,7 @@ class Sensors:
 
 
 def _nearest_state(plant: PlantModel, prediction: Prediction) -> ca.SX:
-    """A controller's state (nx) from the plant's; exact where the plant's shapes are among those of the controller's
-    model.
+    """A controller's state (nx) from the plant's; exact where the controller's model has the plant's shapes.
 
     Angles of sections are affine in the bending coordinates, so that coordinates and rates are linear least squares
     of them; friction states of tendons are means over their cells, all other states (drive, object) the plant's.

@@ -1,6 +1,6 @@
 """A plant: a finger that differs from the controller's, its surroundings, and the drive between command and tendon.
 
-Add-ons announce plants of their own, of which ``plant.guides`` takes one.
+Add-ons announce plants of their own; ``plant.guides`` takes one of them.
 """
 
 from __future__ import annotations
@@ -76,14 +76,14 @@ class PlantIntegration(NamedTuple):
 class PlantModel(Remade):
     """The plant as functions of its state x (nx), the command u (nu), forces w (nw) and parameters p.
 
-    x is that of the system, then, where the drive lags, the tensions or the tip moment that it exerts, and their rates
-    unless it is of first order. ``given`` is the plant's finger in its surroundings, where it is not that of
+    x has the system's state, then, where the drive lags, the tensions or the tip moment that it exerts, and their rates
+    unless it is of first order. ``given`` is the plant's finger in its surroundings, where it differs from
     ``plant_scene``. What of finger and object ``parameters`` name may be changed without compiling anew, by assigning
     to ``p``; ``drive_time_constant`` of commanded tensions is the last one there. ``falls``: w has a last entry
     ``friction_fall [1]``, by whose share friction is less than the parameter ``friction_factor`` has it. ``outside``
     has entries of w, by name, as functions of instants [s], on top of the scene's loads.
 
-    Of a scene with ``plant.guides`` that of an add-on is made.
+    A scene with ``plant.guides`` takes the plant of an add-on.
     """
 
     system: System
@@ -320,8 +320,8 @@ class PlantModel(Remade):
         return self._of_all("touching_dynamics", xd=self._rate, exerted=self._exerted)
 
     def implicit(self, touching: bool = False) -> ca.Function:
-        """``(x, u, w, p, part) -> k``, that of ``System.implicit`` with the drive's own rates; of what is ``touching``
-        also what the finger exerts on the object.
+        """``(x, u, w, p, part) -> k``, as `System.implicit` with the drive's own rates; of a ``touching`` system
+        also the force of the finger on the object.
         """
         (x, u, p), part = self._of_system, ca.SX.sym("part")
         rates = ca.vertcat(self.elements.implicit()(x, u, self._loads, p, part), self._drive_rates)
@@ -422,7 +422,7 @@ class PlantModel(Remade):
         return self.start_of(self.scene)
 
     def start_of(self, scene: Scene) -> Array:
-        """State at time zero (nx) of a scene that differs from that of this plant by values of parameters."""
+        """State at time zero (nx) of a scene that differs from this plant's scene by values of parameters."""
         model = self.system.finger_model
         pose = list(scene.start_pose) or None
         drive_states = np.zeros(self.nx - self.system.nx)
@@ -430,7 +430,7 @@ class PlantModel(Remade):
         return np.concatenate([self._begun(scene, initial_state(scene, model), pose), drive_states])
 
     def _begun(self, scene: Scene, finger: Array, pose: list[float] | None) -> Array:
-        """State of the system at time zero, by that of the finger alone and the pose of an object that moves."""
+        """State of the system at time zero, by the state of the finger alone and the pose of an object that moves."""
         return np.concatenate([finger, self.elements.state(pose=pose)[self.system.finger_model.nx :]])
 
     def forces(self, t: ArrayLike) -> Array:
@@ -451,8 +451,8 @@ class PlantModel(Remade):
     # -- for controllers ----------------------------------------------------------------------------------------------
 
     def quantities(self, prediction: Prediction, u: Any, rate: Any) -> Quantities:
-        """Quantities that cost terms and sensors are computed from; bending is that of the controller's
-        elements.
+        """Quantities that cost terms and sensors are computed from; bending is per element of the controller's
+        model.
 
         Commands and their rates are expressions, or (K, nu) over time.
         """
@@ -480,7 +480,7 @@ class PlantModel(Remade):
     def tracked_expression(self, prediction: Prediction, held: ca.SX, stage: float) -> ca.SX:
         """Tracked quantities (nr), from its x, u, w and p and the input before, ``held`` (nu).
 
-        Terms of the input are those of the command; its rate is per ``stage`` [s], as the controller's.
+        Terms of the input use the command; its rate is per ``stage`` [s], as the controller's.
         """
         cost = self.control.controller.cost
         quantities = self.quantities(prediction, self.command, (self.command - held) / stage)
@@ -501,7 +501,7 @@ class PlantModel(Remade):
         return PlantIntegration(*self.steps_for(period))
 
     def steps_for(self, period: float) -> tuple[str, int, float]:
-        """Method, steps per period and fastest rate, by that of some shapes at rest, contacts and damping."""
+        """Method, steps per period and fastest rate, by the rates of some shapes at rest, contacts and damping."""
         system = self.elements
         w = self.forces(0.0)[0]
         radius = 0.0

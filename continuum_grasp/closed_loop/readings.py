@@ -31,7 +31,7 @@ class Bound:
 
 
 class Readings:
-    """Values over time of everything that the controller's problem names; bending is that of its model's elements."""
+    """Values over time of everything that the controller's problem names; bending is per element of its model."""
 
     def __init__(self, scene: ControlScene, plant: PlantModel, stages: Stages, prediction: Prediction) -> None:
         self._scene = scene

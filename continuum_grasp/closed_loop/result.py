@@ -23,7 +23,7 @@ from continuum_grasp.simulation import ContactHistory, scene_under
 
 @dataclass(frozen=True)
 class ControlRun(MotionResult):
-    """A closed loop of K control periods; SI units, world frame. Arrays are those of ``stored``.
+    """A closed loop of K control periods; SI units, world frame. ``stored`` lists its arrays.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class ControlRun(MotionResult):
     health : tuple of str
         Whether sensors, model and call rate agreed at each step: ok, mismatch, detuned, frozen or tripped.
     health_texts : tuple of str
-        The same in words, with what is suspected and its likely cause; empty for ok.
+        The same in words, with the suspected part and its likely cause; empty for ok.
     adapted : mapping of str to Adapted
         Parameters of ``estimator.adapt`` at the end by name: value, deviation, and whether measurements tell it.
     events : tuple of (float, str)
@@ -168,7 +168,7 @@ class ControlRun(MotionResult):
         return missed_setpoints(self.r_names, self.tracked, self.r, self.t, self.scene.reference, self.scene.finger.rod)
 
     def pairs(self) -> dict[str, str]:
-        """Time, errors of what is tracked, times of the controller, counts."""
+        """Time, errors of tracked quantities, times of the controller, counts."""
         metrics = self.metrics()
         errors = {
             f"error of the {term.name}": (

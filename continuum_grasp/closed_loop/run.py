@@ -80,13 +80,13 @@ def run_closed_loop(
         A controller of that scene, which is reset first; where not given, a new ``Controller`` without a deadline, so
         that a run does not depend on how busy the machine is. What would have been late is counted all the same.
     plant : Plant, optional
-        A plant at its start; that of the scene where not given.
+        A plant at its start; by default the scene's.
     functions : mapping of str to callable, optional
         Functions of time in place of references of the scene; see ``setpoints``.
     progress : callable, optional
         Called with the share that is done, 0 to 1.
     times : bool
-        True: optimize the controller's code, so that the times of its steps are those of a controller in use. Else few
+        True: optimize the controller's code, so that its steps take as long as in use. Else few
         steps run in code that is compiled quickly, and the metrics have no times.
 
     Returns
@@ -136,7 +136,7 @@ class LoopPhases(Protocol):
         """Begin the first phase at an instant [s]."""
 
     def advance(self, t: float, controller: Any, plant: Any, command: Any) -> bool:
-        """Begin what is due at an instant [s], by the last command; False after the last phase."""
+        """Begin the work that is due at an instant [s], by the last command; False after the last phase."""
 
 
 class FingerLoop(NamedTuple):
@@ -160,9 +160,9 @@ class FingerLoop(NamedTuple):
     ) -> tuple[list[ControlRun], NumericalError | Interrupted | None]:
         """Let controllers of equal periods move their plants for a time [s], each by its own setpoints.
 
-        Returns the run of each finger, and what stopped them if anything did, which is not raised. ``joint`` has the
-        equations of plants that move together, where they exist already; ``began`` is when the making of what is given
-        began, by ``perf_counter`` [s].
+        Returns the run of each finger, and the exception that stopped them if any, which is not raised. ``joint`` has
+        the equations of plants that move together, where they exist already; ``began`` is the time at which the making
+        of the arguments began, by ``perf_counter`` [s].
         """
         started = perf_counter() if began is None else began
         shared = SharedPlant([loop.plant for loop in loops], joint)

@@ -20,9 +20,9 @@ class SharedModel:
     """The plants of several fingers that touch one object that moves, as functions of a common state.
 
     Each plant describes its finger with the object, the supports and the table, as if the other fingers were not there.
-    Here the object's motion is that of the first plant, on which the other fingers act with their contact forces, and
-    so is the friction of supports and table; all else is each finger's own. State, input, forces and parameters are
-    those of the plants one after the other, without what they share; the fingers' coordinates and their rates, of
+    Here the object's motion, and the friction of supports and table, come from the first plant, on which the other
+    fingers act with their contact forces; all else is each finger's own. State, input, forces and parameters are
+    the plants' own, one after the other, without what they share; the fingers' coordinates and their rates, of
     chains of guides also their tensions, come first, as integrators expect them. One plant alone shares nothing.
 
     ``p`` and ``outside`` of the plants may be changed at any time.
@@ -92,7 +92,7 @@ class SharedModel:
         return self._common("forward_dynamics", functions, "xd")
 
     def implicit(self) -> ca.Function:
-        """``(x, u, w, p, part) -> k``, that of ``System.implicit`` for each finger; the object moves as pushed."""
+        """``(x, u, w, p, part) -> k``, as `System.implicit` for each finger; the object moves as pushed."""
         lead, *others = self.plants
         return self._common("implicit", [lead.implicit(), *(plant.implicit(touching=True) for plant in others)], "k")
 
@@ -110,11 +110,11 @@ class SharedModel:
 
     @property
     def _state_places(self) -> dict[str, list[list[int]]]:
-        """Places of each plant's states among those of all, by the names of inputs of the plants' functions."""
+        """Places of each plant's states in the common state, by the names of inputs of the plants' functions."""
         return {"x": [place.tolist() for place in self._at]}
 
     def _arguments(self, functions: Sequence[ca.Function]) -> tuple[dict[str, ca.SX], list[dict[str, ca.SX]]]:
-        """Symbols of a function of all plants by the names of the plants' ``functions``, and those of each."""
+        """Symbols of a function of all plants by the names of the plants' ``functions``, and the symbols of each."""
         symbols = dict[str, ca.SX]()
         parts = list[dict[str, ca.SX]]([{} for _ in functions])
         states = self._state_places
@@ -146,7 +146,7 @@ class SharedModel:
     def _rates(
         self, functions: Sequence[ca.Function], parts: Sequence[dict[str, ca.SX]], at: list[list[int]], states: str
     ) -> tuple[ca.SX, list[list[ca.SX]]]:
-        """Rates of common states, those of each plant ``at`` some places, and what else the plants' functions give.
+        """Rates of common states, each plant's ``at`` some places, and the other results of the plants' functions.
 
         The functions give the rates of a plant's ``states``, of other plants than the first then what it exerts on the
         object: force [N], moment about its center of mass [N m] and force out of the plane [N].
@@ -174,7 +174,7 @@ class SharedModel:
 
 
 def _size(at: list[list[int]]) -> int:
-    """Number of common states of which each plant has those at some places."""
+    """Number of common states that each plant has at some places."""
     return 1 + max((k for places in at for k in places), default=-1)
 
 

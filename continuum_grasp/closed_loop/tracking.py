@@ -1,4 +1,4 @@
-"""Errors from setpoints: how far from them what is tracked is, and which are missed at the end."""
+"""Errors from setpoints: how far tracked quantities are from them, and which setpoints are missed at the end."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _OFF = 0.05
 """Error at the end from which on a setpoint is missed, per length of the finger [1]; of angles twice that [rad], which
 moves the tip as far; of forces twice that share of the greatest that is asked for, as of weighted goals of plans."""
 _NEARING = 0.95
-"""Share of its distance a tenth of the time before up to which what is off is still on its way [1]: noise of a tip that
+"""Share of its distance a tenth of the time before up to which a value off its setpoint still moves [1]: noise of a tip
 stays moves means over a tenth by less."""
 
 
@@ -42,7 +42,7 @@ def tracked_groups(names: Sequence[str]) -> tuple[Tracked, ...]:
 
 @dataclass(frozen=True)
 class Tracking:
-    """Distance from the setpoints: root of the mean square, greatest, and that of the mean over the last tenth."""
+    """Distance from the setpoints: root of the mean square, greatest, and the mean's over the last tenth."""
 
     name: str
     unit: str

@@ -14,7 +14,7 @@ from continuum_grasp.scene import Connection, Mounting
 
 
 class Affine(NamedTuple):
-    """Numbers of the bench (..., K) from those of the model (..., K): matrix times these, plus shift."""
+    """Numbers of the bench (..., K) from the model's numbers (..., K): matrix times these, plus shift."""
 
     matrix: Array
     shift: Array
@@ -24,7 +24,7 @@ class Affine(NamedTuple):
         return _times(self.matrix, np.asarray(model, dtype=float)) + self.shift
 
     def back(self, bench: ArrayLike) -> Array:
-        """Numbers of the model, from those of the bench."""
+        """Numbers of the model, from the bench's numbers."""
         return _times(np.linalg.inv(self.matrix), np.asarray(bench, dtype=float) - self.shift)
 
 
@@ -35,7 +35,7 @@ def _times(matrix: ArrayLike, values: Array) -> Array:
 
 @dataclass(frozen=True)
 class Wiring:
-    """Readings and commands of a bench from those of the model."""
+    """Readings and commands of a bench from the model's."""
 
     TIP: ClassVar[tuple[str, str]] = ("tip_x [m]", "tip_y [m]")
     """Readings of the camera."""
@@ -61,7 +61,7 @@ class Wiring:
 
 
 def camera_axes(angle: float, mirrored: bool) -> Array:
-    """Matrix (2, 2) from world directions to those of a camera without scale."""
+    """Matrix (2, 2) from world directions to the directions of a camera without scale."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, s], [s, -c] if mirrored else [-s, c]])
 

@@ -102,7 +102,7 @@ class Command(Summarized):
         )
 
     def pairs(self) -> dict[str, str]:
-        """Command, iterations, time, and what is odd."""
+        """One line: command, iterations, time, anomalies."""
         rows = {
             "u": ", ".join(f"{value:.6g}" for value in self.u),
             "iterations": f"{self.iterations}",
@@ -127,7 +127,7 @@ class Command(Summarized):
 
     @property
     def plan(self) -> HorizonPlan:
-        """The last plan, with scenarios that of the first; all zero where there is none yet."""
+        """The last plan, with scenarios the first one's; all zero where there is none yet."""
         x, u = self._part("plan_x"), self._part("plan_u")
         return HorizonPlan(x.reshape(-1, self._control.stages.nx), u.reshape(-1, self._control.stages.nu))
 
@@ -331,7 +331,7 @@ class Command(Summarized):
 
     @property
     def anomalies(self) -> tuple[str, ...]:
-        """Anomalies in words; those of measurements begin with their name."""
+        """Anomalies as text. An anomaly of a measurement starts with the measurement's name."""
         verdicts = self._part("verdict").tolist()
         return texts(int(self._number("anomalies")), verdicts, self._control.measurement_names, self.missed)
 

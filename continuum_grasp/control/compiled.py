@@ -97,7 +97,7 @@ def _setter(structure: str, settings: Settings) -> str:
 
 
 def _reported() -> str:
-    """Write ``cg_write_reported``, which writes what is reported of a call as doubles."""
+    """Write ``cg_write_reported``, which writes the report of a call as doubles."""
     lines = [f"  *out++ = (double)from->{each.place};" for each in REPORTED]
     head = "static double *cg_write_reported(double *out, const controller_output *from)"
     return "\n".join([head, "{", *lines, "  return out;", "}"])
@@ -124,8 +124,8 @@ def _slices(sizes: dict[str, int]) -> dict[str, slice]:
 class Compiled:
     """An object of a C source that defines ``cg_size``, ``cg_settings`` and ``cg_start``, its state first.
 
-    A call reads the vectors ``given`` and writes those of ``parts``, each named with its size, one after the other.
-    Messages call it ``what``; ``passes`` through its code that are expected decide how it is compiled.
+    A call reads the vectors ``given`` and writes the vectors of ``parts``, each named with its size, one after the
+    other. Messages call it ``what``; ``passes`` through its code that are expected decide how it is compiled.
     """
 
     def __init__(

@@ -187,8 +187,8 @@ class CompiledController(Remade, Summarized):
         **settings : array_like, or mapping of str to float
             Named and sized as in ``stages``: ``weights``, ``terminal_weights`` (nr);
             ``u_min``, ``u_max`` (nu), within the nominal ones; ``c_min``, ``c_max``, ``linear``, ``quadratic`` (nc).
-            By name of ``r_names``, ``u_names`` or ``c_names`` of ``stages`` (without unit), weights also by that of a
-            term of the cost, what is left out stays.
+            By name of ``r_names``, ``u_names`` or ``c_names`` of ``stages`` (without unit), weights also by the name
+            of a term of the cost; omitted entries stay.
 
         Raises
         ------

@@ -33,7 +33,7 @@ class Controller(CompiledController):
         Floating-point type of the C.
     deadline : float, optional
         Duration of ``step`` after which its command counts as late [s], so that the next one is of the previous plan;
-        by default that of the scene, else its period. ``math.inf``: never.
+        by default the scene's, else its period. ``math.inf``: never.
     steps : float
         Steps that are expected. The code is optimized where they pay for compiling it, and compiled quickly else.
 
@@ -170,11 +170,11 @@ class Controller(CompiledController):
         ----------
         measurement : (ny,) array_like, mapping of str to float, or None
             Measurement in the order of ``measurement_names``, NaN or masked where a sensor has none; or by name
-            (without unit), where what is left out is not measured; None: no sensor has one.
+            (without unit), where an omitted quantity is not measured; None: no sensor has one.
         reference : (nr,) or (N + 1, nr) array_like, or mapping, optional
             Setpoints in the order of ``stages.r_names``, constant or one row per node from now on; or by name for this
-            step alone, as ``reference`` takes them; by default those of ``reference`` and of the scene at the number
-            of steps, missed ones included, times the period.
+            step alone, as ``reference`` takes them; by default the setpoints of ``reference`` and of the scene at the
+            number of steps, missed ones included, times the period.
         p : (np,) array_like or mapping of str to float, optional
             Parameters; nominal by default, and where a name is left out.
         applied : (nu,) array_like or mapping of str to float, optional
@@ -214,7 +214,7 @@ class Controller(CompiledController):
 
     @check_arguments
     def setpoints(self, functions: Mapping[str, Function] | None = None) -> Setpoints:
-        """Collect setpoints over time: those of the scene, or functions of time in their place.
+        """Collect setpoints over time: the scene's, or functions of time in their place.
 
         Parameters
         ----------

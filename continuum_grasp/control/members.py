@@ -12,7 +12,7 @@ class Changeable(NamedTuple):
     of: str
     """Entries that it has a number for: r, setpoints; u, inputs; c, rows."""
     exported: str
-    """Name in the settings of a package: ``{}`` stands for that of an entry."""
+    """Name in the settings of a package: ``{}`` stands for the name of an entry."""
     text: str
 
 

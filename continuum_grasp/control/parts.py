@@ -50,7 +50,7 @@ _STILL = 1e-3
 """Change of a reading, relative to its sensor's standard deviation, up to which it is at rest [1]: 20 readings of white
 noise in a row stay within it once in 1e60 cases, at a tenth of the declared noise once in 1e45."""
 _HELD = 3.0
-"""Motion by drives that friction in the tendons, of which the model knows little, may hold, in standard deviations of a
+"""Motion by drives that friction in the tendons, nearly unknown to the model, may hold, in standard deviations of a
 reading [1]: in configs/mpc/winches.yaml a tip that rests answers none of the 1 to 2 that the noise causes."""
 _CROSSING = 1.3
 """Natural times of the finger in which a fully active command crosses its range where its rate has no tighter limit
@@ -65,7 +65,7 @@ _FAR = 0.1
 
 _CORRECTED = 0.03
 """Greatest correction of a setpoint that stands, in finger lengths [1]: without any, configs/mpc/trunk_2m.yaml stood up
-to 0.023 off (``python -m benchmarks.soak_standing --loops trunk_2m``); what is unknown is pressed no further."""
+to 0.023 off (``python -m benchmarks.soak_standing --loops trunk_2m``); unknown parts are pressed no further."""
 
 
 class ControllerCalls(NamedTuple):
@@ -172,7 +172,7 @@ class ControlParts:
     def ahead(self) -> int:
         """Number of the filter's steps from a measurement, some periods ago, to now.
 
-        The first is that of the next call's prediction; only further ones need the step without derivatives.
+        The first serves the next call's prediction; only further ones need the step without derivatives.
         """
         return self.periods * int(np.asarray(self.filter["substeps"]))
 

@@ -70,8 +70,8 @@ class Prediction(Remade):
 
     Notes
     -----
-    x is that of the system; for a finger without tendons whose input lags, tip moment and its rate follow its q and qd.
-    u is what is commanded: the tip moment, tensions, or what winches and motors take, one entry per drive. All
+    x is the system's state; for a finger without tendons whose input lags, tip moment and its rate follow its q and qd.
+    u is the command: the tip moment, tensions, or the inputs of winches and motors, one entry per drive. All
     functions take (x, u, p).
     """
 
@@ -205,7 +205,7 @@ class Prediction(Remade):
         return self._function("dynamics", xd=self.rates(self.system.forward_dynamics(*self.arguments)))
 
     def rates(self, of_system: ca.SX) -> ca.SX:
-        """Time derivative of x from that of the system's part of it."""
+        """Time derivative of x from the derivative of the system's part of it."""
         return ca.vertcat(of_system, *([] if self._own_lag is None else self._moment[1:]))
 
     @cached_property
@@ -308,7 +308,7 @@ class Prediction(Remade):
         """Compute the state (nx) of the scene's initial pose at rest, under the scene's ``rest_input``.
 
         Coordinates and friction states of ``initial`` belong to the plant's model. They are used where the controller's
-        model has as many; otherwise the state is that of the unloaded shape, and tendons have not slid.
+        model has as many; otherwise the state is at the unloaded shape, and tendons have not slid.
         ``SolverError`` where an initial equilibrium is not found.
         """
         initial, finger = self.scene.initial, self.system.finger_model
@@ -322,7 +322,7 @@ class Prediction(Remade):
     def start_state(self, initial: Initial, u: Sequence[float], loads: Sequence[ForceLoad] = ()) -> Array:
         """Compute the state (nx) of an initial pose under an input (nu) and loads.
 
-        Errors are those of ``initial_state``.
+        Errors are as in ``initial_state``.
         """
         finger, scene = self.system.finger_model, self.scene
         # Equilibria are those of simulated scenes: of the finger alone.

@@ -42,7 +42,7 @@ class Quantities:
     ) -> dict[str, dict[str, ca.SX]]:
         """Express what sensors read, by sensor: each number by its name and unit, in the order of a measurement.
 
-        The finger is that of a controller or of a plant: states by name, commands u (nu), and the tensions
+        The finger belongs to a controller or a plant: states by name, commands u (nu), and the tensions
         [N] that are read.
         """
         readings = dict[str, dict[str, ca.SX]]()

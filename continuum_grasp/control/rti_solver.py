@@ -24,8 +24,8 @@ class RtiSolver(CompiledController):
     """Real-time iterations of a problem, compiled (M. Diehl et al., doi:10.1016/S0959-1524(02)00023-1).
 
     A step linearizes the problem at the last plan, shifted in time, solves one QP, and takes the full step. The C is
-    that of ``Controller``, with its statuses: where a state is not finite, an iteration fails or a command was late,
-    the solver follows the last plan to its end, then ramps to the safe input. A command is finite and within the
+    the code of ``Controller``, with its statuses: where a state is not finite, an iteration fails or a command was
+    late, the solver follows the last plan to its end, then ramps to the safe input. A command is finite and within the
     bounds of the inputs.
 
     Parameters
@@ -35,7 +35,7 @@ class RtiSolver(CompiledController):
     period : float, optional
         Time from one step to the next [s], at most a stage; a stage by default.
     safe : mapping of str to float, optional
-        Input by name that is safe without a plan; what is nearest to zero by default.
+        Safe input used when there is no plan, by name. Defaults to the admissible input closest to zero.
     sqp_iterations, start_iterations : int
         Iterations per step from the last plan, and from a plan at rest where there is none.
     start_calls : int
@@ -144,7 +144,7 @@ class RtiSolver(CompiledController):
             Input before; the safe one where not given.
         guess : mapping of str to array_like, optional
             Plan from which the next step iterates, as often as from the last one (``sqp_iterations``), in place of one
-            at rest: by name of a state N + 1 numbers, of an input N, or one number for all of them. What is left out is
+            at rest: by name of a state N + 1 numbers, of an input N, or one number for all of them. Omitted names are
             zero, of inputs the safe one.
 
         Raises

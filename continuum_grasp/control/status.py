@@ -12,7 +12,7 @@ import numpy as np
 from continuum_grasp.base import Array
 
 CALL_RATE = "call rate"
-"""Name of what is supervised beside the sensors."""
+"""Name of the supervised quantity beside the sensors."""
 
 
 class CommandStatus(IntEnum):
@@ -171,7 +171,7 @@ def _unit_of(missed: float) -> str:
 def texts(anomalies: int, verdicts: Sequence[float], names: Sequence[str], missed: float = 0.0) -> tuple[str, ...]:
     """Describe the bits of ``Anomaly`` and the verdict on each measurement in words, one sentence each.
 
-    Those of measurements begin with their name. ``missed`` is how many calls were missed.
+    An anomaly of a measurement begins with the measurement's name. ``missed`` is how many calls were missed.
     """
     unit = _unit_of(missed)
     lengths = {

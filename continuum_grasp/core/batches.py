@@ -1,6 +1,6 @@
 """A function, and a recursion over steps, of many rows in one call.
 
-Rows may be strided arrays of doubles, so that what is broadcast is not copied.
+Rows may be strided arrays of doubles, so that broadcast rows are not copied.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ class Scan:
     def __call__(self, steps: int, given: Sequence[Array], rows: Sequence[int], back: bool = False) -> list[Array]:
         """The carry before and after every step (count, steps + 1, size), and the results (count, rows, size).
 
-        ``given`` is the carry at the start (count, size), then signals (count, rows, size); ``rows`` those of the
-        results. ``back``: from the last step to the first; what is in time stays in the order of time.
+        ``given`` is the carry at the start (count, size), then signals (count, rows, size); ``rows`` counts the rows
+        of the results. ``back``: from the last step to the first; sequences in time stay in the order of time.
         """
         function, (start, *signals) = self.function, given
         sizes = [function.nnz_out(k) for k in range(function.n_out())]

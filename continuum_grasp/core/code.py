@@ -55,7 +55,7 @@ class CodeKind(StrEnum):
 
     @staticmethod
     def of_source(source: str, instructions: float = math.inf) -> CodeKind:
-        """Kind of code for C that cannot be interpreted, of which a run executes so many instructions."""
+        """Kind of code for C that cannot be interpreted, if a run executes so many instructions."""
         if (kind := CodeKind.forced()) is not None:
             return kind
         compiler = Compiler.find()

@@ -193,7 +193,7 @@ class Compiler:
 
 @contextmanager
 def _logged(what: str, units: Sequence[str], quick: bool) -> Iterator[None]:
-    """Log what is compiled and about how long that takes, and afterwards how long it took."""
+    """Log the compilation and about how long it takes, and afterwards how long it took."""
     lines = [unit.count("\n") for unit in units]
     per_line = _PER_LINE_QUICK if quick else _PER_LINE
     seconds = per_line * max(max(lines), sum(lines) / (os.cpu_count() or 1))

@@ -123,7 +123,7 @@ _PRELUDE = "/* lanes */\n"
 def with_loops(source: str, fill: Callable[..., str], prelude: str) -> str:
     """CasADi's C with a loop in place of each sweep.
 
-    ``fill`` is that of the templates, ``prelude`` is what lanes need.
+    ``fill`` comes from the templates, ``prelude`` has what lanes need.
     """
     kernels = dict[str, re.Match[str]]()
     for match in _FUNCTION.finditer(source):

@@ -21,7 +21,7 @@ from continuum_grasp.core.source import rollout_source, rollouts_source, symbol_
 _CHUNK = 256
 """Steps on the virtual machine after which Ctrl-C and a state that is not finite end the run [1]."""
 _LINKS = (64, 8, 1)
-"""Steps per function of the virtual machine, of which motions of any length are put together [1]: making one takes
+"""Steps per function of the virtual machine; motions of any length consist of such functions [1]: making one takes
 0.7 ms a step, as long as running it; windows of a motion have many lengths (configs/simulate/hold_mug.yaml: five)."""
 
 
@@ -147,7 +147,7 @@ class Rollouts:
 
         x0 (levels, nx) is where each level starts, ``ratios`` the length of its steps per h, 1 for the first, and
         ``every`` the stored states of the first level from one that the others store to the next. The other arguments
-        are those of one rollout, rows of u and w at half steps of h. Results: the states of each level, and how many
+        come from one rollout, rows of u and w at half steps of h. Results: the states of each level, and how many
         of them are finite after the first (levels,).
         """
         u, w = HalfStepSignal.of_one(u), HalfStepSignal.of_one(w)

@@ -54,7 +54,7 @@ class CSource:
         return straight_functions(self.functions)
 
     def of_core(self, name: str) -> str:
-        """CasADi's C, by the symbols of the core; ``name`` stands before those of its own help functions."""
+        """CasADi's C, by the symbols of the core; ``name`` stands before the names of its own help functions."""
         # The type of lanes is that of the source, which ``single`` may change.
         prelude = f"#ifndef CG_LANES\n{lane_prelude('casadi_real')}\n#endif\n"
         code = _with_static_help(str(_generator_of(name, self.functions, with_export=False).dump()))

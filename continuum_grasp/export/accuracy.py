@@ -98,7 +98,7 @@ def _drawn(low: Array, high: Array, rng: np.random.Generator, *, ends: bool) -> 
 def _differences(narrow: Call, wide: Call, rows: Array, arguments: list[Argument]) -> tuple[Array, Array]:
     """Absolute differences and absolute values in double (count, outputs).
 
-    Zero in rows that are refused, and in those of which a code warns that they are out of range or leave it.
+    Zero in rows that are refused, and in rows where a code warns that they are out of range or leave it.
     """
     computed, codes = (narrow.compiled or narrow.reference)(split(rows, arguments))
     true, _ = (wide.compiled or wide.reference)(split(rows.astype(CReal.KINDS["double"].dtype), arguments))
@@ -127,7 +127,7 @@ def _by_field(output: Argument, off: Array, greatest: Array) -> tuple[OutputErro
 
 
 def check_errors(subject: Subject, errors: Mapping[str, tuple[OutputError, ...]], asked: float) -> None:
-    """Refuse functions of which one has a greater relative error than asked."""
+    """Refuse functions if one has a greater relative error than asked."""
     real = subject.real
     # Rates squared lose digits all over their range, whatever the bends.
     squared = subject.finger is not None and subject.finger.finger.damping.quadratic > 0.0

@@ -13,7 +13,7 @@ from continuum_grasp.export.part import Call, Stateful
 from continuum_grasp.export.subject import Subject
 
 _OPEN = ("measurement", "reference")
-"""Structs of which a part may be given; the rest is as they begin: not measured, as the scene wants it."""
+"""Structs that may be given in part; the rest is as they begin: not measured, as the scene wants it."""
 
 
 def _interface(contents: Contents) -> dict[str, object]:

@@ -19,7 +19,7 @@ FLAGS = {
     "strict": ["-std=c99", "-ffp-contract=off", "-fno-math-errno"],
     "gcc": ["-fexcess-precision=fast", "-fno-tree-vectorize"],
 }
-"""Flags with which results are the same to the last bit. Those of gcc: s390x would compute float in double, and 12.2
+"""Flags with which results are the same to the last bit. Flags of gcc: s390x would compute float in double, and 12.2
 fuses multiplications with additions in vectors (x86 with FMA) in spite of -ffp-contract=off."""
 
 

@@ -21,8 +21,9 @@ LINE = 118
 
 
 REACH = 1e3
-"""Times its usual size up to which a number is taken that has no range of its own [1]: what is beyond has another unit,
-or is of a motion that diverged; angles are within the thousand turns up to which sine and cosine keep their digits."""
+"""Times its usual size up to which a number is taken that has no range of its own [1]: a number beyond has another
+unit, or is of a motion that diverged; angles are within the thousand turns up to which sine and cosine keep their
+digits."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class Field:
     text: str = ""
     """Meaning, where name and unit do not say it."""
     low: float = -math.inf
-    """Least value that is taken; infinite of what is no input."""
+    """Least accepted value; infinite for a field that is no input."""
     high: float = math.inf
     scale: float = 1.0
     """Size of usual values, for the test vectors."""
@@ -57,7 +58,7 @@ class Field:
 
     @property
     def limits(self) -> str:
-        """The range in words; empty of what is no input."""
+        """The range in words; empty for a field that is no input."""
         if -math.inf < self.low and self.high < math.inf:
             return f"{self.low:.6g} to {self.high:.6g}"
         return f"{self.low:.6g} or more" if self.low > -math.inf else f"up to {self.high:.6g}" * (self.high < math.inf)
@@ -131,7 +132,7 @@ class Struct:
 
 
 def to_digits(value: float, digits: int, rounding: Callable[[float], float]) -> float:
-    """So many digits of a number above zero, upwards or downwards; zero of what is not above."""
+    """So many digits of a number above zero, upwards or downwards; zero for any other number."""
     factor = 10.0 ** (digits - 1 - math.floor(math.log10(value))) if value > 0.0 else 1.0
     return rounding(value * factor) / factor if value > 0.0 else 0.0
 
@@ -145,7 +146,7 @@ def each_once(structs: Iterable[Struct]) -> list[Struct]:
 
 
 def outside(struct: Struct, rows: NDArray[Any]) -> NDArray[np.bool_]:
-    """Rows (count, size) of a struct's numbers of which one is out of its range."""
+    """Rows (count, size) of a struct's numbers with one out of its range."""
     low, high = (np.array(side, dtype=rows.dtype) for side in zip(*struct.bounded, strict=True))
     return np.asarray(((rows < low) | (rows > high)).any(axis=1))
 

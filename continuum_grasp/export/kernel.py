@@ -122,7 +122,7 @@ class Kernel:
 
     @staticmethod
     def all_c_source(kernels: Sequence[Kernel], prefix: str, real: CReal) -> str:
-        """C of kernels, behind that of the mathematical functions that they call."""
+        """C of kernels, behind the C of the mathematical functions that they call."""
         strict = c_source(set().union(*(kernel.calls for kernel in kernels)), real, prefix)
         texts = [kernel.c_source(prefix, real) for kernel in kernels]
         return "\n".join([strict, *texts] if strict else texts)

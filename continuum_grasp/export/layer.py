@@ -51,7 +51,7 @@ class Contents:
 
     @cached_property
     def structs(self) -> list[Struct]:
-        """Structs of the header, each once, those of the model first."""
+        """Structs of the header, each once, the model's first."""
         parameters = [self.subject.parameters] if self.subject.parameters and self.calls else []
         return each_once([*parameters, *(struct for part in self.parts for struct in part.structs)])
 
@@ -72,7 +72,7 @@ class Contents:
         return {path: text for part in self.parts for path, text in part.sources.items()}
 
     def fill(self, template: str, **words: object) -> str:
-        """A template with the shared words, what is exported, and further ones."""
+        """A template with the shared words, the words of this export, and further ones."""
         shared = {"contents": self, "subject": self.subject, "loop": self.subject.loop, "calls": self.calls}
         return fill(template, {**self.words, **shared, **words})
 

@@ -51,7 +51,7 @@ class Library:
 
     @staticmethod
     def of(given: Given, *, if_possible: Sequence[str] = (), **options: Unpack[LibraryOptions]) -> Library:
-        """The library with the parts of the options, and with those of ``if_possible`` that there can be."""
+        """The library with the parts of the options, and with the possible ones among ``if_possible``."""
         chosen = PackageOptions(**options)
         _, computed_in = target_of(chosen.target, chosen.real)
         kind = CReal.KINDS[computed_in]

@@ -82,12 +82,12 @@ def export_c(
     folder : path-like
         Where to. An earlier package there is replaced; files that are none of its own, or were changed, are not.
     real : {"float", "double"}, optional
-        What to compute in; that of the target by default.
+        Number type; by default the target's.
     what : sequence of str
         Parts: dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, contact, of a
         closed loop estimator and mpc, of a mission also mission; by default estimator and mpc of a closed loop, mpc and
-        mission of a mission, else dynamics, step, kinematics and statics. They may be mixed: the model is that of the
-        controller's prediction.
+        mission of a mission, else dynamics, step, kinematics and statics. They may be mixed: the model is the one in
+        the controller's prediction.
     prefix : str
         Of all names, a C identifier.
     target : {"host", "cortex-m4f", "cortex-m7", "wasm"}
@@ -95,7 +95,7 @@ def export_c(
     ranges : mapping, optional
         Least and greatest values of run-time parameters, by name; of an object's contacts also ``contact_force`` [N].
     step : float, optional
-        Longest step that will be asked for [s]; that of the scene where it has one.
+        Longest step that will be asked for [s]; by default the scene's, where it has one.
     substeps : int, optional
         Runge-Kutta steps within one; as many as the longest step needs by default.
     sections : int
@@ -107,7 +107,7 @@ def export_c(
     finger : str, optional
         Name of the finger whose package it is, of a mission of several.
     progress : callable, optional
-        Called with the share of the work that is done, 0 to 1, and with what is going on.
+        Called with the share of the work done, 0 to 1, and with the current work in words.
 
     Returns
     -------

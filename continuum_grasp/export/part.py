@@ -195,7 +195,7 @@ class Call:
     guard: str = ""
     """C that may return an error once its inputs are in range each."""
     codes: tuple[Code, ...] = ()
-    """Warnings and errors that it may return beyond those of every function."""
+    """Warnings and errors that it may return beyond the common ones of all functions."""
     compiled: Reference | None = None
     """The reference of many rows by compiled C, of the same bits; None where it is no faster."""
 
@@ -245,9 +245,9 @@ class PackagePart:
     sources: Mapping[str, str] = field(default_factory=dict)
     """Further files, by path in the package; C under ``src`` becomes part of the library."""
     further: tuple[Struct, ...] = ()
-    """Structs beyond those of ``calls``."""
+    """Structs beyond the ones of ``calls``."""
     codes: tuple[Code, ...] = ()
-    """Codes beyond those of ``calls``."""
+    """Codes beyond the ones of ``calls``."""
     stateful: tuple[Stateful, ...] = ()
     """Functions that keep something."""
 

@@ -38,7 +38,7 @@ Given: TypeAlias = Any
 
 @dataclass(frozen=True)
 class ModelSource:
-    """A model with what is known of where it comes from."""
+    """A model and its origin."""
 
     model: FingerModel | None
     """Model of the finger; None of a solver."""
@@ -53,7 +53,7 @@ class ModelSource:
     surroundings: Surroundings | None = None
     """Surroundings that the finger may touch."""
     phases: Callable[[Stages], ExportedPhases] | None = None
-    """Phases of a mission, by the problem of its controller; None of what is no mission."""
+    """Phases of a mission, by the problem of its controller; None unless it is a mission."""
 
     @property
     def finger(self) -> FingerModel:
@@ -77,7 +77,7 @@ class ExportedLoop:
 def source_of(given: Given, real: CReal, finger: str | None = None) -> ModelSource:
     """The model to export; ``finger`` names one of a mission of several.
 
-    In single precision the series of arcs are cut where rounding would hide what is left, unless the scene says
+    In single precision the series of arcs are cut where rounding would hide the rest, unless the scene says
     otherwise. SolverError if no model keeps the scene's tolerance.
     """
     if isinstance(given, (str, os.PathLike)):
@@ -197,7 +197,7 @@ _PARTS = (
 
 
 def parts_of(what: Sequence[str] | None, source: ModelSource) -> list[str]:
-    """Names of the parts of a package, in their order; by default those that suit what is exported."""
+    """Names of the parts of a package, in their order; by default the parts that suit the exported object."""
     if what is None:
         # The controller of a mission has its estimator within.
         estimates = getattr(source.loop, "estimator", None) and source.phases is None

@@ -4,8 +4,8 @@
 and sine reduce the angle by multiples of pi/2 in three parts (W. J. Cody, W. Waite, Software Manual for the Elementary
 Functions, 1980), the exponential by multiples of ln 2 in two; both then are Taylor polynomials. The square root is
 Newton's iteration for its inverse from a linear guess of the exponent, and one step of Heron's. The logarithm is the
-series of artanh behind the exponent, the angle of a vector that of arctan behind eighths of a turn; the others follow
-from these.
+series of artanh behind the exponent, the angle of a vector the series of arctan behind eighths of a turn; the others
+follow from these.
 
 Errors, in roundings (epsilon) of the result: sqrt, exp, log, sin, cos 2 (of one for sine and cosine); expm1, log1p,
 atan, atan2, asin, acos, cosh 3; tan, tanh, sinh 5; pow 2 + 2 |y log(x)|.
@@ -156,7 +156,7 @@ def _power_of_two(k: Array, n: SimpleNamespace) -> Array:
 
 
 def _by_ln2(x: Array, n: SimpleNamespace) -> tuple[Array, Array]:
-    """Whole multiples of ln 2, and what is left."""
+    """Whole multiples of ln 2, and the remainder."""
     k = _nearest(x * n.per_ln2)
     return k, (x - k * n.ln2_1) - k * n.ln2_2
 

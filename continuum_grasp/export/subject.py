@@ -43,7 +43,7 @@ class Subject:
     finger: FingerModel | None = None
     """None for a solver of a problem, whose package has ``mpc`` alone."""
     touching: System | None = None
-    """The finger with the object of its scene, whose states follow those of the finger."""
+    """The finger with the object of its scene, whose states follow the finger's states."""
     finger_equations: Equations | None = None
     """Expressions of all that moves, for kernels of the whole state."""
     parameters: Struct | None = None

@@ -64,7 +64,7 @@ class SweptKernel(Kernel):
         return total
 
     def c_source(self, prefix: str, real: CReal) -> str:
-        """The C definition, with those of its parts."""
+        """The C definition, with the definitions of its parts."""
         parts = [part.c_source(prefix, real).replace("\nvoid ", "\nstatic void ", 1) for part in self._parts.values()]
         return "\n".join([*parts, self._loop(prefix, real)])
 

@@ -22,11 +22,11 @@ from continuum_grasp.export.subject import Subject
 _LEAST, _IN_ALL = 64, 200
 """Rows per function, and of all functions together."""
 _DRAWN = 512
-"""Rows that are drawn, of which those that are refused are few."""
+"""Rows that are drawn; few of them are refused."""
 _REFUSED = 4
 """Rows taken of those that are refused."""
 _FREE = 24
-"""Rows of which the object stays where it is drawn."""
+"""Rows in which the object stays where it is drawn."""
 _SIDES = 8
 """Rows with every bend at a limit."""
 _TINY = (0.0, 1e-12, 1e-9)

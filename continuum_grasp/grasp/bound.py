@@ -39,8 +39,8 @@ from continuum_grasp.scene import GraspScene, Wall
 
 _PIECES, _ROUNDS = 40, 40
 """Intervals of an outline to begin with: in each the normal turns by about 9 degrees, far less than 180; a hundred
-times as many may hold a maximum at most, at a flat one the bound is looser. Most rounds of cutting planes, of which
-shipped scenes take 23 at most, and of bisections. Cutting planes are added up to a gap of `NEAR`, intervals bisected
+times as many may hold a maximum at most, at a flat one the bound is looser. Most rounds of cutting planes (shipped
+scenes take 23 at most), and of bisections. Cutting planes are added up to a gap of `NEAR`, intervals bisected
 until an upper bound of h is its value at a place up to `SAME`."""
 
 

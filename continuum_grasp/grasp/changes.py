@@ -167,7 +167,7 @@ def sensitivities(scene: GraspScene, tried: Tried) -> tuple[Sensitivity, ...]:
     """Derivatives of the answer of a converged attempt with respect to friction, mass, and the pose of the object
     before the hand.
 
-    They hold as long as the same limits stay active. The pose is that of the object with its supports, moved against
+    They hold as long as the same limits stay active. The pose moves the object with its supports against
     all fingers' bases together; bases that are free do not move.
     """
     attempt = tried.attempt

@@ -26,9 +26,9 @@ CLOSEST = 2
 """Starts that are tried in any case with limits relaxed; as many more where these give no grasp."""
 
 SURE, UNFOLLOWED, BALANCED = 1.02, 0.97, 1e-5
-"""Tension of a settled exact rod per that of the best grasp up to which it is tried, and from which down a grasp is not
-optimal: elements take up to 2 % more or less than exact rods do; residual up to which that rod holds at all: with 2e-5
-the tension of some is 15 % too low."""
+"""Tension of a settled exact rod per tension of the best grasp up to which it is tried, and from which down a grasp is
+not optimal: elements take up to 2 % more or less than exact rods do; residual up to which that rod holds at all: with
+2e-5 the tension of some is 15 % too low."""
 
 
 @dataclass(frozen=True)

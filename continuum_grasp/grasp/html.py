@@ -67,7 +67,7 @@ summary { cursor: pointer; margin: .6rem 0; }
 
 
 def report(title: str, status: str, message: str, warnings: Sequence[str], *parts: str, solved: bool) -> str:
-    """A whole page on a result: how it ended, what to know before it is used, and those of its parts that are there."""
+    """A whole page on a result: how it ended, what to know before it is used, and the parts that it has."""
     warned = f'<div class="warning">{items(warnings)}</div>' if warnings else ""
     badge = f'<span class="badge{" good" if solved else ""}">{escaped(status.replace("_", " "))}</span>'
     verdict = f"<p>{badge} {escaped(message)}</p>"

@@ -16,7 +16,7 @@ _CHOICES = {"on": (True,), "off": (False,), "auto": (True, False)}
 def contact_modes(scene: GraspScene) -> list[frozenset[str]]:
     """The sets of contacts that may be on, those with the most contacts first, at most `MOST`.
 
-    They name contacts of fingers, of which every one touches somewhere, and supports that the object touches.
+    They name contacts of fingers, each of which touches somewhere, and supports that the object touches.
     """
     choices: list[list[frozenset[str]]] = []
     for setup in scene.setups:

@@ -101,7 +101,7 @@ def _figure(name: str, drawn: Axes, described: str, caption: str) -> str:
 
 
 def _friction(beside: Mapping[str, Axes]) -> str:
-    """Say what the forces in the table of contacts are, and draw those of friction."""
+    """Say what the forces in the table of contacts are, and draw friction."""
     note = (
         '<p class="quiet">Forces on what touches the object: along the object\'s outward normal, and friction along '
         "that normal turned by +90\N{DEGREE SIGN}. Lift acts on the object, out of the plane. The margin is the unused "

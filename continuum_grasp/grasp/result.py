@@ -157,7 +157,7 @@ class GraspResult(Result):
 
     @property
     def verified(self) -> bool:
-        """Whether forces and limits of the numbers are verified: those of a grasp, also of one that is unstable."""
+        """Whether forces and limits of the numbers are verified, as in a grasp, also in one that is unstable."""
         return self.solved or self.status is GraspStatus.UNSTABLE
 
     @property

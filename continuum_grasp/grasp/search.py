@@ -90,7 +90,7 @@ class GraspSearch:
     # -- starts ------------------------------------------------------------------------------------------------
 
     def settle(self, maps: SceneMaps, *, exact: bool = False) -> list[Candidate]:
-        """Fingers that hold the object, those of least tension first, then those that come nearest to it: as they bend
+        """Fingers that hold the object, by increasing tension, then the ones that come nearest to it: as they bend
         with few elements, or as ``exact`` rods.
         """
         began = time.perf_counter()
@@ -164,7 +164,7 @@ class GraspSearch:
             self.start_seconds += other.start_seconds
 
     def _promised(self, candidate: Candidate) -> float:
-        """Tension of a settled exact rod per that of the best grasp; zero where there is none, and where it does not
+        """Tension of a settled exact rod per tension of the best grasp; zero where there is none, and where it does not
         tell as another objective is sought, or object or bases may move.
         """
         best = self.best
@@ -175,7 +175,7 @@ class GraspSearch:
 
     @property
     def _tensions_tell(self) -> bool:
-        """Whether tensions of settled fingers are those of grasps: nothing else is sought, and nothing may move."""
+        """Whether tensions of settled fingers predict grasps: nothing else is sought, and nothing may move."""
         return self._least_tension and not self._moves
 
     @property
@@ -233,7 +233,7 @@ class GraspSearch:
 
     @cached_property
     def bound(self) -> float | None:
-        """Lower bound of the greatest normal force of any grasp [N], where that is what is minimized."""
+        """Lower bound of the greatest normal force of any grasp [N], where the objective minimizes this force."""
         return least_normal_force_bound(self.scene) if self.scene.objective == "least_normal_force" else None
 
     @property
@@ -286,7 +286,7 @@ class GraspSearch:
         options_at: int = len(OPTION_SETS) - 1,
         **options: Any,
     ) -> Tried | None:
-        """Solve from a start and verify what is new; None where there are no numbers to verify."""
+        """Solve from a start and verify a new result; None where there are no numbers to verify."""
         own = solver is None
         solver = solver or self.solver(start)
         fresh = "x0" not in options

@@ -26,10 +26,10 @@ class FingerShape:
     matched, K is the moment of the tendons, and k is linear on each element and equal to K at its ends: what inputs do
     is then known, wherever tendons end. Of others both are zero. The curvature is k*(s) + m(s) / EI(s).
 
-    ``lengths`` (N,) are those of the elements [m]; ``q`` (n,) the coordinates: elastic curvatures, above the rest
+    ``lengths`` (N,) belong to the elements [m]; ``q`` (n,) the coordinates: elastic curvatures, above the rest
     curvature, at nodes (of arcs: bends); ``shapes`` (N, D, M) the elastic curvature at D places spread evenly along
     each element per coordinate, the first on the tip side of its node. Where M = n + 1, the last coordinate is
-    ``tip``, the elastic curvature at the tip [1/m]. ``tensions`` (T,) are those of the tendons [N].
+    ``tip``, the elastic curvature at the tip [1/m]. ``tensions`` (T,) belong to the tendons [N].
     """
 
     def __init__(self, setup: FingerSetup, arrays: Mapping[str, Any]) -> None:
@@ -87,7 +87,7 @@ class FingerShape:
         return np.asarray(elastic + self._at_places(self.profile.rest_curvature))
 
     def actuation(self, s: Array) -> Array:
-        """Bending moment [N m] of the tendons at positions [m]; at the end of a tendon, that of its inside."""
+        """Bending moment [N m] of the tendons at positions [m]; at the end of a tendon, the moment inside."""
         moments = [a * channel.shape(s) for a, channel in zip(self.amplitudes, self.channels, strict=True)]
         return np.asarray(np.sum(moments, axis=0)) if moments else np.zeros(np.shape(s))
 

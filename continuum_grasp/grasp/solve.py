@@ -90,7 +90,7 @@ def optimize_grasp(
         outline, also with a polygon nearer to its drawing, in ``outline``. Takes some seconds each. Not for a scene
         with ``robust`` or tendons whose friction states must not matter.
     progress : callable, optional
-        Takes a line of text now and then: the best so far, and what is left.
+        Takes a line of text now and then: the best so far, and the remaining work.
 
     Returns
     -------
@@ -280,7 +280,7 @@ class _Verdict:
         return self._unsolved(closest)
 
     def _with_wider_model(self, reasons: Sequence[Reason]) -> GraspResult:
-        """The verdict with a model that bends further, for reasons of which its bending range is a part."""
+        """The verdict with a model that bends further, for reasons that include its bending range."""
         bent = [part.needed for reason in reasons for part in (reason, *reason.also) if part.name == "bending range"]
         bending_range = max(setup.bending_range for setup in self.scene.setups)
         if max(bent) <= ONE_TURN:

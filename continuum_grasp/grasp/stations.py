@@ -46,7 +46,9 @@ def without_stations(scene: GraspScene) -> GraspScene:
 
 
 def search_stations(search: GraspSearch, before: GraspSearch) -> None:
-    """Find grasps with stations next to those of a search ``before`` `without_stations`, then exchange stations."""
+    """Find grasps with stations next to the grasps of a search ``before`` `without_stations`, then exchange
+    stations.
+    """
     for held in before.held:
         start = _on_nearest(search.scene, before.scene, held.arrays)
         # Nearly exact: bold options stay next to it.

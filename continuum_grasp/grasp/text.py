@@ -1,4 +1,4 @@
-"""Parts of what is said about a grasp; as text for people, and the summary as YAML."""
+"""Parts of a report on a grasp; as text for people, and the summary as YAML."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _HEAD = """\
 
 @dataclass(frozen=True)
 class TextPart:
-    """A part of what is said about a grasp, as text and on the page: a table and sentences about it."""
+    """A part of the report on a grasp, as text and on the page: a table and sentences about it."""
 
     title: str
     head: Sequence[str]

@@ -14,12 +14,12 @@ from continuum_grasp.base import Array, amount_text, prefixed, prefixes
 from continuum_grasp.scene import GraspScene
 
 NEAR, SAME = 1e-3, 1e-4
-"""Relative differences of what is sought: below the first a grasp is no better than another, since 0.1 % of tension is
-below the model's error, less tension per force is slack, less force per weight presses nothing, less than that of a
-usual amount relaxes nothing, and what is as near to the object, per length of the finger, may touch; below the second
-two points are the same, and what is left is rounding and guarded places."""
+"""Relative differences of results: below the first a grasp is no better than another, since 0.1 % of tension is
+below the model's error, less tension per force is slack, less force per weight presses nothing, less than 0.1 % of
+a usual amount relaxes nothing, and a body as near to the object, per length of the finger, may touch; below the
+second two points are the same, and the difference is rounding and guarded places."""
 LITTLE = 1e-5
-"""Part of what is sought that is little: the weight of the tensions where they are no aim; and less than a change by
+"""Small part of the aim: the weight of the tensions where they are no aim; and less than a change by
 new guarded places, with which it is solved once more."""
 SATISFIED = 1e-7
 """Scaled violation below which a constraint counts as satisfied: a hundred times the tolerances of the solvers."""
@@ -61,7 +61,7 @@ class GraspStatus(StrEnum):
 
     @property
     def word(self) -> str:
-        """The status as people read it: that of an unstable grasp stands out, since all of its checks pass."""
+        """The status as people read it: an unstable grasp stands out, since all of its checks pass."""
         return self.value.upper() if self is GraspStatus.UNSTABLE else self.value.replace("_", " ")
 
 
@@ -246,7 +246,7 @@ class OutlineError:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """By how much what is sought changes with one number of the scene, to first order."""
+    """By how much the objective changes with one number of the scene, to first order."""
 
     name: str
     derivative: float
@@ -284,8 +284,8 @@ def force_units(arrays: Mapping[str, Array]) -> tuple[str, str]:
 def force_text(arrays: Mapping[str, Array], force: float, unit: str = "N") -> str:
     """Write a force [N] of a grasp in a unit, N, mN or µN, with so many decimals that its greatest one has four digits.
 
-    The greatest is that of the sum of tensions and the components of contact forces, of which the greatest has two
-    digits at least; in newtons two to nine decimals. Contact forces in a smaller unit than that of tensions have three
+    The greatest force is the sum of tensions or a component of a contact force; the greatest component has two
+    digits at least; in newtons two to nine decimals. Contact forces in a smaller unit than the tensions have three
     digits.
     """
     (total, of_contacts, presses), units = _greatest(arrays), force_units(arrays)

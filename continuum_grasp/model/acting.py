@@ -18,8 +18,8 @@ class Acting:
     """Generalized forces of drives, tendons and sections, and the rates of their states.
 
     A finger that moves and one at rest differ in how states are known, and in nothing else. ``drives`` are amplitudes
-    of the moments of each source, ``states`` those by the groups of ``Structure.states``, none of winches at rest.
-    ``commands`` are those of the winches, None where tendons have a tension ``pulled`` [N].
+    of the moments of each source, ``states`` the states by the groups of ``Structure.states``, none of winches at rest.
+    ``commands`` go to the winches, None where tendons have a tension ``pulled`` [N].
     """
 
     def __init__(

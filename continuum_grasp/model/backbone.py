@@ -109,7 +109,7 @@ def _tangents(angles: ca.SX) -> ca.SX:
 class Backbone:
     """Functions of the places of a finger of uniform elements, and of its equilibrium; see `backbone_of`.
 
-    ``lengths`` are those of the elements, ``p`` the run-time arguments of the functions.
+    ``lengths`` belong to the elements, ``p`` are the run-time arguments of the functions.
     """
 
     def __init__(self, equations: Equations, lengths: Sequence[Scalar] | None = None, p: ca.SX | None = None) -> None:
@@ -264,7 +264,7 @@ class Backbone:
     def missing(self, masses: int = 0) -> ca.Function:
         """``(q, u, w, m, history, p)``: generalized force (n,) that is missing for rest.
 
-        ``m`` (2, masses) are masses and where they are, beside those of the finger; ``history`` is that of
+        ``m`` (2, masses) are masses and where they are, beside the finger's; ``history`` is as in
         `FingerModel`, empty without friction.
         """
         eq = self._eq
@@ -274,7 +274,7 @@ class Backbone:
         return self._function("missing", [eq.w, m, eq.history], [force])
 
     def _resisting(self) -> ca.SX:
-        """Generalized force of the elasticity less that of tendons and couples of the input."""
+        """Generalized force of the elasticity less the force of tendons and couples of the input."""
         elastic, driven = (
             column(force[: self._eq.q.numel()]) for force in (self._eq.elastic, self._eq.resting.actuation)
         )

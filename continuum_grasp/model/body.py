@@ -17,9 +17,9 @@ _RATES = ("object_x_rate [m/s]", "object_y_rate [m/s]", "object_angle_rate [rad/
 class Body:
     """Pose, motion and inertia of the object.
 
-    The pose is that of the object's frame: the world position of its origin and its angle. What is ``given`` by name of
+    The pose describes the object's frame: the world position of its origin and its angle. A value ``given`` by name for
     ``object_mass`` [kg], ``friction_factor`` [1] of all coefficients and, where it is fixed, ``object_x`` and
-    ``object_y`` [m] takes the place of what is described.
+    ``object_y`` [m] takes the place of the described one.
     """
 
     def __init__(self, described: GraspObject, around: Surroundings, given: Mapping[str, Scalar]) -> None:

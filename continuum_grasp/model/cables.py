@@ -93,7 +93,7 @@ class Cables:
 
 
 def soft(length: Scalar, onset: Scalar) -> Scalar:
-    """Elongation of a tendon [m] of what is wound up beyond slack [m]: nothing below zero, and smooth."""
+    """Elongation of a tendon [m] by the length wound up beyond slack [m]: nothing below zero, and smooth."""
     # Half beyond the range of the onset w, and within it w (v + 1)^3 (3 - v) / 16 of v = length / w.
     above = ca.fmax(length + onset, 0.0)
     within = ca.fmin(above, 2.0 * onset)

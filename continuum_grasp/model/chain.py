@@ -1,7 +1,7 @@
 """A chain of flexible links on a fixed base: kinematics, mass matrix and generalized forces by recursion.
 
 The chain does not know which family a link is from. Vectors are in the base's axes with X along the undeformed
-backbone. The recursions are those of a composite rigid body (mass matrix) and of Newton and Euler (velocity products,
+backbone. The recursions follow a composite rigid body (mass matrix) and Newton and Euler (velocity products,
 gravity, point forces), with the bending coordinates of each link added; the velocity of a link's end is turned into the
 axes of the next link, which the appendix of the paper forgets.
 """

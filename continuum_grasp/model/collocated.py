@@ -31,7 +31,7 @@ from continuum_grasp.model.tabulated import Directions, LinkTable, TabulatedLink
 class CollocatedLink(Link):
     """A link of any smooth curvature, which depends linearly on the ``local`` coordinates.
 
-    Length [m], linear density and rotary inertia, each times that of the ``rule``, may be run-time numbers;
+    Length [m], linear density and rotary inertia, each times its value in the ``rule``, may be run-time numbers;
     ``angle_range`` is the greatest length times curvature [rad]. An ``end_mass`` [kg] is folded into the constants,
     which needs a numeric length and density.
     """

@@ -26,7 +26,7 @@ second on pads of 2 and 20 N/mm."""
 
 
 _ROUNDINGS = 18000.0
-"""Lengths of the rounding of the onset in that of a finger, by default [1]: 10 um of 180 mm."""
+"""Lengths of the rounding of the onset in the finger's length, by default [1]: 10 um of 180 mm."""
 _DISPLACEMENTS = 1800.0
 """Displacements before slip in the length of a finger, by default [1]: 0.1 mm of 180 mm."""
 
@@ -161,7 +161,7 @@ class TouchLaw:
 
 
 def touch_law_of(law: ContactLaw, rod: Rod) -> TouchLaw:
-    """The law by which a finger with this rod touches: our own, or that of an add-on.
+    """The law by which a finger with this rod touches: our own, or the law of an add-on.
 
     InputError if no add-on that is installed has it.
     """

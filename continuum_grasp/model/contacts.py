@@ -24,7 +24,7 @@ limit [1], along the object's normal turned by +90 degrees on the finger, in pla
 class Contacts(Touched):
     """The body of some surroundings, and all contacts with it; nothing where they have no object.
 
-    Contacts at ``stations``, where the finger may touch, come first, then those of supports, then of the table.
+    Contacts at ``stations``, where the finger may touch, come first, then contacts of supports, then of the table.
     ``given`` are run-time arguments by name, of ``OBJECT_PARAMETERS`` and of `friction_parameter`. Where contacts are
     ``pressed``, gaps are smaller by run-time numbers ``press`` [m], one per contact. ``rod`` is the finger's.
     """
@@ -60,7 +60,7 @@ class Contacts(Touched):
 
     @staticmethod
     def of_finger(scene: Scene, places: Sequence[float], motion: ca.SX, given: Mapping[str, Scalar]) -> Contacts:
-        """Contacts of the finger of a scene at places along it [m], of which the last one is the tip.
+        """Contacts of the finger of a scene at places along it [m], the last one being the tip.
 
         Columns of ``motion`` (6, K) are position, velocity, angle and spin of each place.
         """

@@ -93,7 +93,7 @@ class Equations:
 
     @cached_property
     def drives(self) -> list[Drive]:
-        """Per source what acts: what is commanded, or what follows it."""
+        """Per source the acting input: the command, or the quantity that follows it."""
         drives = list(self.commanded)
         for k, (states, rates) in enumerate(self._lagging):
             if states:
@@ -102,7 +102,9 @@ class Equations:
         return drives
 
     def _drive(self, number: int, amplitudes: Sequence[Scalar], couples: Sequence[Scalar]) -> Drive:
-        """Moments of a source by its own amplitude and that of its couples, with rates and accelerations as given."""
+        """Moments of a source by its own amplitude and its couples' amplitude, with rates and accelerations as
+        given.
+        """
         source = self._structure.sources[number]
         gain: Scalar = source.gain
         if source.chamber and self._par.is_runtime("chamber_area"):
@@ -119,7 +121,7 @@ class Equations:
 
     @cached_property
     def full(self) -> list[Scalar]:
-        """Full coordinates: q, and what is known of the input."""
+        """Full coordinates: q, and coordinates known from the input."""
         q: list[Scalar] = [self.q[k] for k in range(self._structure.n)]
         return [*q, *self._known([drive.total for drive in self.drives])]
 
@@ -342,7 +344,7 @@ class Equations:
         return self._with(bent, self.moving, "elastic")
 
     def _with(self, forces: list[Scalar], acting: Acting, *kinds: Kind) -> list[Scalar]:
-        """Forces on coordinates, and those of the laws of these kinds."""
+        """Forces on coordinates, and the forces of the laws of these kinds."""
         if not self._structure.has_law(*kinds):
             return forces
         return [f + law_force for f, law_force in zip(forces, acting.sections.force(*kinds), strict=False)]
@@ -424,7 +426,7 @@ class Equations:
 
     @property
     def lags_at_rest(self) -> list[Scalar]:
-        """States of lags that have reached what is commanded."""
+        """States of lags that have reached their commands."""
         sources = zip(self._structure.sources, self.amplitudes, strict=True)
         return [state for source, [(asked, _), *_] in sources for state in [asked, 0.0][: source.lags]]
 
@@ -454,7 +456,9 @@ class Equations:
 
     @cached_property
     def known_inertia_force(self) -> list[Scalar]:
-        """Inertia of what moves with the input: without that of a matched tip, ramps of a moment cost millimeters."""
+        """Inertia of parts that move with the input: without the inertia of a matched tip, ramps of a moment cost
+        millimeters.
+        """
         n = self._structure.n
         return [_dot(row[n:], self.known_accelerations) for row in self.chain.mass_matrix[:n]]
 
@@ -488,7 +492,7 @@ class Equations:
         return self._forces(self.resting, None)
 
     def _forces(self, acting: Acting, rates: Sequence[Scalar] | None, driven: bool = True) -> list[Scalar]:
-        """M qdd under what acts but damping and the inertia of what is known; ``rates`` of None: nothing moves."""
+        """M qdd under all forces but damping and the inertia of known coordinates; ``rates`` of None: nothing moves."""
         motion = self.chain.motion_forces(rates, self.gravity_vector, self.loads)
         return [f - b for f, b in zip(motion, self._bending_force(acting, driven=driven), strict=False)]
 
@@ -554,14 +558,14 @@ class Equations:
 
     @cached_property
     def kinetic_energy(self) -> Scalar:
-        """Kinetic energy [J], with what moves with the input, and that of motors and of what is touched."""
+        """Kinetic energy [J], with parts that move with the input, motors and touched bodies."""
         bending = 0.5 * _dot(_product(self.chain.mass_matrix, self.full_rates, 1.0), self.full_rates)
         return self.moving.tendons.kinetic_energy + bending + self.contacts.energy(self._world_gravity)[0]
 
     @cached_property
     def potential_energy(self) -> Scalar:
-        """Elastic energy above the rest shape, with that of tendons on winches, potential of the weight above the
-        world's origin, and what contacts store [J].
+        """Elastic energy above the rest shape, with the energy of tendons on winches, potential of the weight above the
+        world's origin, and the energy that contacts store [J].
         """
         product = _product(self._family.stiffness(self.lengths), self.full, 0.5)
         elastic = self._par["bending_stiffness"] * _dot(product, self.full)

@@ -24,7 +24,7 @@ from continuum_grasp.scene import FAMILIES, Curve, Panels
 
 @dataclass(frozen=True)
 class Mesh:
-    """Elements, and the finger along them. Stiffness, density and rotary inertia are those of the parameters times
+    """Elements, and the finger along them. Stiffness, density and rotary inertia are the parameters' times
     these.
     """
 
@@ -93,7 +93,7 @@ class RodProperties:
 class Family(ABC):
     """A curvature family on a mesh.
 
-    ``accuracy`` is that of the evaluation, relative; None: ``default_accuracy``.
+    ``accuracy`` is the relative accuracy of the evaluation; None: ``default_accuracy``.
     """
 
     degree: ClassVar[int]  # of the polynomial that the bending moment is on each element

@@ -28,7 +28,7 @@ class FingerModel(Model):
     Parameters
     ----------
     finger : FingerScene or Finger
-        A scene of one finger (a `Scene`, that of a closed loop or of a plan) supplies finger, contacts, gravity,
+        A scene of one finger (a `Scene`, the scene of a closed loop or of a plan) supplies finger, contacts, gravity,
         fidelity, parameters and loads; a keyword overrides it.
     contacts : sequence of float, optional
         Positions along the finger where contact forces may act [m]; element boundaries.
@@ -121,14 +121,14 @@ class FingerModel(Model):
 
     x = [q, qd], and [q, qd, tip moment, its rate] where the tendons have a time constant (moment and rate per shape
     that tendons bend, tension and rate per tendon where they have friction); the functions of q then take what u
-    commands. Friction states of the tendons follow, from base to tip, first that of a conduit: +1 where the tendons on
-    the -X side slide towards the base. Then those of dry friction in bending, cell by cell with one per branch: +1
-    where it slides towards positive curvature. Functions of q then take a ``history``, [friction states, h], by which
-    friction acts as clip(state + h slid), of what `sliding` gives: all zero for no friction, h = 1 alone for a finger
-    that was pulled from straight. Those of a motion are [S(z), 0] of its states, with S = z (3 - z^2) / 2 for tendons
-    and z in bending; drives then are where they rest under u. u = tensions, or the tip moment, then the moments of
-    loads on the tip and of those with ``input``. w = world forces at the contacts, then at the tip (if any), then the
-    loads.
+    commands. Friction states of the tendons follow, from base to tip, first the state of a conduit: +1 where the
+    tendons on the -X side slide towards the base. Then the states of dry friction in bending, cell by cell with one
+    per branch: +1 where it slides towards positive curvature. Functions of q then take a ``history``, [friction
+    states, h], by which friction acts as clip(state + h slid), ``slid`` as `sliding` gives it: all zero for no
+    friction, h = 1 alone for a finger that was pulled from straight. In a motion the history is [S(z), 0] of its
+    states, with S = z (3 - z^2) / 2 for tendons and z in bending; drives then are where they rest under u. u =
+    tensions, or the tip moment, then the moments of loads on the tip and of those with ``input``. w = world forces at
+    the contacts, then at the tip (if any), then the loads.
     Positions s beyond the finger are taken as its ends; a compiled core refuses them.
     Axial and shear strains of the rod are not modeled.
 
@@ -241,8 +241,8 @@ class FingerModel(Model):
     def stiffness_of_drives(self) -> ca.Function:
         """``(x, u, w, p) -> K, D, inertia, passive``: small motions of a finger with winches, at rest.
 
-        K (n + m, n + m) is that of the bending coordinates and the angles of motors, with friction as it acts; D (m, m)
-        and inertia (m) [kg m2] are those of these angles, without dry friction. ``passive`` (n, n) is K of the bending
+        K (n + m, n + m) belongs to the bending coordinates and the angles of motors, with friction as it acts; D (m, m)
+        and inertia (m) [kg m2] belong to these angles, without dry friction. ``passive`` (n, n) is K of the bending
         coordinates without tendons.
         """
         eq = self._equations

@@ -53,7 +53,7 @@ Output = ca.SX | Vec | Scalar | list[Scalar]
 def named(inputs: str, *, history: bool = False, **outputs: Callable[[Any], Output]) -> cached_property[ca.Function]:
     """An attribute that is a function of space-separated inputs; each output is read off the model's equations.
 
-    ``history``: of that of friction too, where there is any.
+    ``history``: also a function of the friction history, where there is any.
     """
 
     def build(model: Model) -> ca.Function:

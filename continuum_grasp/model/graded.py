@@ -21,7 +21,7 @@ _MOST_NODES = 32
 _ROUNDING = 3e-14
 """Relative error of a rule that is rounding [1]: two rules that are exact differ by some 2e-14."""
 _FIT = 20
-"""Degree of the polynomials for bending angles within an element [1]; what is below rounding is cut off."""
+"""Degree of the polynomials for bending angles within an element [1]; terms below rounding are cut off."""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ k*(s) + m(s) / EI(s), by Gauss-Legendre collocation in every part of an element 
 Elements move along the finger, so a part without length stands for each break that is elsewhere: exact, and smooth
 where a contact passes one.
 
-The laws of tendons and sections are those of the model: what they see of each element are integrals over its parts.
+The laws of tendons and sections come from the model: they see of each element integrals over its parts.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     from continuum_grasp.model.finger_model import FingerModel
 
 _GRADED_NODES = 2
-"""Nodes beside those of a uniform element: a taper of 1:4 in four elements is then within 1e-7 (tests measure it)."""
+"""Nodes beside a uniform element's: a taper of 1:4 in four elements is then within 1e-7 (tests measure it)."""
 
 
 def backbone_of(model: FingerModel, curves: CurvesSpec) -> Backbone:
-    """Places and equilibrium of a finger, written for problems that differentiate them; curves that change along it are
-    those of its problem.
+    """Places and equilibrium of a finger, written for problems that differentiate them; curves that change along it
+    belong to its problem.
 
     They are as accurate as the model, by the nodes of its elements; arcs get the nodes for its accuracy.
     """
@@ -93,7 +93,7 @@ class GradedBackbone(Backbone):
     """As `Backbone`, of curves along the finger that are run-time arguments.
 
     These are the lengths of the elements, the curves, the moment per coordinate at each node and the tendons' shape
-    there, at the places where the search began, then those of a model of a uniform finger of the same structure.
+    there, at the places where the search began, then the numbers of a model of a uniform finger of the same structure.
     """
 
     def __init__(self, made: Structure, spec: CurvesSpec) -> None:
@@ -136,7 +136,7 @@ class GradedBackbone(Backbone):
         return [*ca.vertsplit(moments - self._known[:-1] * self._pulls), couple]
 
     def _late(self, k: int, s: Any) -> ca.SX:
-        """Share of the moment at a place on an element that is that of its end."""
+        """Share of the moment at a place on an element that belongs to its end."""
         late: ca.SX = (s - self.ends[k]) / (self.ends[k + 1] - self.ends[k])
         return late
 

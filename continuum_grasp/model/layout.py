@@ -23,8 +23,8 @@ from continuum_grasp.scene import (
 )
 
 WHOLE_RANGE = 8 * math.pi / 3
-"""Bending range by default of all elements together [rad]: twice 240 degrees, from five elements on below that of one.
-With 32 elements it saves two of eight quadrature nodes."""
+"""Bending range by default of all elements together [rad]: twice 240 degrees, from five elements on below one
+element's. With 32 elements it saves two of eight quadrature nodes."""
 _LOOKED = 9
 """Places per element at which thickness and limits of the curvature are looked up [1]."""
 SHORTEST = 0.02
@@ -128,7 +128,7 @@ def with_breaks(
 ) -> tuple[float, ...]:
     """Contacts, and where the curvature or its slope jumps: loads, masses, and jumps of the rest curvature.
 
-    Increasing [m], without what is too near to another or to an end for an element. A ``continuous`` curvature cannot
+    Increasing [m], without places too near to another or to an end for an element. A ``continuous`` curvature cannot
     jump at a couple, and rises within a short element around it: a couple of 0.3 EI/L on 2 elements costs 1e-3 of the
     length, with such an element 3e-5 (with a boundary at the couple 2e-3), and the stiffest mode hardly changes.
     """

@@ -18,7 +18,7 @@ from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec
 
 
 def is_end(fraction: Scalar) -> bool:
-    """Whether a fraction of a link's length is a number, and that of its end section."""
+    """Whether a fraction of a link's length is a number that means its end section."""
     # A run-time fraction is an SX, whose comparison would be an expression.
     return isinstance(fraction, float) and fraction == 1.0
 
@@ -80,7 +80,7 @@ class Link(ABC):
     def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
         """Reversed velocity-product acceleration of a section.
 
-        ``omega`` is the angular velocity of the start section, ``rates`` those of the local coordinates.
+        ``omega`` is the angular velocity of the start section, ``rates`` are rates of the local coordinates.
         """
 
     @property

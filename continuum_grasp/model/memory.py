@@ -31,7 +31,7 @@ class Memory:
     """Knowledge of friction states: the one place that tells motion, rest and implicit steps apart.
 
     ``moved`` is a number h of a finger at rest, where friction acts as ``clip(z + h u)`` of the sliding u since the
-    finger was straight: states alone are frictions that stay; h = 1 alone is that of a finger that was bent from
+    finger was straight: states alone are frictions that stay; h = 1 alone means a finger that was bent from
     straight to where it is. ``part`` [s]: of a step that is implicit in it. ``return_time`` [s]: in which states come
     back to their range.
     """

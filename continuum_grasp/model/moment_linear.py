@@ -57,7 +57,7 @@ class Clothoid(CollocatedLink):
 class MomentLinearFamily(Family):
     """Bending moment linear on each element and continuous; the coordinates are the elastic curvatures at the nodes.
 
-    Where the moments of the input are known, that of the tip is no coordinate, and neither is what they bend between
+    Where the moments of the input are known, the tip's curvature is no coordinate, and neither are bends between
     the nodes, where a tendon ends or a couple acts.
     """
 

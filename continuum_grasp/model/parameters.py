@@ -78,7 +78,7 @@ class Parameters:
         self._symbols = {name: ca.SX.sym(name, len(self._nominal[name])) for name in names}
 
     def extended(self, more: Mapping[str, tuple[str, float]]) -> Parameters:
-        """A copy with further run-time arguments, of which units and nominal values are given by name."""
+        """A copy with further run-time arguments, whose units and nominal values are given by name."""
         made = copy(self)
         made.names = (*self.names, *more)
         made._units = self._units | {name: unit for name, (unit, _) in more.items()}
@@ -180,7 +180,7 @@ _IN_SCENE = {
     **{name: name for name in ("contacts", "gravity", "parameters", "loads")},
     **{name: f"fidelity.{name}" for name in ("family", "elements", "bending_range", "accuracy")},
 }
-"""Path in a scene of what is also an option."""
+"""Path in a scene of a value that is also an option."""
 
 
 class Choices:
@@ -195,7 +195,7 @@ class Choices:
         self._options = {name: tuple(v) if isinstance(v, Iterator) else v for name, v in options.items()}
 
     def __getitem__(self, name: str) -> Any:
-        """The option, that of the scene where not given, or None."""
+        """The option, by default the scene's, or None."""
         value = self._options.get(name)
         if value is None and self.scene is not None and name in _IN_SCENE:
             value = attrgetter(_IN_SCENE[name])(self.scene)

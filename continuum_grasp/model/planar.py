@@ -32,7 +32,7 @@ def matrix(rows: Sequence[Sequence[Scalar]]) -> ca.SX:
 
 
 def solve_ldl(symmetric: Sequence[Sequence[Scalar]], right: Sequence[Scalar]) -> list[Scalar]:
-    """Solve ``symmetric x = right`` for a positive definite matrix, of which the lower triangle is read, as L D L'."""
+    """Solve ``symmetric x = right`` for a positive definite matrix as L D L', reading its lower triangle."""
     # Written out in scalars, since CasADi's own linear solvers cannot be expanded to SX and generated as straight code;
     # no pivots are needed for a mass matrix, which is positive definite, and the code then has no branches.
     n = len(right)

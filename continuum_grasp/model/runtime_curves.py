@@ -25,7 +25,7 @@ class CurveSpec:
 
     @property
     def group(self) -> str:
-        """Whose panels it has: its own, or those of the statics."""
+        """Whose panels it has: its own, or the statics'."""
         return self.name if self.name in ("thickness", "depth") else "statics"
 
     @property

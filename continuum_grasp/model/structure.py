@@ -353,7 +353,7 @@ class Structure:
 
     @property
     def is_evaluated_to_rounding(self) -> bool:
-        """Whether no accuracy is asked for, and the family has that of double precision where none is."""
+        """Whether no accuracy is asked for, and the family then computes in full double precision."""
         return self.accuracy is None and self.family.default_accuracy <= ROUNDING
 
     @property

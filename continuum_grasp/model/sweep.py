@@ -1,16 +1,16 @@
 """Forward dynamics of many elements at a cost that grows with their number, by sweeps along the chain of links.
 
-A body hinged to others is eliminated from the equations of those before it (articulated bodies; R. Featherstone,
-Rigid Body Dynamics Algorithms, 2008, doi:10.1007/978-1-4899-7560-7, chapter 7). Here a body is a flexible link and what
-is eliminated are its bending coordinates. Three kernels are functions of one link:
+A body hinged to others is eliminated from the equations of the bodies before it (articulated bodies; R. Featherstone,
+Rigid Body Dynamics Algorithms, 2008, doi:10.1007/978-1-4899-7560-7, chapter 7). Here a body is a flexible link, and
+its bending coordinates are eliminated. Three kernels are functions of one link:
 
     outward     shape, inertia and forces of the link, of all links side by side
     inward      inertia P and force g that the start of the link feels of all that is beyond, coordinates eliminated
     onward      accelerations, from the start of the link to its end
 
-The state of the sweep is that of a section: its velocity, stored like the arms of ``link`` before the turn by a right
+The state of the sweep belongs to a section: its velocity, stored like the arms of ``link`` before the turn by a right
 angle, its angular velocity, and the coordinates that its link shares with the one before. Weight is an acceleration of
-the base. Everything is in the axes of the link at hand. The accuracy is that of the dense solution: both lose the
+the base. Everything is in the axes of the link at hand. It is as accurate as the dense solution: both lose the
 condition of the mass matrix.
 """
 
@@ -38,7 +38,7 @@ SECTION = 3
 
 @dataclass(frozen=True)
 class Kernels:
-    """SX functions of which a sweep consists; all arguments are columns.
+    """SX functions that make up a sweep; all arguments are columns.
 
     | function | inputs                              | outputs                                  |
     |----------|-------------------------------------|------------------------------------------|
@@ -54,8 +54,8 @@ class Kernels:
 
     q, qd and r are the local entries of full vectors, ``row`` describes the link, ``spin`` is the angular velocity
     of its start, ``turn`` its rotation, ``end`` what the inward sweep hands on, ``start``
-    the accelerations at the start of a link, ``rates`` those of the coordinates that it does not share with the link
-    before. ``turns`` are those of the loaded links, one after the other, ``force`` has a column per load, and
+    the accelerations at the start of a link, ``rates`` the rates of the coordinates that it does not share with the
+    link before. ``turns`` belong to the loaded links, one after the other, ``force`` has a column per load, and
     per link where tendons with a tension of their own or dry friction act. Inputs of no
     use are empty. ``rows`` (N, T) are numbers of each link, ``loaded`` is the link of each load, and ``shared`` the
     number of coordinates that neighbors share.
@@ -117,7 +117,7 @@ class Builder:
     """Writes the kernels of a model.
 
     ``implicit``: the matrix is M + part D + part^2 K, with the stiffness K and damping D of the finger itself, and
-    the elastic force that of what the rates bend in ``part`` [s].
+    the elastic force is taken at the bends that the rates add in ``part`` [s].
     """
 
     def __init__(self, equations: Equations, *, implicit: bool = False) -> None:
@@ -214,7 +214,7 @@ class Builder:
                 at += size
 
     def _tip(self) -> ca.Function:
-        """Inertia and force at the end of the last link: what is carried there."""
+        """Inertia and force at the end of the last link: the load carried there."""
         eq, size = self.equations, SECTION + self._shared
         spin = self._symbols()[0]
         mass = sum((self._par[name] for name, place in self._made.masses() if place == self._made.tip), 0.0)
@@ -377,8 +377,8 @@ class Builder:
         )
 
     def _along(self, shape: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """From the axes of a link's end to those of the link; the velocity of the end by that of the start and by local
-        coordinates, and what velocity products add, in the latter.
+        """From the axes of a link's end to the link's; the velocity of the end by the velocity of the start and by
+        local coordinates, and what velocity products add, in the latter.
         """
         size, shared = self._local, self._shared
         c, s, *entries = ca.vertsplit(shape)
@@ -440,7 +440,7 @@ def _flat(vectors: Sequence[Vec]) -> list[Scalar]:
 
 
 def _symmetric(lower: ca.SX, size: int) -> ca.SX:
-    """The whole of a matrix of which the lower triangle is given by rows."""
+    """The whole of a matrix whose lower triangle is given by rows."""
     return _mirrored(ca.SX(ca.Sparsity.upper(size), lower).T)
 
 
@@ -455,9 +455,9 @@ _SWEEPS: dict[str, Kernels] = {}
 
 
 def sweep_function(builder: Builder) -> ca.Function:
-    """A sweep as CasADi's own loops: (x, u, w, p [, part, r]) -> rates of the unknowns' rates, and those of the lag.
+    """A sweep as CasADi's own loops: (x, u, w, p [, part, r]) -> rates of the unknowns' rates, and of the lag.
 
-    x, u, w and p are those of the equations; ``part`` [s] and r (n), the rates, those of an implicit step.
+    x, u, w and p are as in the equations; ``part`` [s] and r (n), the rates, as in an implicit step.
     """
     made, eq = builder.kernels(), builder.equations
     x, u, w, p = (ca.MX.sym(key, getattr(eq, key).numel()) for key in "xuwp")

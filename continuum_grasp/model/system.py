@@ -38,16 +38,16 @@ class System(Model):
     """A finger, and where there is one the object that it touches, as one system xd = f(x, u, w, p).
 
     All functions are SX functions of the whole state with named inputs and outputs; inputs that a system does not need
-    are empty. Unlike those of ``FingerModel``, they take the tip moment that acts, which is in x where the tendons have
-    a time constant, rather than the one that is commanded. Without an object the system is the finger, instruction by
-    instruction. Further keywords are those of ``FingerModel``.
+    are empty. Unlike functions of ``FingerModel``, they take the tip moment that acts, which is in x where the tendons
+    have a time constant, rather than the one that is commanded. Without an object the system is the finger,
+    instruction by instruction. Further keywords are as in ``FingerModel``.
 
     Parameters
     ----------
     given : FingerScene or Finger
-        Finger, or scene of one, of which the system is made. A scene has its surroundings.
+        Finger, or scene of one, to make the system of. A scene has its surroundings.
     surroundings : Surroundings, optional
-        Object, supports and contact law; those of the scene where not given.
+        Object, supports and contact law; by default the scene's.
     object_parameters : sequence of str, optional
         What of the object stays a run-time argument, after the finger's in ``p``: ``object_mass`` [kg] of one that
         moves, ``friction_factor`` [1] of all its friction coefficients, ``object_x`` and ``object_y`` [m] of one that
@@ -272,7 +272,7 @@ class System(Model):
     def section_velocities(self, stations: Sequence[float]) -> ca.Function:
         """``(x, u, p) -> v, spin``: world velocities (2, K) [m/s] and turning rates (K) [rad/s] of sections.
 
-        Stations are those of ``sections``. Of a matched tip without rates of its input, the moment is constant.
+        Stations are as in ``sections``. Of a matched tip without rates of its input, the moment is constant.
         """
         eq, lengths = self._equations, self.finger_model.lengths
         velocities = [eq.section_velocity(place_at(at, lengths)) for at in stations]

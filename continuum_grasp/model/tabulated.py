@@ -1,6 +1,6 @@
 """A flexible link that a table of numbers describes, so that one expression serves every link of a finger.
 
-The numbers are those of ``collocated``, multiplied out: what is left of a link is sums of products with cosines and
+The numbers are as in ``collocated``, multiplied out: a link then consists of sums of products with cosines and
 sines. Entries that are the same for all links become constants of the code, all others its arguments.
 """
 
@@ -65,7 +65,7 @@ class Directions:
 class LinkTable:
     """Table of a link of m nodes and L local coordinates: arrays, or in ``filled`` matrices of CasADi.
 
-    Pairs of nodes j < k are in the order of ``itertools.combinations``; before them stands what is on the diagonal.
+    Pairs of nodes j < k are in the order of ``itertools.combinations``; before them stands the diagonal.
     """
 
     turns: Any  # (L, m + 1) bend from node to node, from the start to the end, per local coordinate

@@ -103,8 +103,8 @@ class TendonForces:
     ) -> list[Scalar]:
         """Per state the sliding per presliding that a curvature of ``values`` brings, of a tendon on the -X side.
 
-        It is that of the middle of the cell: the integral of the tendon's shape times the curvature from there on, and
-        what is ``grown`` in the half cells there.
+        It is taken at the middle of the cell: the integral of the tendon's shape times the curvature from there on, and
+        the length ``grown`` in the half cells there.
         """
         per_path = self._arm_size(cells) / self._presliding(cells)
         halves: list[tuple[Cell, Sequence[Scalar]]] = []  # from base to tip
@@ -193,7 +193,7 @@ class TendonForces:
         return [cables.slacks(drum) for cables, drum in zip(self._cables, self.drums, strict=True)]
 
     def _lengths_of(self, cells: CellSet) -> tuple[float, list[Scalar]]:
-        """Length of the first cell [m], and those of all as its multiples."""
+        """Length of the first cell [m], and the lengths of all as its multiples."""
         lengths, multiples = [float(cell.length) for cell in cells.cells], list[Scalar]()
         unit = lengths[0]
         for cell, length in zip(cells.cells, lengths, strict=True):

@@ -139,7 +139,7 @@ class Shares:
 def shares(halves: Sequence[Scalar], conduit: Scalar | None, sides: Sequence[float]) -> Shares:
     """Shares by half the losses across the cells, in logarithms, and by the loss across a conduit before them.
 
-    All are those of a tendon on the -X side; on the other one friction acts the other way.
+    All are for a tendon on the -X side; on the other one friction acts the other way.
     """
     gained: list[Scalar] = []
     passed: Scalar = 0.0 if conduit is None else conduit

@@ -6,7 +6,7 @@ drum against friction and the tensions that its tendons have:
     y' = v,      v' = (2 / t) (v_max tanh((y_cmd - y) / (2 t v_max)) - v)
     phi' = w,    J w' = torque - b w - dry friction - r (T1 - T2)
 
-where T2 is there on a common pulley alone. What is wound up is ``start`` plus y, or plus the radius times phi; of a
+where T2 is there on a common pulley alone. The wound-up length is ``start`` plus y, or plus the radius times phi; of a
 second tendon on a pulley ``start`` less that. Behind a gear with play 2 b the angle d of a drum without inertia takes
 the place of phi there, and no state: it is the root of k (phi - d - clip(phi - d, -b, b)) = r (T1(d) - T2(d)).
 """
@@ -52,7 +52,7 @@ class Winch(ABC):
     stiffness: Scalar
     """Tension per length wound up, of a tendon without friction [N/m]."""
     parameters: Parameters | None = None
-    """Parameters, of which some may be run-time arguments; None: all numbers are those of the drive."""
+    """Parameters, some of which may be run-time arguments; None: all numbers come from the drive."""
     slack_stiffness: float = 0.0
     """Share of the stiffness that its tendons have while they are slack [1]."""
 
@@ -282,7 +282,7 @@ class Motor(Winch):
     def balance(
         self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar], slowed: Scalar = 0.0
     ) -> Scalar:
-        """Torque that turns it [N m], without dry friction but for what is ``slowed`` by it [N m s].
+        """Torque that turns it [N m], without dry friction but for the part ``slowed`` by it [N m s].
 
         The drum behind a play has no inertia: what the tensions exert on it the motor feels.
         """
@@ -310,7 +310,7 @@ class Motor(Winch):
     ) -> tuple[float, float]:
         """Least and greatest command under which a motor at rest stays where it is by its dry friction [N m].
 
-        ``friction`` is that of the drive where not given.
+        ``friction`` is by default the drive's.
         """
         drive = self.drive
         pull, limit = float(self._pull(tensions)), drive.torque_max

@@ -26,7 +26,7 @@ _SETS: dict[OptionSet, dict[str, Any]] = {
     "refined": {"mu_strategy": "adaptive", **_REFINED},
     "refined_monotone": {"mu_strategy": "monotone", **_REFINED},
 }
-"""Options of a cold start, beyond those of the settings."""
+"""Options of a cold start, beyond the settings' options."""
 
 
 class Ipopt(Solver):

@@ -34,7 +34,7 @@ class NLP:
         ``grad_f`` (x, p) -> f, gradient; ``jac_g`` (x, p) -> g, Jacobian; ``hess_lag`` (x, p, lam_f, lam_g) -> upper
         triangle of the Hessian of lam_f f + lam_g' g, or what stands for it; ``slope`` as the attribute.
     semidefinite : bool
-        Whether ``hess_lag`` is positive semidefinite everywhere, as that of Gauss and Newton is.
+        Whether ``hess_lag`` is positive semidefinite everywhere, as the Gauss-Newton matrix is.
 
     Examples
     --------
@@ -90,10 +90,10 @@ class NLP:
 
         Karush, Kuhn and Tucker: with the multipliers lam of constraints and z of bounds, which are negative at lower
         ends, grad f + J' lam + z = 0, lower <= g <= upper, low <= x <= high, and each multiplier times the slack that
-        is left to its end is 0. The error is that of IPOPT (A. Waechter, L. T. Biegler, doi:10.1007/s10107-004-0559-y,
+        is left to its end is 0. The error is as in IPOPT (A. Waechter, L. T. Biegler, doi:10.1007/s10107-004-0559-y,
         equations 5 and 6, section 3.8): the greatest of dual, primal and complementarity errors, of functions whose
         gradients at the start are scaled down to 100, dual and complementarity divided by the mean multiplier per 100,
-        where that exceeds one. It is infinite where something is not finite. The start is that of the solver: it has
+        where it exceeds one. It is infinite where something is not finite. The solver gives the start: it has
         bounds, parameters, and the point that scales the functions.
         """
         by_f, by_g = _scales(self, start)

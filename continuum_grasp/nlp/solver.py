@@ -53,7 +53,7 @@ class Settings:
     max_iterations : int
         Of one run.
     tuning : mapping
-        Options of single solvers, by their names there: those of other solvers are left out.
+        Options of single solvers, by their names there: options of other solvers are left out.
     """
 
     method: str = "ipopt"
@@ -103,7 +103,7 @@ class Solver(ABC):
         ----------
         problem : NLP
         approach : Approach
-            What is known of the starts.
+            Knowledge about the starts.
         """
 
     def prepare(self, problem: NLP) -> None:

@@ -20,7 +20,7 @@ class Summand:
     ----------
     nlp : NLP
     unknowns, parameters, constraints : ndarray of int
-        Places of its x, p and g; those of several parts may be the same: constraints are sums then.
+        Places of its x, p and g; places of several parts may be the same: constraints are sums then.
     """
 
     nlp: NLP

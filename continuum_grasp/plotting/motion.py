@@ -39,7 +39,7 @@ _STYLES: tuple[Literal["-", "--", ":", "-."], ...] = ("-", "--", ":", "-.")
 def plot_snapshots(motion: Moved, *, times: Sequence[float] | int = _INSTANTS, ax: Axes | None = None) -> Axes:
     """Draw the finger at several instants, colored by time, with clamp, point masses and the last forces to scale.
 
-    ``times`` are instants [s], of which the nearest computed ones are drawn, or how many: between two of these, finger
+    ``times`` are instants [s], whose nearest computed ones are drawn, or how many: between two of these, finger
     or object go as far as between any others. An object is drawn at the same instants, filled at the last of them, with
     its supports. The backbones are the first collection of the axes, arrows of each kind of force at the last instant a
     quiver.
@@ -54,7 +54,7 @@ def draw_snapshots(
     beside: Callable[[Axes], None] = lambda ax: None,
     seen: Sequence[NDArray[Any]] = (),
 ) -> Axes:
-    """Draw `plot_snapshots` and what is ``beside`` them; ``seen`` are further points to show."""
+    """Draw `plot_snapshots` and pictures ``beside`` them; ``seen`` are further points to show."""
     t = np.asarray(motion.t)
     scene = motion.scene
     indices = _along_the_way(motion, times) if isinstance(times, int) else _nearest(t, times)
@@ -85,7 +85,7 @@ def draw_snapshots(
 def _along_the_way(motion: Moved, count: int) -> np.ndarray:
     """Indices of the first and the last instant, and of others between which finger or object go equally far.
 
-    The way from instant to instant is that of the point that goes farthest.
+    The way from instant to instant is measured at the point that goes farthest.
     """
     if count < 1:
         raise InputError(f"expected at least one instant, got {count}", key="times")
@@ -244,8 +244,8 @@ def plot_modes(
 ) -> list[Axes]:
     """Draw each mode shape at plus and minus an amplitude about the equilibrium, in axes of its own.
 
-    ``count`` modes from the lowest, as many as there are axes where not given, at most six in a new figure; what is
-    displaced most is by ``amplitude`` lengths of the finger.
+    ``count`` modes from the lowest, as many as there are axes where not given, at most six in a new figure; the
+    greatest displacement is ``amplitude`` lengths of the finger.
     """
     present = len(modes.frequencies_hz)
     panels = None if ax is None else list(np.ravel(np.asarray(ax, dtype=object)))

@@ -124,7 +124,7 @@ def _fingers(ax: Axes, view: SceneView) -> list[Label]:
 
 
 def _object(ax: Axes, view: SceneView) -> list[Label]:
-    """Draw what is chosen of positions, and the center of mass; returns labels of object and ranges."""
+    """Draw the chosen positions, and the center of mass; returns labels of object and ranges."""
     from matplotlib.patches import Polygon
 
     labels = []

@@ -100,7 +100,7 @@ class SceneView:
 
     @cached_property
     def targets(self) -> dict[str, Array]:
-        """Points (n, 2) that finger and object are led to, by what is led there."""
+        """Points (n, 2) that finger and object are led to, by the body that is led there."""
         goal = getattr(self.scene, "goal", None)
         reference = getattr(self.scene, "reference", None)
         targets = {}

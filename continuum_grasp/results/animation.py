@@ -125,7 +125,7 @@ def _write_mp4(path: Path, pictures: Iterator[NDArray[Any]], fps: float, ffmpeg:
 _DPI = 150.0
 """Pixels per inch: text of 9 points is read without zooming on a page and on a screen."""
 _POINTS = 8.0
-"""Size of text in a journal [points]: that of captions."""
+"""Size of text in a journal [points], as in captions."""
 
 
 def save_picture(

@@ -71,7 +71,7 @@ class Dimension:
     meaning : str
     labels : str, tuple of str or int
         An attribute of the result with one number or ``"name [unit]"`` per place, dots lead into attributes; or these
-        names themselves. An array may have the first few of them. A number: that of the first place. Empty: places are
+        names themselves. An array may have the first few of them. A number: as the first place has. Empty: places are
         counted.
     unit : str
         Of labels that are numbers.

@@ -52,10 +52,11 @@ _TEMPORARY = re.compile(r"\.tmp-(\d+)-[0-9a-f]{12}-.")
 
 
 def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, retained: Collection[str] = ()) -> Path:
-    """Make a folder that of a new run: what an earlier run wrote and has not been changed since is removed.
+    """Make a folder the folder of a new run: files that an earlier run wrote and that have not changed since are
+    removed.
 
     A file is recorded with its content's SHA-256 before it gets its name, so a process killed at any instant leaves
-    no file of its own unrecorded. Files that no run wrote, and files changed since, stay; so do those of ``retained``,
+    no file of its own unrecorded. Files that no run wrote, and files changed since, stay; so do the ``retained`` files,
     which the caller replaces next, or which are of this run already. ``kind`` is the command that makes the run.
     """
     target = Path(folder)
@@ -85,7 +86,7 @@ def kind_of_run(folder: str | os.PathLike[str]) -> str | None:
 
 
 def note_file(target: Path, content: Path) -> None:
-    """Record a file that is about to get its name, if its folder is that of a run."""
+    """Record a file that is about to get its name, if its folder belongs to a run."""
     record = _read(target.parent)
     if record["known"]:
         known = record["files"].get(target.name, [])  # also of the file it replaces, should that never happen
@@ -150,7 +151,7 @@ def swapped(target: Path, mark: str | None = None) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def naming(path: Path, temporary: Path | None = None) -> Iterator[None]:
-    """Have errors of the system name this file where they name none, as that of a full disk, or a temporary one."""
+    """Have errors of the system name this file where they name none, as on a full disk, or a temporary one."""
     try:
         yield
     except OSError as error:

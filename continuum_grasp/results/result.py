@@ -25,7 +25,7 @@ Style = Literal["screen", "paper"]
 
 
 class Result(Summarized):
-    """A result: a frozen dataclass that says which of its attributes are stored, and what is written and drawn of it.
+    """A result: a frozen dataclass that says which of its attributes are stored, and which files and pictures it has.
 
     Subclasses have ``scene``, ``status``, ``warnings`` and ``statistics``, as fields or properties. ``repr`` and what a
     notebook shows are short: `headline`, `pairs`, and in a notebook the first picture.
@@ -119,7 +119,7 @@ class Result(Summarized):
         return {name: value for name, value in arrays.items() if value is not None}
 
     def meta(self, **options: Any) -> dict[str, Any]:
-        """Everything else that is stored; ``options`` are those of `details`."""
+        """Everything else that is stored; ``options`` go to `details`."""
         return {
             "kind": self.kind,
             "config": None if self.scene is None else self.scene.model_dump(mode="json"),
@@ -179,7 +179,7 @@ class Result(Summarized):
         return [picture for picture in self.pictures if not picture.needs or _is_there(getattr(self, picture.needs))]
 
     def plot(self, ax: Any = None, *, picture: str | None = None, **options: Any) -> Any:
-        """Draw a picture; nothing is written, and a notebook shows what is returned.
+        """Draw a picture; nothing is written, and a notebook shows the returned axes.
 
         Parameters
         ----------
@@ -239,12 +239,12 @@ class Result(Summarized):
     ) -> list[Path]:
         """Draw all pictures into a folder, which is made where missing; files of the same names are replaced.
 
-        Where the folder is that of a run, save the result first: that removes the pictures of the run before.
+        Where the folder belongs to a run, save the result first: this removes the pictures of the run before.
 
         Parameters
         ----------
         folder : path-like, optional
-            That of the result where it has one of its own, as a sweep has; else it must be given.
+            Folder of the pictures; by default the result's own, as a sweep has one; else it must be given.
         format : {"png", "pdf", "svg"}
         style : {"screen", "paper"}
             paper: as wide as one column of a journal, or as both, with a serif font of 8 points at most.

@@ -79,7 +79,7 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
     ``result.npz`` holds the arrays and a copy of the meta data, so one rename turns the old run into the new
     one; a process killed at any instant leaves the old run or the new one. ``meta.json`` is the same meta
     data for people and other programs: it is removed before that rename and written after it, so it is never
-    that of another run. Writing into a folder that already holds a run replaces that run: its pictures and
+    from another run. Writing into a folder that already holds a run replaces that run: its pictures and
     reports go (`begin_run`), so save a run before it is drawn; files that no run wrote stay.
 
     Parameters
@@ -184,7 +184,7 @@ def read_run(folder: str | os.PathLike[str]) -> Run:
 
 
 def _complete(meta: Mapping[str, Any]) -> dict[str, Any]:
-    """The caller's meta data in plain form, with what is always recorded."""
+    """The caller's meta data in plain form, with the entries that are always recorded."""
     entries: dict[str, Any] = plain(meta)
     recorded = {"config_sha256", "created", "format_version", "platform"} & entries.keys()
     if recorded:

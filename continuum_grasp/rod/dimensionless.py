@@ -1,7 +1,7 @@
 """The rod of a scene at time zero in dimensionless numbers: lengths per L, forces per EI / L^2, moments per EI / L.
 
 EI is one number: of a rod whose stiffness changes along it the harmonic mean, with which a couple at the tip turns the
-tip as far as that of the uniform rod.
+tip as far as on the uniform rod.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class RodProblem:
         """The problem in dimensionless numbers, of SI ones; weights of the finger's bodies are added.
 
         ``base`` is the world position [m] and angle [rad] of the clamp, the finger's where not given; ``tensions`` [N]
-        are those of the finger's tendons and ``pressures`` [Pa] of its chambers, zero where not given, or ``wound`` is
+        belong to the finger's tendons and ``pressures`` [Pa] to its chambers, zero where not given, or ``wound`` is
         cable that is wound up [m]; with ``released`` tendons with friction slid back from further bends; ``marks`` are
         further places [m] at which panels are to end.
         """
@@ -278,7 +278,7 @@ def _sampled(times: Sequence[float], values: Sequence[float], kind: str) -> floa
     """A sampled function at time zero: steps, a polygon, or the quintic through both ends with their slopes,
     unaccelerated.
 
-    The slopes are those of F. N. Fritsch and J. Butland (1984, doi:10.1137/0905021), none at either end.
+    The slopes follow F. N. Fritsch and J. Butland (1984, doi:10.1137/0905021), none at either end.
     """
     if kind == "hold":
         begun = [value for at, value in zip(times, values, strict=True) if at <= 0.0]

@@ -76,7 +76,7 @@ class Elastica:
     def deformed(cls, problem: RodProblem, curvature: Callable[[Array], Array], *, tolerance: float = 1e-6) -> Elastica:
         """The equilibrium, stable or not, into which a shape deforms when the couples that hold it are taken away.
 
-        The curvature [1/m] of the shape is a function of lengths (n,) [m]; the tolerance is that of position, per
+        The curvature [1/m] of the shape is a function of lengths (n,) [m]; the tolerance is for positions, per
         length. Raises SolverError where the way there ends at a fold or is lost.
         """
         equations = _first_equations(problem)
@@ -85,7 +85,7 @@ class Elastica:
         return _refine(equations, state, steps, tolerance, 0)
 
     def curvature(self, s: ArrayLike) -> Array:
-        """Curvature [1/m] at lengths (...,) [m]; where it jumps, that of the far side."""
+        """Curvature [1/m] at lengths (...,) [m]; where it jumps, the value on the far side."""
         at, shape = self._local(s)
         value = self.equations.mesh.evaluate(self.nodal_curvature, at).real / self._problem.length
         return value.reshape(shape)

@@ -34,7 +34,7 @@ class RodEquations:
     With the section's angle psi = angle + integral of k, the tangent t = i exp(i psi) and the force n(s) that the part
     beyond s exerts, the moment of the loads is m(s) = (couples beyond s) + drives(s) exp(-friction b(s)) + integral
     from s to the tip of t x n, and equilibrium is EI (k - rest) = m (S. S. Antman, 2005, doi:10.1007/0-387-27649-1,
-    chapter 4), with EI(s) per that of the problem. The derivative is EI plus a compact operator: but for the scale of
+    chapter 4), with EI(s) per EI of the problem. The derivative is EI plus a compact operator: but for the scale of
     its rows it is well conditioned on any mesh.
 
     The tension of a tendon that is wound up by y is what it is longer, (y - integral of e k) rounded off where it is
@@ -100,7 +100,7 @@ class RodEquations:
     def unresolved(self, curvature: Array) -> Array:
         """Turn [rad] per panel that its polynomials may miss: in curvature, tangent, friction, or the rod itself.
 
-        Of the rod itself it is the turn by a moment of one, and the mass per that of the whole rod.
+        Of the rod itself it is the turn by a moment of one, and the mass per mass of the whole rod.
         """
         mesh = self.mesh
         functions = [curvature, self.tangents(curvature), 1.0 / self.bending_stiffness, self._density]
@@ -253,8 +253,8 @@ class RodEquations:
     def energy(self, curvature: Array) -> float:
         """Elastic energy less the work that dead forces, couples and actuation do from the base, per EI / L.
 
-        Elongated tendons on winches are among what is elastic.
-        What following forces and tendon friction do is not included.
+        Elongated tendons on winches count as elastic.
+        Work of following forces and tendon friction is not included.
         """
         mesh, problem = self.mesh, self.problem
         work = mesh.weights @ np.real(np.conj(self.tangents(curvature)) * self._force)

@@ -53,10 +53,10 @@ def _integrals(local: Array, count: int) -> Array:
 class PanelMesh:
     """Panels of an interval with Gauss-Legendre nodes.
 
-    On each panel a function is the polynomial through its values at the nodes, and integrals are those of the
+    On each panel a function is the polynomial through its values at the nodes, and integrals are exact for this
     polynomial: collocation with the Gauss-Legendre Runge-Kutta method (E. Hairer, S. P. Norsett, G. Wanner, 1993,
     doi:10.1007/978-3-540-78862-1). Its integration matrix S obeys W S + S^T W = w w^T, so that integrating backwards is
-    the adjoint of integrating forwards and what is variational stays so. There are P panels between P + 1 increasing
+    the adjoint of integrating forwards and variational equations stay so. There are P panels between P + 1 increasing
     edges, with ``count`` nodes each.
     """
 

@@ -36,7 +36,7 @@ class AssembledData(Document):
 
     @classmethod
     def read(cls, path: str | Path, changes: Iterable[Change], varied: Iterable[str] = ()) -> Self:
-        """The data of a file with changes applied; files of which keys are ``varied`` are not read."""
+        """The data of a file with changes applied; files whose keys are ``varied`` are not read."""
         document = read_yaml(path)
         if not isinstance(document.value, dict):
             place = document.places[()]

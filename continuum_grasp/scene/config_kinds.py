@@ -1,4 +1,4 @@
-"""Kinds of configurations: those of the core, and those that add-ons announce."""
+"""Kinds of configurations: the core's, and kinds that add-ons announce."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _CORE = (
 
 @cache
 def kinds() -> dict[str, ConfigurationKind]:
-    """Kinds of configurations by name, those of the core first."""
+    """Kinds of configurations by name, the core's first."""
     known = {kind.name: kind for kind in _CORE}
     for name, addon in addons().items():
         for kind in addon.kinds:

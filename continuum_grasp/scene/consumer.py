@@ -19,7 +19,7 @@ from continuum_grasp.base import InputError
 class Consumer:
     """A declaration of the keys of a scene, or of a part of one, that something does not take as they are.
 
-    A key is dotted, without indices: it stands for that of each entry of a list or mapping. ``key=word`` is the key
+    A key is dotted, without indices: it stands for the key of each entry of a list or mapping. ``key=word`` is the key
     with that value alone, or that word in a list. A key counts as given where it differs from its default. Arguments of
     functions and options of commands are declared in the same way, by their names.
 
@@ -32,7 +32,7 @@ class Consumer:
     otherwise : mapping of str to str
         By key, what becomes of it instead: listed for the user.
     unneeded : mapping of str to str
-        By key, or that of a whole part, why nothing is missing without it: in the documentation alone. ``*`` is any
+        By key, or by a whole part, why nothing is missing without it: in the documentation alone. ``*`` is any
         name.
     where : callable
         Whether it is about a scene: of what has no effect beside other keys.
@@ -80,7 +80,7 @@ class Consumer:
 
         ``KEYS with OTHERS: WHY`` refuses keys where one of the others is given, ``KEYS without OTHERS: WHY`` where none
         is, ``KEYS: WHY`` everywhere; ``table.{point,stays}`` are two keys, and NAME is the last name of each. Others
-        are keys, properties, or ``functions`` that take the scene, and a word as ``differs(NAME)``. Of what is needed,
+        are keys, properties, or ``functions`` that take the scene, and a word as ``differs(NAME)``. For needed keys,
         the reason may be left out.
         """
         declared = []

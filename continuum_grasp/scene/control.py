@@ -23,7 +23,7 @@ tolerate two periods of unmodeled delay, at 0.23 none (docs/control.md)."""
 
 
 _BORNE_MASS, _BORNE_FORCE = 1.5, 1.0 / 12.0
-"""Load of the tip that loops bear whose estimators have no unknown for it [1]: mass, per that of the rod with each part
+"""Load of the tip that loops bear whose estimators have no unknown for it [1]: mass, per mass of the rod with each part
 weighed by (s / L)^4, which is a fifth of a uniform one; and deflection by the force, in first order, per length. Of a
 uniform rod 0.3 m and E I / 4 L^2. With them no shipped loop trips, in four directions; twice the force trips tip_arc,
 tip_circle, keep_out, motor_servo, winches and three_tendons: ``python -m benchmarks.tip_loads --factors 1 2``."""

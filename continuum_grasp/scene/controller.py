@@ -105,7 +105,7 @@ class Bounds(Value):
     """Bounds of the state; limits of the input are in ``controller.input``."""
 
     curvature: Annotated[Positive, Unit("1/m")] | Literal["finger"] | None = "finger"
-    """Greatest curvature [1/m]; finger: that of its strain limit and of the model's bending range; null: none."""
+    """Greatest curvature [1/m]; finger: as its strain limit and the model's bending range allow; null: none."""
     speed: Annotated[Positive, Field(examples=[25.0, "25 rad/s"]), Unit("rad/s")] | None = None
     """Greatest bending rate of an element [rad/s]."""
     keep_out: dict[str, Zone] = Field(default_factory=dict)
@@ -140,7 +140,7 @@ class InputLimits(Value):
     """Greatest change of the input per time [unit of the input per second], such as N/s of tensions."""
     time_constant: TimeConstant | None = None
     """Time constant T of each of the two lags in series, 1/(T s + 1)^2, by which the tip moment of a finger without
-    tendons follows [s]: of a drive of first order half its own. That of tendons is in ``finger.tendons``."""
+    tendons follows [s]: of a drive of first order half its own. ``finger.tendons`` has the tendons' constant."""
 
 
 class CommandedScene(FingerScene, Surroundings):
@@ -297,12 +297,12 @@ class Horizon(Value):
 
 
 class _Differs(Value):
-    """Differences of a finger from that of the controller."""
+    """Differences of a finger from the controller's finger."""
 
     stiffness: Annotated[Positive, Unit("1")] = 1.0
-    """Bending stiffness per that of the controller's finger [1]."""
+    """Bending stiffness relative to the controller's finger [1]."""
     damping: Annotated[Positive, Unit("1")] = 1.0
-    """Damping of the material and per element, per that of the controller's finger [1]."""
+    """Damping of the material and per element, relative to the controller's finger [1]."""
     tip_mass: Mass = 0.0
     """Mass at the tip that the controller's finger does not have [kg]."""
     tendon_friction: Friction | None = None
@@ -323,7 +323,7 @@ class Scenario(_Differs):
     """A plant that a robust controller plans for, by how it differs from the controller's finger."""
 
     weight: Annotated[Positive, Unit("1")] = 1.0
-    """Weight of this plant's cost, beside those of the other plants: its probability, up to a factor [1]. Constraints
+    """Weight of this plant's cost, beside the weights of other plants: its probability, up to a factor [1]. Constraints
     count in full."""
 
     @property
@@ -361,7 +361,7 @@ class ControllerSettings(Limited):
     """Commands over which these are spread, where the longest call counts: the first one makes its share, rounded down,
     after the integration of a motion from which it starts. No more than ``start_iterations``."""
     iterations: Annotated[int, Field(ge=1, le=100)] = 40
-    """Greatest number of factorizations per QP, beyond that of its preparation. A QP that is not solved with as many
+    """Greatest number of factorizations per QP, beyond the one of its preparation. A QP that is not solved with as many
     ends with an input within its limits and the status ITERATION_LIMIT."""
     scenarios: ListOf[Scenario] = ()
     """Plants for which the controller plans at once, 2 to 8: each has a plan of its own, all have the first command in
@@ -404,13 +404,13 @@ class PlantDifferences(_Differs):
     object_friction: Annotated[Positive, Unit("1")] = 1.0
     """All friction coefficients of an object that moves, per those that the controller knows [1]."""
     noise: Ratio = 1.0
-    """Measurement noise per that of ``estimator.measured`` [1]. Without any, no reading at rest counts as frozen."""
+    """Measurement noise relative to ``estimator.measured`` [1]. Without any, no reading at rest counts as frozen."""
     delay: Annotated[NonNegative, Unit("s")] | None = None
     """Age of measurements when they arrive [s]; None: ``estimator.delay``."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the noise."""
     mounting: Mounting | None = None
-    """True mounting of the plant's bench; None: that of the controller, ``{}``: as the model counts."""
+    """True mounting of the plant's bench; None: the controller's mounting, ``{}``: as the model counts."""
 
     def tendon_changes(self, finger: Finger) -> dict[str, float]:
         """Changes of a finger's tendons, as ``Finger.with_tendons`` takes it."""

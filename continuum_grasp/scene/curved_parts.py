@@ -31,7 +31,7 @@ def curved(part: OffsetPolygon) -> OffsetPolygon:
 
     These are convex corners as blunt as `_BLUNT`, several after each other that turn by `_SPAN` in all. The curve has
     the tangents of circles through three corners, and is nowhere farther from the polygon than `SHARE` of its extent:
-    what is drawn is known no better. Corners at which lines meet, and reflex ones, are what they are.
+    a drawing is known no better. Corners at which lines meet, and reflex ones, stay as they are.
     """
     core, count = part.vertices, len(part.vertices)
     if count < 3 or part.radius > 0.0:

@@ -46,7 +46,7 @@ class Document:
     """Plain data and the place of each entry in it.
 
     ``value`` holds dict, list, str, int, float, bool and None; ``places`` maps paths of entries, such as
-    ``("finger", "masses", 0, "at")``, to where they were written. Files of which keys are
+    ``("finger", "masses", 0, "at")``, to where they were written. Files whose keys are
     ``varied`` are not put in place; ``notes`` say of each key what was read.
     """
 

@@ -56,7 +56,7 @@ class Input(NamedTuple):
 
 
 def numbered(given: Iterable[tuple[str, float, float]]) -> tuple[Input, ...]:
-    """Inputs by their keys and limits, those of one key with numbers from 1 on."""
+    """Inputs by their keys and limits, inputs of one key with numbers from 1 on."""
     inputs: list[Input] = []
     for key, least, greatest in given:
         word, unit = COMMANDS[key]
@@ -128,7 +128,7 @@ class MotorDrive(_Winch):
     winch_radius: Annotated[Extent, Field(examples=[0.008, "8 mm"])]
     """Cable wound up per angle [m]."""
     inertia: Annotated[float, Field(ge=1e-20, le=1e12, examples=[2e-6]), Unit("kg m2")]
-    """Moment of inertia at the drum, with that of motor and gear [kg m2]: a gear ratio N multiplies the motor's N^2
+    """Moment of inertia at the drum, with motor and gear [kg m2]: a gear ratio N multiplies the motor's N^2
     times."""
     viscous_friction: Annotated[NonNegative, Unit("N m s")] = 0.0
     """Torque at the drum per angular velocity [N m s]; a gear ratio N multiplies the motor's N^2 times."""
@@ -173,7 +173,7 @@ class DriveLaw:
 
     drive: LengthDrive | MotorDrive
     series: float
-    """Elongation of what is between drive and finger per tension [m/N]."""
+    """Elongation of the parts between drive and finger per tension [m/N]."""
     axial: float
     """Elongation along the finger per tension that is the same all along [m/N]."""
     onset: float

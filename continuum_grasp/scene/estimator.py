@@ -24,7 +24,7 @@ from continuum_grasp.scene.value import (
 
 
 class Camera(Value):
-    """A camera whose axes are not those of the world."""
+    """A camera whose axes differ from the world's."""
 
     position: Position = (0.0, 0.0)
     """World position of what the camera counts as zero [m]."""
@@ -43,7 +43,7 @@ class Connection(Value):
     of: Annotated[int, Field(ge=1, le=16)]
     """Number of the tendon at its other end, from 1."""
     sign: Literal[-1, 1] = 1
-    """Sign of the number of the bench per that of the model."""
+    """Sign of the number of the bench per number of the model."""
     zero: Annotated[Real, Unit("N or N m")] = 0.0
     """Command at which the drive exerts nothing, or reading of a load cell without load [N or N m]."""
 
@@ -52,14 +52,14 @@ Connections = Annotated[ListOf[Connection], Field(max_length=16)]
 
 
 class Mounting(Value):
-    """Differences between the numbers of a bench and those of the model."""
+    """Differences between the numbers of a bench and the model's."""
 
     camera: Camera = Camera()
     """The camera that sees the tip."""
     drives: Connections = ()
-    """Connections of the commands, in the order of the bench; none: those of the model."""
+    """Connections of the commands, in the order of the bench; none: as in the model."""
     tensions: Connections = ()
-    """Connections of the measured tensions, or tip moment, in the order of the bench; none: those of the model."""
+    """Connections of the measured tensions, or tip moment, in the order of the bench; none: as in the model."""
 
     def _check(self) -> None:
         for name in ("drives", "tensions"):
@@ -148,8 +148,8 @@ class Disturbed(Value):
     tip_offset: Annotated[Positive, Field(examples=[0.001]), Unit("m / s^0.5")] | None = None
     """Error of the measured tip across the path on which an even bend moves it, as of a camera that is scaled, shifted
     or turned [m / s^0.5]. Without it the estimate bends to an error that no bend explains, and the tip goes off its
-    setpoint by several times as much. Setpoints are met in what is measured; beside one disturbance that moves the tip
-    along that path."""
+    setpoint by several times as much. With it the measured tip meets its setpoint; use it beside one disturbance that
+    moves the tip along that path."""
     tip_force: Annotated[Positive, Field(examples=[0.1]), Unit("N / s^0.5")] | None = None
     """Unknown world force at the tip, each component [N / s^0.5]."""
     contact_force: Annotated[Positive, Field(examples=[0.2]), Unit("N / s^0.5")] | None = None
@@ -191,7 +191,7 @@ class Adapt(Value):
     """Drift of the time constant T of the drive, relative [1]. Only the dead time, 2 T and the delay of measurements,
     shows: a delay other than ``delay`` is found as half of it in T."""
     forgetting_time: Annotated[Duration, Field(examples=["60 s"])] | None = None
-    """Time in which variances return to those of the start where nothing is measured that tells [s]: shorter follows
+    """Time in which variances return to their start where no informative measurement arrives [s]: shorter follows
     parameters that change, longer averages over more noise. None: 785 natural times of the finger, sqrt(m L^3 / E I);
     60 s of one with 76 ms."""
 
@@ -208,8 +208,8 @@ class Adapt(Value):
 class EstimatorSettings(Value):
     """An extended Kalman filter with disturbance states.
 
-    Setpoints are met in what is measured where as many disturbances as measured coordinates of the tip are estimated,
-    all of which a finger at rest shows (Pannocchia and Rawlings, doi:10.1002/aic.690490213; Maeder, Borrelli and
+    Measurements meet the setpoints where the filter estimates as many disturbances as measured coordinates of the tip,
+    and a finger at rest shows all of them (Pannocchia and Rawlings, doi:10.1002/aic.690490213; Maeder, Borrelli and
     Morari, doi:10.1016/j.automatica.2009.05.007): of a tip on one curve one that moves it along the curve, and
     `tip_offset`.
     """

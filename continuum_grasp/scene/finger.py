@@ -168,7 +168,7 @@ class Finger(Value):
     rest_curvature: Annotated[Real, Unit("1/m")] | PiecewiseCurvature = 0.0
     """Curvature of the unloaded finger [1/m], positive towards -X."""
     half_thickness: Annotated[Distance | None, Field(examples=[0.006, "6 mm"])] = None
-    """Half the outer thickness [m], where contacts touch; half that of the rod's section where not given."""
+    """Half the outer thickness [m], where contacts touch; by default half the thickness of the rod's section."""
     strain_limit: Annotated[float, Field(ge=1e-9, lt=1.0, examples=[0.06, "6 %"]), Unit("1")] | None = None
     """Greatest bending strain of the rod [1], 0.06 for 6 %; needs the thickness of the rod's section."""
     masses: ListOf[PointMass] = ()
@@ -322,7 +322,7 @@ class Finger(Value):
 
     @cached_property
     def tendon_list(self) -> tuple[Tendon, ...]:
-        """The single tendons: those of the list, or the two of a pair, that on the -X side first."""
+        """The single tendons: the list's, or the two of a pair, first the one on the -X side."""
         if not isinstance(self.tendons, Tendons):
             return self.tendons or ()
         entries, offset = dict(self.tendons), self.tendons.offset
@@ -368,7 +368,7 @@ class Finger(Value):
 
     @cached_property
     def inputs(self) -> tuple[Input, ...]:
-        """The inputs, as the model has them: the tip moment, or those of drives or tensions, then pressures."""
+        """The inputs, as the model has them: the tip moment, or inputs of drives or tensions, then pressures."""
         limits = [(drive.key, -drive.limit, drive.limit) for drive in self.winches]
         limits = limits or [("tensions", tendon.min_tension, tendon.max_tension) for tendon in self.tendon_list]
         limits += [("pressures", chamber.min_pressure, chamber.max_pressure) for chamber in self.chambers]
@@ -447,7 +447,7 @@ class Finger(Value):
         return self._with_each(lambda tendon: tendon.replaced(**changes))
 
     def with_drives(self, changed: Callable[[Any], Any]) -> Self:
-        """A copy of the finger with what is changed of the drive of every tendon, if there are tendons."""
+        """A copy of the finger with changes of the drive of every tendon, if there are tendons."""
         return self._with_each(lambda tendon: tendon.replaced(drive=changed(tendon.drive)))
 
     def _with_each(self, changed: Callable[[Any], Any]) -> Self:

@@ -212,7 +212,7 @@ class LoadedFinger(FingerScene):
     def tip_moment_jumps(self) -> bool:
         """Whether the moments on the tip at time zero ask for another curvature there than the initial pose has.
 
-        A matched tip then starts with the curvature of those moments, not with that of the pose.
+        A matched tip then starts with the curvature of those moments, not with the pose's.
         """
         rod, initial, actuation = self.finger.rod, self.initial, self.actuation
         if initial.pose == "equilibrium":

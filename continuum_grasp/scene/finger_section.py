@@ -14,7 +14,7 @@ from continuum_grasp.scene.value import Extent, Value
 class FingerSection(Value):
     """Cross-section of a finger's backbone, which gives its stiffness out of its plane.
 
-    The stiffness in the plane is that of the rod: of a section of width w and thickness t, E I to the side is
+    The stiffness in the plane comes from the rod: of a section of width w and thickness t, E I to the side is
     (w / t)^2 times that, and G J follows from Poisson's ratio.
     """
 

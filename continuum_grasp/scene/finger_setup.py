@@ -134,7 +134,7 @@ class FingerSetup:
 
     @property
     def friction_states(self) -> int:
-        """Number of all friction states, those of the tendons before those of its bending."""
+        """Number of all friction states, first the tendons', then those in bending."""
         branches = len(self.finger.damping.dry_friction)
         return self.tendon_friction_states + self.elements * self.bending_cells * branches
 

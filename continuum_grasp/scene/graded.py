@@ -76,16 +76,16 @@ class Section(Value):
     diameter: Annotated[Varying[Extent] | None, Field(examples=[0.0012, "1.2 mm"])] = None
     """Diameter of a solid round section [m]."""
     youngs_modulus: Varying[Modulus] | None = None
-    """Young's modulus E [Pa]; of a part, that of the rod where not given."""
+    """Young's modulus E [Pa]; of a part by default the rod's."""
     density: Varying[Density] | None = None
-    """Density [kg/m3]; of a part, that of the rod where not given."""
+    """Density [kg/m3]; of a part by default the rod's."""
     bending_stiffness: Varying[Stiffness] | None = None
     """Bending stiffness E I [N m2]."""
     linear_density: Varying[LinearDensity] | None = None
     """Mass per length, rho A [kg/m]."""
     rotary_inertia: Varying[RotaryInertia] | None = None
-    """Rotary inertia per length, rho I [kg m]; 0 leaves it out of the model. Where not given, of a part that of the
-    rod, or that of the shape, or none beside ``linear_density``."""
+    """Rotary inertia per length, rho I [kg m]; 0 leaves it out of the model. Where not given, of a part the
+    rod's, or the shape's, or none beside ``linear_density``."""
 
     @property
     def thick(self) -> float | tuple[float, float] | None:
@@ -93,7 +93,7 @@ class Section(Value):
         return self.thickness if self.diameter is None else self.diameter
 
     def check_shape(self) -> None:
-        """Refuse what is given by halves, by `ValueError`."""
+        """Refuse shapes with missing dimensions, by `ValueError`."""
         linear = [key for key in ("bending_stiffness", "linear_density") if getattr(self, key) is not None]
         if len(linear) == 1:
             missing = "linear_density" if linear[0] == "bending_stiffness" else "bending_stiffness"
@@ -126,7 +126,7 @@ class RodSection(Section):
 class RodSamples(Value):
     """A rod by samples at positions along it, between which the values are smooth and monotone.
 
-    Interpolated by monotone cubics (PCHIP: Fritsch and Butland, doi:10.1137/0905021), those of stiffness and mass
+    Interpolated by monotone cubics (PCHIP: Fritsch and Butland, doi:10.1137/0905021), stiffness and mass
     through the logarithm, so that neither overshoots nor is negative anywhere.
     """
 
@@ -160,8 +160,8 @@ class SpiRob(Value):
     which b follows. A curvature of ``2 tanh(pi b) / (sqrt(1 + b^2) h)`` closes its gaps and restores the spiral.
 
     An elastic layer in the middle bends; the units beside it are rigid but not bonded to each other, so that the
-    stiffness is that of the layer and mass and rotary inertia are those of the full thickness, gaps included. The
-    model is that of many units.
+    stiffness comes from the layer and mass and rotary inertia from the full thickness, gaps included. The
+    model has many units.
     """
 
     base_thickness: Extent
@@ -169,7 +169,7 @@ class SpiRob(Value):
     tip_thickness: Extent
     """Thickness at the tip [m]."""
     units: Annotated[int, Field(ge=2, le=1000)]
-    """Number of units, each of which turns by the same angle where its gap is closed."""
+    """Number of units; each turns by the same angle where its gap is closed."""
     core: Annotated[float, Field(ge=1e-3, le=1.0, examples=[0.12, "12 %"]), Unit("1")]
     """Thickness of the elastic layer per thickness [1]."""
     width: Varying[Extent] | None = None

@@ -42,7 +42,7 @@ class FingerContacts(Value):
     normal_force_max: Annotated[Positive, Unit("N")] | None = None
     """Greatest normal force at any one contact of this finger [N]."""
     middle: Middles | None = None
-    """Middle contacts of this finger, in place of those of ``contacts``."""
+    """Middle contacts of this finger, in place of the ones in ``contacts``."""
     middle_range: Annotated[Range, Increasing] | None = None
     """Positions along the finger between which middle contacts are sought [m]; None: 5 % to 95 % of the
     length."""
@@ -50,7 +50,7 @@ class FingerContacts(Value):
     """Number of places in place of ``middle``, spread evenly over ``middle_range``, at which the finger may touch, each
     up to half of their distance off: which of them do, and where, is found."""
     tip: Switch | None = None
-    """Tip contact of this finger, in place of that of ``contacts``."""
+    """Tip contact of this finger, in place of the one in ``contacts``."""
 
 
 class GraspContacts(FingerContacts):
@@ -72,7 +72,7 @@ class GraspContacts(FingerContacts):
 
 
 class GraspFinger(Finger):
-    """A finger with what is its own in a grasp."""
+    """A finger with its own keys in a grasp."""
 
     contacts: FingerContacts = FingerContacts()
     """Contacts of this finger, where they differ from the scene's ``contacts``."""
@@ -168,7 +168,7 @@ _Share = Annotated[float, Field(ge=0.0, le=0.9, examples=[0.05, "5 %"]), Unit("1
 
 
 class Robust(Value):
-    """Errors of what is known about the object, each up to a bound to both sides, with which the grasp must hold."""
+    """Errors of the knowledge about the object, each up to a bound to both sides, with which the grasp must hold."""
 
     position: Annotated[Distance, Field(examples=[0.002, "2 mm"])] = 0.0
     """Error of the object's position, along x and along y [m], as far as the supports that it touches leave it."""

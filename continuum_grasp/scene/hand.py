@@ -39,8 +39,8 @@ class HandFinger(GraspFinger):
     """A finger of a hand, whose base is where the hand has it."""
 
     section: FingerSection | None = None
-    """Cross-section of the backbone, similar all along, for its stiffness out of its plane; None: that of a rod with a
-    ``diameter`` everywhere, or with ``thickness`` and ``width``."""
+    """Cross-section of the backbone, similar all along, for its stiffness out of its plane; None: the section of a rod
+    with a ``diameter`` everywhere, or with ``thickness`` and ``width``."""
 
     @cached_property
     def cross_section(self) -> FingerSection:
@@ -114,7 +114,7 @@ class FingerBase(Value):
     """Direction to which it bends where its left tendon pulls, of any length; its part along ``direction`` does not
     matter [1]."""
     finger: AnyHandFinger | None = None
-    """The finger of this base, where it is not that of all."""
+    """The finger of this base, where it differs from the common finger."""
 
     def _check(self) -> None:
         for key in ("direction", "bends_toward"):
@@ -147,7 +147,7 @@ class Hand(Value):
 
     @property
     def palm_height(self) -> float:
-        """Place of the palm along z, given or that of the bases [m]."""
+        """Place of the palm along z, as given or where the bases are [m]."""
         given = self.palm.height if self.palm is not None else None
         return given if given is not None else max(base.position[2] for base in self.named_bases.values())
 

@@ -45,7 +45,7 @@ class HandPalm(_PlaneKeys):
     radius: Extent | None = None
     """Radius of the disc [m]; None: a plane. The object and the fingers stay below its plane in any case."""
     height: Annotated[Real, Unit("m")] | None = None
-    """Place of its surface along z [m]; None: that of the bases."""
+    """Place of its surface along z [m]; None: where the bases are."""
 
 
 class HandTable(_PlaneKeys):
@@ -76,7 +76,7 @@ class PlaneSupport:
     """Radius of the disc [m]; infinite for a plane."""
     friction: float
     has_own_friction: bool
-    """Whether its friction is not that of ``contacts``."""
+    """Whether its friction differs from ``contacts``."""
     touch: Switch
 
     def height(self, point: Vector3) -> float:
@@ -109,7 +109,7 @@ class SupportContact:
 def outermost_points(body: Any, direction: Array) -> Array:
     """Points (K, 3) of a solid, as the hand sees it, among which are those that reach farthest along a unit direction.
 
-    One of a round surface; of a body with edges those of all its corners, so that the ends of an edge or the corners of
+    One of a round surface; of a body with edges all its corners, so that the ends of an edge or the corners of
     a face that lie equally far are among them.
     """
     import numpy as np

@@ -104,7 +104,7 @@ class Actuation(Value):
     angles: Annotated[ListOf[Real | Samples], Field(min_length=1), Unit("rad")] | None = None
     """Angle of each drum [rad], where its drive has a ``position_gain``."""
     pressures: Annotated[ListOf[Real | Samples], Field(min_length=1), Unit("Pa")] | None = None
-    """Pressure of each chamber above that of the surroundings [Pa], for a finger with ``pressure``."""
+    """Pressure of each chamber above the surroundings' [Pa], for a finger with ``pressure``."""
 
     def _check(self) -> None:
         # Chambers may act beside tendons of one kind.

@@ -21,8 +21,8 @@ from continuum_grasp.scene.polygons import (
 from continuum_grasp.scene.value import SAME
 
 _DIRECTIONS = 256
-"""Directions among which the nearest supporting line of a superellipse is sought: those of an exponent of 12 turn by
-a tenth of a radian at its corners."""
+"""Directions among which the nearest supporting line of a superellipse is sought: directions for an exponent of 12
+turn by a tenth of a radian at its corners."""
 
 
 class Part(ABC):
@@ -101,8 +101,8 @@ class OffsetPolygon(Part):
 
     @cached_property
     def faces(self) -> tuple[Face, ...]:
-        """Lines and arcs of the core, counter-clockwise: a curve is two arcs with one tangent where they meet and those
-        of its ends; arcs of one circle are one. A disc has one of radius zero, a segment its two sides.
+        """Lines and arcs of the core, counter-clockwise: a curve is two arcs with one tangent where they meet and the
+        tangents of its ends; arcs of one circle are one. A disc has one of radius zero, a segment its two sides.
         """
         if len(self.vertices) == 1:
             return (Face(self.vertices[0], self.vertices[0], 0.0, math.tau),)
@@ -211,7 +211,7 @@ class SuperellipsePart(Part):
     """Exponent p; 2 is an ellipse."""
     center: PlanePoint = (0.0, 0.0)
     angle: float = 0.0
-    """From the object's axes to those of the superellipse [rad]."""
+    """From the object's axes to the axes of the superellipse [rad]."""
 
     def placed(self, position: PlanePoint, angle: float) -> SuperellipsePart:
         return replace(self, center=_mover(position, angle)(self.center), angle=self.angle + angle)

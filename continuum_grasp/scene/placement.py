@@ -132,8 +132,8 @@ def _by_corners(body: ObjectBody, walls: Sequence[Wall]) -> tuple[str, ...]:
 def touching_points(curve: Sequence[PlanePoint], supports: Any, frames: Sequence[Any]) -> set[int]:
     """Indices of the points of a curve nearest to supports, as they are written in a configuration.
 
-    ``frames`` have ``position`` and ``angle`` of the object and, for a member of a union, of the member in it. What is
-    wrong in them is reported where all of the scene is validated.
+    ``frames`` have ``position`` and ``angle`` of the object and, for a member of a union, of the member in it. Faults
+    in them are reported where all of the scene is validated.
     """
     x, y, angle = 0.0, 0.0, 0.0
     try:

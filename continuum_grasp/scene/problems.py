@@ -89,7 +89,7 @@ def validated(document: Document, model: type[Model]) -> Model:
 
 
 def input_error(error: ValidationError, model: type[BaseModel], document: Document) -> InputError:
-    """Every problem of a document on a line of its own, in the order of the file; its position is that of the first.
+    """Every problem of a document on a line of its own, in the order of the file; the first one gives the position.
 
     Problems are at the user's own keys: branch names that pydantic puts into locations inside unions are taken out, and
     only the branches that the value could have been meant for are reported.

@@ -27,7 +27,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 
 
 class Panels(tuple[tuple[float, float], ...]):
-    """Parts of a finger [m], from base to tip, on each of which some functions are smooth."""
+    """Parts of a finger [m], from base to tip; some functions are smooth on each part."""
 
     __slots__ = ()
 
@@ -79,7 +79,7 @@ class Curve:
 
     @classmethod
     def of_pieces(cls, length: float, starts: Sequence[float], coefficients: Sequence[tuple[float, ...]]) -> Curve:
-        """Polynomials from places on [m], each up to the next place, without those of no length."""
+        """Polynomials from places on [m], each up to the next place, without pieces of no length."""
         spans = zip(starts, (*starts[1:], length), coefficients, strict=True)
         pieces = [(start, polynomial) for start, end, polynomial in spans if end - start > SAME * length]
         return cls((*(start for start, _ in pieces), length), tuple(polynomial for _, polynomial in pieces))
@@ -92,7 +92,7 @@ class Curve:
         return cls(tuple(map(float, spline.x)), tuple(map(tuple, pieces)), exponential)
 
     def __call__(self, s: ArrayLike, *, tip_side: bool = False) -> Array:
-        """Value at positions [m], beyond the ends that of the outer pieces continued; shape of ``s``."""
+        """Value at positions [m], beyond the ends the outer pieces continued; shape of ``s``."""
         at = np.asarray(s, dtype=float)
         if len(self.coefficients) == 1:
             return np.asarray(self.on(0, at))
@@ -116,7 +116,7 @@ class Curve:
         return Polynomial(self.coefficients[piece])(Polynomial([at - self.edges[piece], 1.0]))
 
     def slope(self, s: float) -> float:
-        """Derivative at a position [m]; where there is a kink or a jump, that of the base side."""
+        """Derivative at a position [m]; at a kink or a jump, the derivative on the base side."""
         piece = int(np.searchsorted(np.asarray(self.edges[1:-1]), s - SAME * self.edges[-1]))
         # A complex step subtracts nothing: exact to rounding.
         return float(np.imag(self.on(piece, s + 1e-30j)) / 1e-30)

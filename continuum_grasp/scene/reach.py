@@ -63,7 +63,7 @@ class Reach:
             self._limits["gap"] = "m", "the distance of the object", near
 
     def check(self, key: str, given: Mapping[str, Any]) -> None:
-        """Refuse what is out of reach, with the key of the first below ``key``, where they stand in the scene.
+        """Refuse rows out of reach, with the key of the first below ``key``, where they stand in the scene.
 
         ``given`` are rows by name, constant, over time or on a circle; functions of time are not compared.
         """

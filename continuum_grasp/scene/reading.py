@@ -23,7 +23,7 @@ Kind = TypeVar("Kind")
 
 @dataclass
 class ConfigurationData(AssembledData):
-    """Plain data of a configuration, of which its keys say the kind."""
+    """Plain data of a configuration; its keys say the kind."""
 
     _scene: Any = field(default=None, init=False, repr=False, compare=False)
 
@@ -80,7 +80,7 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
         closed loop (it has a ``controller``), a mission (that and a ``grasp``), a plan (it has a ``goal``), a sweep
         (it names a ``scene``), a design (that and ``variables``) or a finger (it has a ``rod``).
         Where it says ``finger: other.yaml`` or ``finger: {extends: other.yaml, ...}``, that file is read,
-        relative to the file that names it; keys given beside ``extends`` replace those of the other file,
+        relative to the file that names it; keys given beside ``extends`` replace the other file's keys,
         mappings key by key. So is ``grasp: other.yaml`` of a mission or plan.
     overrides : iterable of str, or mapping
         ``"key.path=value"`` texts, values read as YAML, or a mapping from key path to value; applied in
@@ -115,7 +115,7 @@ def scene_of(given: Any, kind: tuple[type, ...], overrides: Overrides = ()) -> A
 def scene_of(given: Any, kind: Any = Scene, overrides: Overrides = ()) -> Any:
     """Return a scene that is given as such, or read it from its file; ``overrides`` are for a file, as in `load`.
 
-    ``kind`` is a class, or classes of which one will do. Results are what a simulation repeats them by.
+    ``kind`` is a class, or classes, any of which will do. Results stand for the simulation that repeats them.
     """
     if kind is Scene and not isinstance(given, Scene) and (simulated := getattr(given, "simulated", None)) is not None:
         return simulated

@@ -45,11 +45,11 @@ class DryFriction(Value):
 class Relaxation(Value):
     """One branch of a material that creeps and relaxes: a spring in series with a dashpot, beside the elastic rod.
 
-    ``bending_stiffness`` is that of slow loads. Several branches are a Prony series.
+    ``bending_stiffness`` holds for slow loads. Several branches are a Prony series.
     """
 
     share: Annotated[float, Field(gt=0.0, le=100.0, examples=[0.2]), Unit("1")]
-    """Stiffness that it adds under sudden loads, per that of slow ones [1]."""
+    """Stiffness that it adds under sudden loads, relative to slow loads [1]."""
     time: Annotated[Duration, Field(examples=[3.0, "3 s"])]
     """Time in which its moment relaxes to 37 % while the bend is held [s]; less than a thousandth of the finger's
     slowest motion is damping."""
@@ -89,7 +89,7 @@ _PARTS = ("sections", "samples", "spirob")
 _LEAST_GAP = 1e-6
 """Least distance between jumps, and between samples, per length [1]: a panel of quadrature of its own is between."""
 _LEAST_THICKNESS = 1e-3
-"""Least thickness per that of the base [1]: towards a tip that is a point the curvature has no bound."""
+"""Least thickness per thickness of the base [1]: towards a pointed tip the curvature has no bound."""
 
 
 class Rod(Section):

@@ -51,7 +51,7 @@ class Shape:
         return list(dict.fromkeys(tags))
 
     def description(self, path: KeyPath, data: Any) -> str:
-        """The first line of what is written about the key at ``path``, in lower case at its start."""
+        """The first line of the description of the key at ``path``, in lower case at its start."""
         for node in self._follow(path, data):
             text = str(node.get("description", "")).strip().split("\n")[0].rstrip(".")
             if text:
@@ -59,7 +59,7 @@ class Shape:
         return ""
 
     def unit(self, path: KeyPath, data: Any) -> str | None:
-        """The SI unit of the number at ``path``, which may be that of the list or mapping it stands in."""
+        """The SI unit of the number at ``path``, which may stand at the list or mapping around it."""
         for end in range(len(path), 0, -1):
             nodes = [alternative for node in self._follow(path[:end], data) for alternative in alternatives(node)]
             units = {node["unit"] for node in nodes if "unit" in node}
@@ -112,7 +112,7 @@ class Shape:
 
 @cache
 def _schema(model: type[BaseModel]) -> _Node:
-    """JSON Schema of a model; that of a closed loop takes 0.5 s, and a sweep asks for it several times."""
+    """JSON Schema of a model; the schema of a closed loop takes 0.5 s, and a sweep asks for it several times."""
     return model.model_json_schema()
 
 

@@ -42,7 +42,7 @@ class ContactLaw(Value):
     stiffness: Annotated[float, Field(ge=1e-3, le=1e9), Unit("N/m")]
     """Normal force per depth [N/m]."""
     friction: Friction
-    """Coulomb friction coefficient [1]; that of a support counts where it has its own."""
+    """Coulomb friction coefficient [1]; a support's own coefficient counts where it has one."""
     dissipation: Annotated[NonNegative, Unit("s/m")] = 1.0
     """Share by which the normal force grows per speed of approach [s/m] (Hunt and Crossley); the same damps the
     tangential displacement before slip. A body that lands with a small speed v leaves with about
@@ -145,7 +145,7 @@ class Surroundings(Supported):
     table: Table | None = None
     """Table that carries an object that moves, until the table is lowered; None: contacts alone do."""
     moment_of_inertia: Annotated[Positive, Unit("kg m2")] | None = None
-    """Moment of inertia of a moving object about its center of mass [kg m2]; None: that of its mass spread evenly over
+    """Moment of inertia of a moving object about its center of mass [kg m2]; None: with its mass spread evenly over
     its shape (over each part by its area, for a union)."""
 
     def _check(self) -> None:

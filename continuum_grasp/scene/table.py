@@ -42,7 +42,7 @@ _SURE = 0.6
 
 @dataclass(frozen=True)
 class DataTable:
-    """Rows of text cells, and the line of each. Every method raises `InputError` with the place of what is wrong.
+    """Rows of text cells, and the line of each. Every method raises `InputError` with the place of the fault.
 
     Attributes
     ----------
@@ -154,8 +154,8 @@ class DataTable:
     def in_si(self, heading: str, si: str, unit: str | None = None, zero: float = 0.0, *, gaps: bool = False) -> Array:
         """A column (rows,) less ``zero`` of its own unit, in an SI unit.
 
-        ``unit`` is that of the data where its heading does not say it. With gaps, empty cells are NaN. Dates with times
-        by ISO 8601 count from the first on.
+        ``unit`` is the unit of the data where its heading does not say it. With gaps, empty cells are NaN. Dates with
+        times by ISO 8601 count from the first on.
         """
         if si == "s" and (seconds := self._dates(heading)) is not None:
             return seconds - zero
@@ -186,7 +186,7 @@ class DataTable:
     def check_clock(self, t: Array, heading: str, unit: str | None = None, period: float | None = None) -> None:
         """Refuse times (rows,) [s] that are too far apart, or too near, for the unit in which they are read.
 
-        ``unit`` is that of the configuration, ``period`` the time between rows that the scene expects [s]; None: it has
+        ``unit`` is the configuration's, ``period`` the time between rows that the scene expects [s]; None: it has
         none.
         """
         if self._dates(heading) is not None:

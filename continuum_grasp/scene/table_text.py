@@ -1,4 +1,4 @@
-"""Tables as text: which lines have headings and numbers, what is between cells, what other programs write."""
+"""Tables as text: which lines have headings and numbers, the separators of cells, the styles of other programs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class TableText(NamedTuple):
 
 
 def parsed(text: str, names: Sequence[str], file: str) -> tuple[TableText, bool]:
-    """Read a text as a table, and whether DeepLabCut wrote it; ``names`` are those of columns without headings."""
+    """Read a text as a table, and whether DeepLabCut wrote it; ``names`` are for columns without headings."""
     separator, numbered = _written(text)
     headed = _with_headings(text, separator, numbered)
     if not names or _columns(headed[:1], separator) == set(names):  # else any comment may have as many words
@@ -110,7 +110,7 @@ def _written(text: str) -> tuple[str, list[tuple[int, str]]]:
 
 
 def _with_headings(text: str, separator: str, numbered: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    """Lines with that of the headings, which is in the last comment above them where they begin with numbers."""
+    """Lines with the line of headings, which is in the last comment above them where they begin with numbers."""
     if not numbered or any(number_in(cell) is None for cell in _cells(numbered[0][1], separator) if cell):
         return numbered
     width = len(_cells(numbered[0][1], separator))

@@ -73,14 +73,14 @@ class _Tensions(Value):
     time_constant: TimeConstant | None = None
     """Time constant T of each of the lags in series by which a tension follows its command [s]: of two, 1/(T s + 1)^2,
     unless ``drive_order`` is 1; a drive of first order has 63 % of a step after T, one of second order 26 %. None: the
-    tension is what is commanded."""
+    tension is commanded directly."""
     drive_order: Literal[1, 2] = 2
     """Order of that lag: 2: critically damped, two lags in series; 1: T dF/dt = F_command - F. The mean delay is as
     many times T."""
     axial_stiffness: Annotated[Positive, Field(examples=[10e3]), Unit("N")] | None = None
     """Stiffness EA of the tendon along the finger [N]; needed by drives."""
     series_stiffness: Annotated[Positive, Field(examples=[3e4]), Unit("N/m")] | None = None
-    """Stiffness of what is between the drive and the finger, free cable, springs, gear, in series [N/m]."""
+    """Stiffness of the parts between the drive and the finger, free cable, springs, gear, in series [N/m]."""
     drive: WinchDrive | None = None
     """A winch or a motor, which need both stiffnesses; None: the tension is commanded."""
 
@@ -238,13 +238,13 @@ class Chamber(Value):
     to: Length | None = None
     """End of the chamber [m]; None: at the tip."""
     min_pressure: Annotated[float, Field(ge=-1e6, le=1e9, examples=[-20e3, "-20 kPa"]), Unit("Pa")] = 0.0
-    """Least pressure above that of the surroundings [Pa]; negative for suction."""
+    """Least pressure above the surroundings' [Pa]; negative for suction."""
     max_pressure: Annotated[float, Field(ge=-1e6, le=1e9, examples=[100e3, "100 kPa"]), Unit("Pa")]
-    """Greatest pressure above that of the surroundings [Pa]."""
+    """Greatest pressure above the surroundings' [Pa]."""
     time_constant: TimeConstant | None = None
     """Time constant of the one lag, of first order, by which the pressure follows its command [s]. None: at once."""
     stiffness_share: Annotated[NonNegative, Field(le=100.0, examples=[0.1]), Unit("1")] = 0.0
-    """Bending stiffness that its wall adds from ``start`` to ``to``, per that of the rod there [1]."""
+    """Bending stiffness that its wall adds from ``start`` to ``to``, relative to the rod there [1]."""
 
     def _check(self) -> None:
         if abs(self.offset) < LEAST_OFFSET:

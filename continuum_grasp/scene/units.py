@@ -122,8 +122,8 @@ def pattern(si: str | None) -> str:
 class Unit:
     """The SI unit of a number, or of all numbers in a list, for ``Annotated``; texts with a unit become SI numbers.
 
-    In a mapping this goes for its ``value`` or ``values``, whose own unit is None: that of what they are given for. A
-    unit that is not in ``QUANTITIES``, such as ``N or N m``, takes no texts. What cannot be read is left as it is, and
+    In a mapping this goes for its ``value`` or ``values``, whose own unit is None: the mapping's unit counts. A
+    unit that is not in ``QUANTITIES``, such as ``N or N m``, takes no texts. Unreadable text is left as it is, and
     validation refuses it as no number, with its place.
     """
 

@@ -37,12 +37,12 @@ if TYPE_CHECKING:
 GREATEST = 1e12
 """Greatest number that a scene states, in its SI unit: one beyond is in another unit, or mistyped."""
 PARALLEL = 1e-6
-"""Sine of an angle below which two directions, or those of two surfaces, count as parallel [1]."""
+"""Sine of an angle below which two directions, or directions of two surfaces, count as parallel [1]."""
 SAME = 1e-9
 """Distance per length up to which two positions are the same, and difference up to which two ratios are [1]: above the
 rounding of sums of lengths."""
 WRITTEN = 1e-6
-"""Share of a size that is rounding of what is written, as with six digits [1]: of numbers in scenes, of coordinates in
+"""Share of a size that is rounding of written numbers, as with six digits [1]: of numbers in scenes, of coordinates in
 drawings."""
 _SHORT = 200
 """Characters up to which a value is shown as it is written [1]: two lines of a terminal."""
@@ -117,7 +117,7 @@ class Value(BaseModel):
             raise ValueError(f"{key} must be a whole number of {what}, got {span} s in {what} of {step} s")
 
     def _doubt_outside(self, key: str, value: float | None, least: float, most: float, why: str) -> None:
-        """Warn of a value, where there is one, outside the range of what is built; ``why`` begins with its unit."""
+        """Warn of a value, where there is one, outside the range of built fingers; ``why`` begins with its unit."""
         if value is not None and not least <= value <= most:
             doubt(f"{key} = {value:g} {why}")
 
@@ -135,7 +135,7 @@ class Value(BaseModel):
         changes : mapping or iterable of str
             From key paths to values, such as ``{"object.mass": 0.4, "finger.masses[0].mass": 0.02}`` [SI units], or
             ``"key.path=value"`` texts, as in `load` and as ``--set`` takes them; applied in order. A mapping or list
-            replaces what is there as a whole. Paths of files are relative to the working directory.
+            replaces the present one as a whole. Paths of files are relative to the working directory.
 
         Returns
         -------
@@ -315,7 +315,7 @@ def _increasing(values: tuple[float, ...], field: ValidationInfo) -> tuple[float
 
 
 Increasing = AfterValidator(_increasing)
-"""For numbers of which each must be greater than that before it."""
+"""For numbers each of which must be greater than the one before it."""
 Interval = Annotated[tuple[Real, Real], Field(strict=False), Increasing]
 """Least and greatest value."""
 

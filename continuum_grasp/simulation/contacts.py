@@ -97,7 +97,7 @@ class ContactHistory:
     def shear(self) -> Array:
         """Size of the friction force, in and out of the plane (T, C) [N].
 
-        It is what the force has beside its normal part. That of a table is out of the plane: its lift.
+        It is the force without its normal part. The shear of a table is out of the plane: its lift.
         """
         whole = np.square(self.force).sum(axis=1) + np.square(self.lift)
         shear: Array = np.sqrt(np.maximum(whole - np.square(self.normal_force), 0.0))

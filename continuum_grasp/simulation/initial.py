@@ -20,7 +20,7 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
     Parameters
     ----------
     scene : Scene
-        The scene. An initial equilibrium is that of the finger alone.
+        The scene. An initial equilibrium is taken of the finger alone.
     model : FingerModel or System
         Its model.
 

@@ -28,14 +28,14 @@ from continuum_grasp.simulation.signals import Signals
 LOST = 3.0
 """Multiple of the declared bending range beyond which the model means nothing."""
 _TOLERANCE = 1e-11
-"""Missing force per that of the forces that balance [1]; a few digits above rounding."""
+"""Missing force per size of the forces that balance [1]; a few digits above rounding."""
 _MAX_ITERATIONS = 500
 """Iterations after which the search is given up [1]."""
 _NEAR_BUCKLING, _NEAR_BUCKLING_ARCS = 0.02, 0.25
-"""Least stiffness per that of the unloaded finger [1] below which the shape is sensitive to the model's own error; the
-second for families of order 2, arcs, divided by the square of their number. Column under P: below 0.02, 2 matched
-clothoids have errors of 4e-3 to 4e-2 of the length; arcs shift the buckling load by 0.21 of it over the square of their
-number."""
+"""Least stiffness per stiffness of the unloaded finger [1] below which the shape is sensitive to the model's own
+error; the second for families of order 2, arcs, divided by the square of their number. Column under P: below 0.02, 2
+matched clothoids have errors of 4e-3 to 4e-2 of the length; arcs shift the buckling load by 0.21 of it over the square
+of their number."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class RestingShape:
 
 
 class EquilibriumSearch:
-    """Equilibria of a model at given input, forces and parameters; ``history`` is that of tendon friction."""
+    """Equilibria of a model at given input, forces and parameters; ``history`` belongs to tendon friction."""
 
     def __init__(self, model: FingerModel, u: Array, w: Array, p: Array, history: Array) -> None:
         self._model, self._u, self._w, self._p, self._history = model, u, w, p, history
@@ -291,7 +291,7 @@ def rest_under(
     reached_by: str = "pulling",
     friction_states: ArrayLike | None = None,
 ) -> RestingShape:
-    """Find the shape at rest under constant input and forces; arguments are those of ``equilibrium_under``."""
+    """Find the shape at rest under constant input and forces; arguments are as in ``equilibrium_under``."""
     CheckedArgument("side", side).choice((1, -1))
     CheckedArgument("reached_by", reached_by).choice(("pulling", "releasing", "state"))
     command, forces, p = CheckedArgument("u", u).array(), CheckedArgument("w", w).array(), np.array(model.p_nominal)
@@ -318,6 +318,6 @@ def rest_under(
 
 
 def states_of_motors(model: FingerModel, drives: Array) -> list[Array]:
-    """Parts of the states of all drives that are those of each motor, which come last; views of the array."""
+    """Parts of the states of all drives that belong to each motor, which come last; views of the array."""
     ends = np.cumsum([motor.states for motor in reversed(model.structure.motors)])
     return np.split(drives, len(drives) - ends[::-1])[1:]

@@ -181,7 +181,7 @@ class _Run:
         return self._model.structure.stiff_method(sweeps=self._core.model.sweeps)
 
     def _judged(self, plan: SteppingPlan, motion: Motion) -> tuple[SteppingPlan | None, Stop | None]:
-        """A finer plan where the steps turned out to be too long, and what is wrong if there is none."""
+        """A finer plan where the steps turned out to be too long, and the fault if there is none."""
         states, error = motion.states, motion.error
         if isinstance(error, Interrupted):
             return None, error

@@ -14,7 +14,7 @@ from continuum_grasp.model import FingerModel, System
 from continuum_grasp.simulation.linearized import damping_matrix, slope_matrix
 
 _EVEN, _EXTREME = 12, 6
-"""States that are spread evenly over a motion, and those of greatest force or fastest friction [1]."""
+"""States that are spread evenly over a motion, and states of greatest force or fastest friction [1]."""
 
 
 def contact_frequency(core: Core, states: Array, u: Array, w: Array, p: Array) -> float:
@@ -54,7 +54,7 @@ def pressed_radius(core: Core, states: Array, u: Array, w: Array, p: Array) -> f
 def representative_states(core: Core, states: Array, u: Array, w: Array) -> Array:
     """Some states (T, nx) of a motion of a system with contacts, under inputs and forces (T, size).
 
-    Evenly spread, and those of the greatest normal forces and of the fastest friction, where it is stiffest.
+    Evenly spread, and states of the greatest normal forces and of the fastest friction, where it is stiffest.
     """
     system: System = core.model
     friction = system.friction_states
@@ -87,14 +87,14 @@ def _at_rest(system: System, x: Array) -> Array:
 
 
 _MOVED, _ROUGH = 1e-6, 1e-3
-"""Change of a state, per one and its size, by which a step is differentiated; and what is left to differences [1]."""
+"""Change of a state, per one and its size, by which a step is differentiated; and the error of differences [1]."""
 
 
 def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array, qd: Array | None = None) -> float:
     """Largest absolute eigenvalue of the linearized motion over shapes (count, n), and of the tendons' lag [1/s].
 
     Infinite where the model's numbers are not finite, or its mass matrix is singular to rounding. Velocities (count, n)
-    matter to quadratic damping alone; where not given, those of `rates_sprung_back` of the model.
+    matter to quadratic damping alone; by default they come from `rates_sprung_back` of the model.
     """
     model = core.model
     if qd is None:

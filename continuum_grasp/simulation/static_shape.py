@@ -1,4 +1,4 @@
-"""A shape at rest as a result: what is stored, written and drawn of it."""
+"""A shape at rest as a result: its stored arrays, texts and pictures."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class Equilibrium(RestingShape, Result):
         """Estimate of the greatest error of position that the elements leave, per length of the finger [1].
 
         Taken from the equilibrium with every element halved, found when this is first read; infinite where there is
-        none, nan where a model or states of friction are those of these elements alone.
+        none, nan where a model or states of friction belong to these elements alone.
         """
         error: float = named_value("continuum_grasp.simulation.accuracy.space:error_of_equilibrium")(self)
         return error

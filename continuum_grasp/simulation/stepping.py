@@ -30,9 +30,9 @@ _BESIDE = 2e-9
 """Time beside a jump at which its values are taken [s]: twice the least between instants of samples."""
 
 _KNOWN_SHRINK = 0.6
-"""Factor on the error by half the step length that is assumed where none is observed: that of order 1, which contacts
+"""Factor on the error by half the step length that is assumed where none is observed: as for order 1, which contacts
 and kinks can have, with a margin for steps so long that twice their length is unstable (4 and 6 clothoids let go: the
-true error was up to 1.33 times that of order 1)."""
+true error was up to 1.33 times the error of order 1)."""
 _CHUNK = 200_000
 """Sub-steps between two calls of ``progress``, and between two looks at the error [1]."""
 _LEAST_CHUNK, _LOOKS = 1_000, 16
@@ -57,7 +57,7 @@ class SteppingPlan:
 
     @property
     def start(self) -> SteppingPlan:
-        """Plan of the first output step: what is released may at first move far faster than later."""
+        """Plan of the first output step: a released finger may at first move far faster than later."""
         return replace(self, substeps=max(self.substeps, self.start_substeps))
 
     @property
@@ -72,7 +72,7 @@ class SteppingPlan:
 
     @property
     def ratios(self) -> tuple[int, ...]:
-        """Lengths of the longer steps, per that of the steps."""
+        """Lengths of the longer steps, per length of the steps."""
         return tuple(2 ** (self.halvings + k) for k in range(2 if self.observed else 1))
 
     @property
@@ -121,10 +121,10 @@ class Motion:
 
 
 class Stepper:
-    """Integrates a scene from a state; the core is that of the system, or of the finger without an object.
+    """Integrates a scene from a state; the core belongs to the system, or to the finger without an object.
 
-    ``steps`` are output steps, ``taken`` those of fixed-step methods so far, with longer ones and those of plans that
-    were given up.
+    ``steps`` are output steps, ``taken`` counts steps of fixed-step methods so far, with longer ones and steps of
+    plans that were given up.
     """
 
     def __init__(self, scene: Scene, time: Timing, model: FingerModel, progress: Callable[[float], None]) -> None:
@@ -282,7 +282,7 @@ class _Differences:
     finite: bool = True
 
     def add(self, steps: list[float]) -> None:
-        """Note those of some more instants."""
+        """Note the differences of some more instants."""
         self.greatest = [max(pair) for pair in zip(self.greatest or steps, steps, strict=True)]
 
     @property

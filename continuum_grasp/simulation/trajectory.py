@@ -214,12 +214,12 @@ class Trajectory(MotionResult):
 
     @property
     def kinetic(self) -> Array:
-        """Kinetic energy (T,) [J], with that of the object."""
+        """Kinetic energy (T,) [J], with the object's."""
         return self._energies[0]
 
     @property
     def potential(self) -> Array:
-        """Elastic energy, with that of pressed surfaces, and potential of the weight (T,) [J]."""
+        """Elastic energy, with the energy of pressed surfaces, and potential of the weight (T,) [J]."""
         return self._energies[1]
 
     @cached_property

@@ -28,7 +28,7 @@ def simulate(
     ----------
     scene : Scene, MotionResult or path-like
         The scene, with ``time``, or its YAML file; or a result, whose motion is repeated by the inputs of a plan, or
-        the commands of a closed loop on the finger that its controller knows, or those of a mission on its plant
+        the commands of a closed loop on the finger that its controller knows, or of a mission on its plant
         (``simulated`` of the result).
         With ``fidelity.tolerance`` the cheapest model that satisfies it is found first; where the motion needs more
         elements than its equilibria and frequencies, it gets them.

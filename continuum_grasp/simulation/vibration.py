@@ -32,7 +32,7 @@ from continuum_grasp.simulation.statics import equilibrium_of
 class Modes(Result):
     """Small undamped oscillations about an equilibrium.
 
-    With friction as it acts at rest, and drives that are held. ``stuck_frequencies_hz`` are those of motions in which
+    With friction as it acts at rest, and drives that are held. ``stuck_frequencies_hz`` belong to motions in which
     nothing slides or relaxes: branches of dry friction and relaxation add their stiffness, and a tendon in tension with
     friction and a winch elongates locally with the bend and adds E A e^2. A motion is between these two; larger ones
     slide.
@@ -157,11 +157,11 @@ def modes_of(scene: Scene, *, about: Equilibrium | None = None, points: int = 61
 
 
 _ROUNDING = 1e-7
-"""Frequency per the greatest one below which it is that of rounding [1], by which squares are off by some 1e-16."""
+"""Frequency per the greatest one below which it is rounding [1], by which squares are off by some 1e-16."""
 
 
 def _pulsations(values: NDArray[Any]) -> Array:
-    """Angular frequencies [rad/s] of their squares; zero where a square is negative, which marks what is unstable."""
+    """Angular frequencies [rad/s] of their squares; zero where a square is negative, which marks instability."""
     return np.asarray(np.sqrt(values.astype(complex)).real)
 
 
@@ -189,7 +189,7 @@ def _eigen(mass: Array, stiffness: Array) -> tuple[NDArray[Any], NDArray[Any], N
 class SmallMotions:
     """Mass, stiffness and damping (n, n) of the bending coordinates; and these where all sticks, and where drives turn.
 
-    ``stuck`` is None where nothing has friction, or what it is stiff by is not known, as that of tendons whose tension
+    ``stuck`` is None where nothing has friction, or its stiffness is not known, as with tendons whose tension
     is commanded.
     """
 

@@ -70,7 +70,8 @@ def test_file_and_line_of_a_goal_out_of_reach(tmp_path):
     file = tmp_path / "far.yaml"
     file.write_text(text.replace("../fingers", str(CONFIGS / "fingers")))
     line = 1 + next(k for k, row in enumerate(text.splitlines()) if "value: [1.0" in row)
-    with pytest.raises(InputError, match=r"\(1, 1\) m is 1.414 m from the finger's base, expected at most 0.18 m") as caught:
+    words = r"\(1, 1\) m is 1.414 m from the finger's base, expected at most 0.18 m"
+    with pytest.raises(InputError, match=words) as caught:
         cg.load(file)
     assert (caught.value.file, caught.value.line, caught.value.key) == (str(file), line, "goal.tip")
 

@@ -110,7 +110,7 @@ def _inputs(scene: Scene) -> list[Control]:
 
 
 def _tendons(scene: Scene) -> list[Control]:
-    """Tendons whose tensions are commanded, or those of winches that follow lengths."""
+    """Tendons with commanded tensions, or tendons of winches that follow lengths."""
     finger = scene.finger
     actuation = scene.actuation
     controls = list[Control]()

@@ -20,7 +20,7 @@ from continuum_grasp.base import Array, InputError
 from continuum_grasp.export import fill, title_of
 
 LINKS = 24
-"""Links per finger where none are given: forces are then within 1 % of those of the rod."""
+"""Default links per finger: forces are then within 1 % of the rod's forces."""
 CLOSES = 1.0
 """Time in which tensions rise of a hand that closes [s]: slow beside its fingers, which need a tenth of that."""
 _OBJECT_SHARE = 0.03
@@ -78,7 +78,7 @@ class HandChain:
         return list(self.tensions)
 
     def controls(self, t: ArrayLike) -> Array:
-        """Tensions (T, nu) of a hand that closes, at instants (T,) [s]: those of the grasp from one second on."""
+        """Tensions (T, nu) of a hand that closes, at instants (T,) [s]: the grasp's tensions from one second on."""
         instants = np.atleast_1d(np.asarray(t, dtype=float))
         return np.asarray(np.outer(np.clip(instants / CLOSES, 0.0, 1.0), list(self.tensions.values())))
 

@@ -19,7 +19,7 @@ _ROUNDS = 8
 class HandFingerChain:
     """A finger of a grasp as links; hinges before a link bend in the plane, to the side, and twist.
 
-    Their order is that of `order`: the axes of two would be turned by half the bend of all, an error of first order, if
+    They follow `order`: the axes of two would be turned by half the bend of all, an error of first order, if
     bending came first everywhere; where it comes first and last in turn, the error is of second order.
     """
 
@@ -54,7 +54,7 @@ class HandFingerChain:
         return np.concatenate([row[self.order(k)] for k, row in enumerate(angles)])
 
     def angles(self) -> Array:
-        """Angles (N, 3) of the hinges [rad]: in the plane those of the rod, else what the planned forces take."""
+        """Angles (N, 3) of the hinges [rad]: in the plane the rod's angles, else what the planned forces take."""
         angles = np.zeros((len(self.bends), 3))
         angles[:, 0] = self.bends
         for _ in range(_ROUNDS):

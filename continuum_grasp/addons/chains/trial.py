@@ -1,4 +1,4 @@
-"""A grasp of a hand tried in MuJoCo: closed, held, turned, and pushed by most of what is promised."""
+"""A grasp of a hand tried in MuJoCo: closed, held, turned, and pushed by most of its promise."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ MOVES, TURNS = 1e-3, math.radians(1.0)
 SHARE = 0.8
 """Part of the promised force that pushes: nearer to the edge of the cones MuJoCo's friction creeps."""
 YIELDS = 1.5
-"""Motion under a push, per that of the linear response, from which on the object is lost: of five shipped hands it is
+"""Motion under a push, per motion of the linear response, from which on the object is lost: of five shipped hands it is
 0.6 to 1.4 in 30 pushes."""
 PUSH = (0.15, 0.25, 0.15, 0.15)
 """Times in which a push grows, lasts, fades, and is waited for [s]; a finger settles in a tenth of a second."""
 TURN = (0.5, 0.5)
 """Times in which the weight turns to a direction, and stays there [s]."""
 _MEAN = 0.25
-"""Part at the end of the hold, of which normal forces are the mean."""
+"""Part at the end of the hold over which normal forces are averaged."""
 _STEPS = 10
 """Steps after which the object is looked at."""
 AXES = {

@@ -41,14 +41,14 @@ class Expression:
         return float(self._read([quantities[name] for name in self.names])[0])
 
     def gradient(self, quantities: Mapping[str, float], slopes: Mapping[str, Array]) -> Array:
-        """Derivatives (n,) where those of the quantities are ``slopes``, (n,) each."""
+        """Derivatives (n,) by the derivatives of the quantities, ``slopes``, (n,) each."""
         parts = np.array(self._read([quantities[name] for name in self.names])[1]).ravel()
         total: Array = np.sum([part * slopes[name] for part, name in zip(parts, self.names, strict=True)], axis=0)
         return total
 
 
 Signs = tuple[float, ...]
-"""Errors of what is tolerated, as parts of the greatest error, -1 to 1."""
+"""Errors of the tolerated numbers, as parts of the greatest error, -1 to 1."""
 
 _ACTIVE = 1e-4
 """Distance from a limit, and of a case's cost from the worst, as a part of it, from which on it acts [1]."""
@@ -124,9 +124,9 @@ class Evaluation:
     def slope(self) -> Array:
         """Change of the least cost (n + m,), other variables staying at their optimum, within their bounds.
 
-        Where several cases are worst at once, or limits act, it is that of the design's Lagrangian, with the
-        multipliers that leave least of it along variables within their bounds; away from an optimum that of the worst
-        case.
+        Where several cases are worst at once, or limits act, it is the gradient of the design's Lagrangian, with the
+        multipliers that leave least of it along variables within their bounds; away from an optimum it is the gradient
+        in the worst case.
         """
         u = self.coordinates
         near = _ACTIVE * max(abs(self.cost), 1e-9)

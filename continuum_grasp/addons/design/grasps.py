@@ -41,7 +41,7 @@ class Effort:
 
 @dataclass
 class CaseGrasps:
-    """The grasps of one case; ``held`` by what is sought, the scene's ``objective`` or the ``payload``."""
+    """The grasps of one case; ``held`` by their aim, the scene's ``objective`` or the ``payload``."""
 
     name: str
     wanted: tuple[str, ...]
@@ -51,7 +51,7 @@ class CaseGrasps:
     """Result of the last full search."""
 
     def search(self, scene: GraspScene) -> None:
-        """Search for the best grasps in full; what is better than the one at hand replaces it.
+        """Search for the best grasps in full; a better one replaces the one at hand.
 
         Raises
         ------
@@ -163,6 +163,6 @@ def _with_mass(scene: GraspScene, mass: float) -> GraspScene:
 
 
 def fingers_mass(scene: GraspScene) -> float:
-    """Mass of all fingers with what is fastened to them [kg]."""
+    """Mass of all fingers with everything fastened to them [kg]."""
     fingers: Sequence[Any] = tuple(scene.named_fingers.values())
     return float(sum(finger.rod.mass + sum(fastened.mass for fastened in finger.masses) for finger in fingers))

@@ -57,7 +57,7 @@ def optimize_design(
     design : Design, path-like or mapping
         A design, its YAML file, or the same as a mapping; paths in a mapping are relative to the working directory.
     progress : callable, optional
-        Called with the share that is done and what is being done.
+        Called with the share done so far and the current work in words.
     raise_on_failure : bool, optional
         Raise where no design has all grasps; False: return the result with its ``status``.
     overrides : iterable of str, or mapping, optional

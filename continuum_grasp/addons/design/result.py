@@ -70,7 +70,7 @@ class Influence:
     slope : float
         Change of the cost per SI unit of the number.
     per_percent : float
-        Change of the cost where a variable grows by 1 % of its range, linear or in ratios; of what is not chosen,
+        Change of the cost where a variable grows by 1 % of its range, linear or in ratios; of a number with errors,
         for 1 % of its greatest error.
     at : str
         ``least`` or ``greatest`` where the variable is at that bound; empty between.
@@ -253,7 +253,7 @@ class DesignResult(Result):
     @property
     def kinks(self) -> tuple[str, ...]:
         """Cases whose grasps other errors or friction states decide than at the start, or than at designs between:
-        their cost has kinks there, and its derivatives are those of one side.
+        their cost has kinks there, and its derivatives hold on one side.
         """
         if self.best is None or self.first is None:
             return ()

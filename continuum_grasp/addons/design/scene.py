@@ -73,7 +73,7 @@ class DesignVariable(Value):
 
 
 class Tolerance(Value):
-    """By how much a number of the scene may differ either way from what is chosen or stated."""
+    """Greatest error of a number of the scene, either way from its chosen or stated value."""
 
     amount: Annotated[Positive, Unit(None), Field(examples=[0.0001, "0.1 mm"])] | None = None
     """Greatest deviation from the value, in the unit of the key."""
@@ -117,7 +117,7 @@ class DesignSolver(Value):
 
 
 class Design(Varied):
-    """A grasp scene, numbers of it that are to be chosen, and what is to be least."""
+    """A grasp scene, its numbers to be chosen, and a cost to be minimized."""
 
     variables: Annotated[WaysByKey[DesignVariable], Field(min_length=1, max_length=40)]
     """Key paths in the scene of the numbers that are to be chosen."""
@@ -127,11 +127,11 @@ class Design(Varied):
     """Cost: an expression with + - * / ** ( ), sqrt, exp, log, in SI units, of tension, tension_max, normal_force_max,
     friction_margin, payload, finger_mass, and names of variables."""
     over: Literal["worst", "mean"] = "worst"
-    """Cost that counts, of those of all cases."""
+    """Cost that counts among the costs of all cases."""
     limits: dict[_Text, QuantityLimit] = Field(default_factory=dict)
     """Expressions with bounds, which hold in every case."""
     tolerances: Annotated[WaysByKey[Tolerance], Field(default_factory=dict, max_length=12)]
-    """Key paths in the scene that are manufactured with errors: cost and limits are those of the worst combination of
+    """Key paths in the scene that are manufactured with errors: cost and limits hold for the worst combination of
     errors."""
     solver: DesignSolver = DesignSolver()
     """Options of the search."""
@@ -162,7 +162,7 @@ class Design(Varied):
 
     @property
     def expressions(self) -> tuple[str, ...]:
-        """The cost, then what is limited."""
+        """The cost, then the limited expressions."""
         return (self.minimize, *self.limits)
 
     @property

@@ -37,7 +37,7 @@ class DesignSpace:
     cases: Mapping[str, ConfigurationData]
 
     def scene(self, case: str, values: Sequence[float], errors: Sequence[float] = ()) -> GraspScene:
-        """The scene of a case for values of the variables, and errors of what is tolerated; InputError if these do not
+        """The scene of a case for values of the variables, and errors of tolerated numbers; InputError if these do not
         make sense together.
         """
         chosen = dict(zip(self.design.variables, values, strict=True))

@@ -39,8 +39,8 @@ def controller_unit(
 ) -> UnitContents:
     """The controller of a closed loop; of setpoints over the horizon each is given where there is a ``preview``.
 
-    That of a mission, of the ``finger`` by name where there are several, brings its setpoints and settings, and may be
-    asked to let go.
+    The controller of a mission, of the ``finger`` by name where there are several, brings its setpoints and settings,
+    and may be asked to let go.
     """
     alone = isinstance(scene, ControlScene)
     what = ["mpc" if alone else "mission"]

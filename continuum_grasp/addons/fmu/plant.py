@@ -102,7 +102,7 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> UnitContents:
 
 
 def _functions(model: PlantModel, sensors: Sensors, method: str, step: float, identifier: str) -> list[ca.Function]:
-    """A step of the plant, what is shown of it, and what is measured, each of state, input, forces, and nothing."""
+    """A step of the plant, its shown values, and its measurements, each of state, input, forces, and nothing."""
     position, angle = model.sections((model.scene.finger.rod.length,))
     x, u, w, p = (ca.MX.sym(name, size) for name, size in (("x", model.nx), ("u", model.nu), ("w", model.nw), ("p", 0)))
     seen = ca.vertcat(ca.vec(position), angle, *ContactFields.components(model.touch).values())

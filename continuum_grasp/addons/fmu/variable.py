@@ -27,9 +27,9 @@ _C_KINDS = {
 class Variable(Field):
     """A real variable; its range is infinite where any number will do.
 
-    What is ``fixed`` is a parameter that is set before the simulation alone; a ``state`` an output whose ``start`` may
-    be set until then; a ``rate`` the derivative of the state as many places behind the first rate. ``may_be_missing``:
-    whether NaN stands for a value that is not there.
+    A ``fixed`` variable is a parameter that is set before the simulation alone; a ``state`` an output whose ``start``
+    may be set until then; a ``rate`` the derivative of the state as many places behind the first rate.
+    ``may_be_missing``: whether NaN stands for a value that is not there.
     """
 
     kind: Kind

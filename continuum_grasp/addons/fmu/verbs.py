@@ -23,7 +23,7 @@ class FmuTarget(ExportTarget):
         return export_fmu
 
     def defaults(self, config: Path, scene: Any) -> dict[str, Any]:
-        """Names of files and symbols are those of the configuration."""
+        """Names of files and symbols come from the configuration."""
         from continuum_grasp.addons.fmu.write import identifier_of
 
         return {"name": identifier_of(config, scene)}

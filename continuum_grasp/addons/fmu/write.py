@@ -118,9 +118,9 @@ def export_fmu(
     fmi : sequence of {"2", "3"}
         Versions of the standard: 2.0, 3.0.
     name : str, optional
-        Of files and symbols, a C identifier; that of the file, or of the scene, by default.
+        Name of files and symbols, a C identifier; by default the name of the file, or of the scene.
     step : float, optional
-        Internal step of a simulated scene [s]; that of the scene by default.
+        Internal step of a simulated scene [s]; by default the scene's step.
     substeps : int, optional
         Runge-Kutta steps within one, of a simulated scene; as many as stable steps need by default.
     ranges : mapping, optional
@@ -128,7 +128,7 @@ def export_fmu(
     preview : bool
         Whether the controller is given setpoints of every stage of its horizon, instead of those that hold over it.
     finger : str, optional
-        Of a mission of several fingers, each of which has a unit of its own.
+        Finger of a mission with several fingers; each has a unit of its own.
     binary : bool
         Whether to add the binary of this machine to the sources.
 
@@ -320,7 +320,7 @@ def _source(unit: UnitContents, fmi: str) -> str:
 
 
 def _rest(fmi: str) -> str:
-    """C of functions of which an FMU without events and clocks has nothing: to read or write no variable is done,
+    """C of the functions that an FMU without events and clocks lacks: to read or write no variable is done,
     anything else is refused.
     """
     of = f"{_SPELLED[fmi]['handle']} instance, const fmi{fmi}ValueReference vr[], size_t n"

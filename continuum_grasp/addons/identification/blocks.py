@@ -1,4 +1,4 @@
-"""Predictions of one set of measurements as functions of the unknowns, those of shapes at rest."""
+"""Predictions of one set of measurements as functions of the unknowns, for shapes at rest."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from continuum_grasp.scene import Scene
 def measured_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], length: float) -> MeasuredSet:
     """Table of what was measured of a finger of some length [m], row by row, or instant by instant; both are ``at``.
 
-    Readings without a known deviation share that of a kind.
+    Readings of one kind without a known deviation share one.
     """
     columns = list[MeasuredColumn]()
     moves = isinstance(data, TipPath)
@@ -113,8 +113,8 @@ class MeasuredBlock:
         return type(self)(scene or self.scene, data or self.data, unknowns, by)
 
     def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
-        """Predictions (m,) and their derivatives (m, unknowns), those of its own last, or by some of them; of a motion
-        those up to an instant are right.
+        """Predictions (m,) and their derivatives (m, unknowns), by its own unknowns last, or by some of them; of a
+        motion predictions up to an instant are right.
 
         Raises
         ------

@@ -23,7 +23,7 @@ class Calls(NamedTuple):
     Attributes
     ----------
     t : (K,) ndarray
-        Their instants [s]: those of their rows, and where there is none, those that the clock of the log says.
+        Their instants [s]: the times of their rows, and where there is none, the times by the clock of the log.
     seen : (K,) ndarray of bool
         Whether the log has a row of the call.
     step : float

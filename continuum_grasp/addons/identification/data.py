@@ -25,9 +25,9 @@ UNIT_OF = {
     "frequency": "Hz",
     "decay_rate": "1/s",
 }
-"""SI units of the quantities that are measured at a section, of those at a drive, and of those of a natural mode."""
+"""SI units of the quantities that are measured at a section, at a drive, and of a natural mode."""
 KIND_OF = {"x": "positions", "y": "positions", "angle": "angles", "bend": "angles"}
-"""Quantities at sections, which share a standard deviation; those of drives and modes have one each."""
+"""Quantities at sections, which share a standard deviation; quantities of drives and modes have one each."""
 OF_MODES = ("frequency", "decay_rate")
 """Quantities of small free vibrations about rest."""
 STARTS = ("scene", "estimated")
@@ -121,7 +121,7 @@ class Poses:
     fitted : (R,) array_like of bool, optional
         False for rows that are predicted and not fitted.
     scene : Scene, optional
-        Where it differs from that of the identification.
+        Where it differs from the scene of the identification.
     name : str
     sequence : bool
         Whether the rows follow one another, so that the friction of each comes from those before it.
@@ -168,15 +168,15 @@ class TipPath:
         How the motion starts: at time zero as ``initial`` of the scene says, or at ``t[0]`` in a shape and rates that
         are estimated with the parameters, from the smoothest ones through the first samples on.
     start_sigma : (2,) sequence of float, optional
-        Standard deviations of an estimated start about that of the first samples: of the bend of every element [rad]
-        and of its rate [rad/s]; where not given, any start is as likely.
+        Standard deviations of an estimated start from the start in the first samples: of the bend of every element
+        [rad] and of its rate [rad/s]; where not given, any start is as likely.
     before : sequence of Reading
         The same as ``measured``, before the first instant: shapes that the friction of a finger goes through before an
         estimated start, from the first on, which was reached as ``initial.reached_by`` of the scene says.
     fitted : bool
         False: predicted and not fitted.
     scene : Scene, optional
-        Where it differs from that of the identification.
+        Where it differs from the scene of the identification.
     name : str
     plane : float, optional
         Direction in which the finger bends, about its straight axis [rad], for estimates ``per: plane``.
@@ -215,7 +215,7 @@ Data = Poses | TipPath
 
 
 def column(key: str, values: ArrayLike, count: int | None = None) -> Array:
-    """A row of finite numbers, of which there must be ``count``; anything else is an `InputError`."""
+    """A row of ``count`` finite numbers; anything else is an `InputError`."""
     array = CheckedArgument(key, values).array().reshape(np.shape(values))
     if array.ndim != 1 or (count is not None and array.size != count):
         wanted = "a row of numbers" if count is None else f"{count} numbers"

@@ -5,7 +5,7 @@ missed are found by tests of their own; of the elements, twice as many are tried
 material or damping leaves, or a slip in the data, one Gauss-Newton step is taken towards a model with further
 parameters (a score test; C. R. Rao, 1948), so that all samples count by their noise: quadratic damping of motions, a
 stiffness that depends on the bend, a friction with memory by which shapes at rest depend on the direction of loading,
-rows that are late, an origin that is elsewhere. What is surest is named, and others of its kind, law or data, are
+rows that are late, an origin that is elsewhere. The surest one is named, and others of its kind, law or data, are
 tested beside it.
 """
 
@@ -46,7 +46,7 @@ _LATE, _BEFORE, _ORIGIN = "late", "before", "origin"
 """Targets of times by which rows of motions are late, in samples; of readings of another row; of what positions are
 off along an axis [m]."""
 _SHORTENING = "shortening"
-"""Target of the square of the radius of gyration by which tensions shorten a finger, per that of a typical one [1]."""
+"""Target of the squared radius of gyration by which tensions shorten a finger, per square of a typical one [1]."""
 _SLIPS = (_LATE, _BEFORE, _ORIGIN)
 
 
@@ -281,8 +281,8 @@ _LAWS = {
         "small swings lose more of it, as dry friction makes them, of the bending or in the tendons",
     ),
 }
-"""Laws that are tried, by the number of each: what they are of, laws beside the linear one that the model may have, and
-what is wrong where the number comes out greater, and less."""
+"""Laws that are tried, by the number of each: their subject, laws beside the linear one that the model may have, and
+the fault if the number comes out greater, and less."""
 
 
 def _words(problem: FitProblem, further: Unknown, step: float, deviation: float) -> str:
@@ -328,7 +328,7 @@ def _shapes(problem: FitProblem) -> list[tuple[int, MeasuredColumn, NDArray[np.i
 
 
 def _shortening(problem: FitProblem, solution: Solution) -> list[Further]:
-    """Change (m,) of the shapes of fingers on tendons whose tensions shorten them as those of a section like theirs."""
+    """Change (m,) of the shapes of fingers on tendons whose tensions shorten them like a section such as theirs."""
     slope = np.zeros(len(problem.measured))
     radius = 0.0
     for k in dict.fromkeys(k for k, *_ in _shapes(problem)):
@@ -361,7 +361,7 @@ def _widths(problem: FitProblem, predictions: Array) -> list[Further]:
 
 
 def _slips(problem: FitProblem, predictions: Array) -> list[Further]:
-    """By how many samples rows of motions are late; whether readings are those of the row before or behind; offsets of
+    """By how many samples rows of motions are late; whether readings belong to the row before or behind; offsets of
     the positions of all sets along the axes.
     """
     motions, before, behind = np.zeros((3, len(predictions)))

@@ -1,4 +1,4 @@
-"""A plan of experiments: poses to measure, commands to log, and how well they show what is unknown."""
+"""A plan of experiments: poses to measure, commands to log, and how well they show the unknowns."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class ExperimentPlan(Result):
     names, units : tuple of str
         Of the n unknowns.
     pose_headings, pose_rows : tuple of str, tuple of tuple of str
-        Table of the poses, with empty cells for what is to be measured.
+        Table of the poses, with empty cells for the measurements.
     segments : tuple of Segment
         Parts of the commands: name, what it shows, start and end [s].
     command_names : tuple of str
@@ -123,7 +123,7 @@ class ExperimentPlan(Result):
 
 
 def poses_text(plan: ExperimentPlan) -> str:
-    """The poses as a table, in which what is to be measured is empty."""
+    """The poses as a table with empty cells for the measurements."""
     return DataTable.csv_text(plan.pose_headings, plan.pose_rows)
 
 

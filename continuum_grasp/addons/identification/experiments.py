@@ -1,4 +1,4 @@
-"""Experiments that show what is unknown of a finger and its drives, and how well they show it."""
+"""Experiments that show unknowns of a finger and its drives, and how well they show them."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def design_experiments(
     Poses are chosen among the ``choices`` of the conditions of each set of shapes at rest that has ``propose``. Where
     the scene has an ``excitation``, and drives, a motion is added: slow loops with an inner loop, steps and sweeps to
     each side, and of both tendons together, as far as ``reach`` of the limits allows; its first data of ``kind:
-    trajectory`` say what is logged. Fisher's information of all readings gives the standard deviations of the unknowns
-    before anything is measured; poses are those that make the sum of the variances least, relative to typical sizes.
+    trajectory`` name the logged quantities. Fisher's information of all readings gives the standard deviations of the
+    unknowns before any measurement; the poses minimize the sum of the variances, relative to typical sizes.
 
     Parameters
     ----------
     scene : IdentifyScene
     data : path-like, Poses, TipPath, or a sequence of these
-        What is measured already: it is fitted first, and gives the values at which the rest is designed, and standard
+        Measurements so far: they are fitted first, and give the values at which the rest is designed, and standard
         deviations of readings that are not stated.
     progress : callable, optional
         Called with the share of that fit that is done, 0 to 1.
@@ -67,7 +67,7 @@ def design_experiments(
     InputError
         If there is nothing to design, or the deviation of a reading is not known.
     SolverError, NumericalError
-        If the finger has no motion under the commands, or what is measured cannot be fitted.
+        If the finger has no motion under the commands, or the measurements cannot be fitted.
 
     Examples
     --------
@@ -152,7 +152,7 @@ def design_experiments(
 
 
 def _designed(scene: IdentifyScene) -> tuple[list[tuple[int, StaticPoses]], list[tuple[int, TipTrajectory]]]:
-    """Sets of which rows are proposed, and that which is logged, with their numbers."""
+    """Sets whose rows are proposed, and the set to log, with their numbers."""
     sets = list(enumerate(scene.data))
     proposed = [(k, of) for k, of in sets if isinstance(of, StaticPoses) and of.propose]
     moving = [(k, of) for k, of in sets if isinstance(of, TipTrajectory)]
@@ -173,7 +173,7 @@ def _designed(scene: IdentifyScene) -> tuple[list[tuple[int, StaticPoses]], list
 def _measured(
     scene: IdentifyScene, data: Measurements, report: Progress
 ) -> tuple[tuple[FitProblem, Solution] | None, tuple[DataSet, ...]]:
-    """The fit to what is measured already, None where nothing is; and the sets that files of it have."""
+    """The fit to the measurements so far, None where there are none; and the sets that files of them have."""
     paths, arrays = sources_of(data)
     if not (paths or arrays):
         return None, ()
@@ -193,9 +193,9 @@ def _logged(motion: Trajectory, k: int, data_set: TipTrajectory, sought: Sequenc
 
 
 class _Known:
-    """Knowledge before the design of sets, of which ``parts`` are those of a problem that has what is measured too.
+    """Knowledge before the design of sets; ``parts`` belong to a problem that includes the measurements so far.
 
-    ``values`` (n,) are those of all unknowns, ``sizes`` typical ones, ``rows`` (rows, n) the derivatives of what is
+    ``values`` (n,) belong to all unknowns, ``sizes`` typical ones, ``rows`` (rows, n) are the derivatives of everything
     known already, per standard deviation.
     """
 
@@ -219,7 +219,7 @@ class _Known:
         self.rows = np.vstack([rows, prior(self.problem.unknowns, self.values)[1]])
 
     def possible(self, part: SetInProblem, key: str) -> tuple[NDArray[np.intp], Array]:
-        """Rows (K,) of a set that are possible, and derivatives (values, K, readings, n) of what is measured there.
+        """Rows (K,) of a set that are possible, and derivatives (values, K, readings, n) of their readings.
 
         These are at the values that are known and some about them.
         """
@@ -265,7 +265,7 @@ def plan_of(
 ) -> ExperimentPlan:
     """Plan of a motion, and of the experiments that are ``made`` of those that are ``offered``.
 
-    What is read ``along`` its segments, offered, and ``known`` already, are derivatives (readings, n) by all unknowns,
+    Readings ``along`` its segments, offered, and ``known`` already, are derivatives (readings, n) by all unknowns,
     per standard deviation; unknowns of single sets do not count. ``further`` fields are added, or replace the same.
     """
     chosen = {f"pose {k}": offered[index] for k, index in enumerate(made, 1)} | along

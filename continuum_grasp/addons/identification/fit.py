@@ -35,7 +35,7 @@ class Fit(Predicted):
     set_names : tuple of str
         Name, set and unit of what each set has of its own: parameters that are estimated per set, and estimated starts.
     status : {"converged", "implausible"}
-        The latter where the measurements cannot be those of this finger: they lie beyond its length, or the best
+        ``implausible``: this finger cannot have the measurements: they lie beyond its length, or the best
         parameters miss them by far. Failures of the search raise ``SolverError``.
     reason : str
         Why the measurements are implausible; empty where they are not.
@@ -145,7 +145,7 @@ class Fit(Predicted):
         Parameters
         ----------
         scene : FingerScene, optional
-            Any scene of one finger, such as a simulation or a closed loop; that of the identification where not given.
+            Any scene of one finger, such as a simulation or a closed loop; by default the identification's scene.
 
         Returns
         -------

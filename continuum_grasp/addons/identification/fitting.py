@@ -65,7 +65,7 @@ def identify(
     parameters : sequence of Estimate or str, optional
         What to estimate; the scene's ``estimate`` where not given.
     accept_implausible : bool
-        Whether the estimates may be used although the measurements cannot be those of this finger.
+        Whether the estimates may be used although the finger cannot have these measurements.
     progress : callable, optional
         Called with the share that is done, 0 to 1.
 

@@ -6,8 +6,8 @@ residuals: here their own autocovariance, of all readings of a motion with each 
 Parzen, 1957), which leaves M without negative variances (W. K. Newey, K. D. West, 1987, doi:10.2307/1913610).
 
 Before anything is measured, J^T J is Fisher's information: of independent experiments it adds up, and its inverse is
-the least covariance that estimates can have (C. R. Rao, 1945). Shapes at rest, parts of a motion, and what is known
-already are summed alike.
+the least covariance that estimates can have (C. R. Rao, 1945). Shapes at rest, parts of a motion, and prior
+knowledge are summed alike.
 """
 
 from __future__ import annotations
@@ -59,9 +59,10 @@ def infer(
 ) -> Inference:
     """Uncertainty at the minimum, from the weighted residuals (m,) of what was fitted and their Jacobian (m, n).
 
-    The mean square of the residuals scales the covariance. Those of single sets, which are the last, are not warned of.
-    Each of ``series`` has the rows (T, readings) that follow one another in time, whose residuals may be correlated:
-    they count as fewer numbers then. Without residuals, before anything is measured, they scatter as stated.
+    The mean square of the residuals scales the covariance. Warnings leave out the unknowns of single sets, the last
+    ones. Each of ``series`` has the rows (T, readings) that follow one another in time, whose residuals may be
+    correlated: they count as fewer numbers then. Without residuals, before anything is measured, they scatter as
+    stated.
     """
     from scipy.special import stdtrit
 
@@ -271,7 +272,7 @@ def allotted(
 
     Experiments are added one by one, the best one first, and then exchanged in pairs as long as that helps (V. Fedorov,
     1972, for the A-criterion). ``each`` (E, n, n) is the information of every experiment, once, ``known`` (n, n) that
-    there is already. The first ``shared`` unknowns count; the others are those of single sets. ``budgets`` are numbers
+    there is already. The first ``shared`` unknowns count; the others belong to single sets. ``budgets`` are numbers
     (K,) of experiments that share one, and how many of them may be made in all.
     """
     # 1e3: standard deviation, per typical size, with which an unknown is known before anything is measured: so wide

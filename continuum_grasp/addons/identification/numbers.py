@@ -1,4 +1,4 @@
-"""Measured numbers: a table for each set, and those of all sets in one order."""
+"""Measured numbers: a table for each set, and the numbers of all sets in one order."""
 
 from __future__ import annotations
 

@@ -31,8 +31,8 @@ def observed(
 ) -> ca.SX:
     """Readings of a finger, where ``drives`` gives tensions of its tendons and states of its drives.
 
-    ``offsets`` (readings) [m] replace those of the readings, which may differ from row to row. InputError if a position
-    is not on the finger, or a drive is not one of it.
+    ``offsets`` (readings) [m] replace the readings' own offsets, which may differ from row to row. InputError if a
+    position is not on the finger, or a drive is not one of it.
     """
     at_drives = drives() if any(reading.of_drive for reading in readings) else ()
     values = [
@@ -164,7 +164,7 @@ class MeasuredStart:
         ]
 
     def before(self, readings: Sequence[Reading]) -> list[Array]:
-        """Shapes (n,) through readings of sections before the start, those of an instant each."""
+        """Shapes (n,) through readings of sections before the start, one shape per instant."""
         seen = [np.asarray(reading.values, dtype=float) for reading in readings if not reading.of_drive]
         shapes = [self._straight]
         for row in np.stack(seen, axis=1) if seen else ():

@@ -58,7 +58,7 @@ def of_one_code(pairs: Sequence[tuple[Scene, Data]], unknowns: Sequence[Unknown]
 
 
 MOST_STEPS = 200_000
-"""Steps of a path: seconds per evaluation, of which a search takes dozens."""
+"""Steps of a path: a search takes dozens of evaluations, each of which takes seconds."""
 _INSTANT = 1e-6
 """Half the distance of the instants between which a late command is differentiated by its delay [s]."""
 _SHAPES = 6
@@ -187,7 +187,7 @@ class PathBlock(MeasuredBlock):
         return grid.pick(states[0]), acting, delay
 
     def _begin(self, values: Array, delay: float, p: Array) -> Dual:
-        """State where the motion starts: drives have reached their commands, and friction is that of the shape."""
+        """State where the motion starts: drives have reached their commands, and friction fits the shape."""
         model = self.model
         n = self.model.n
         count = self._count

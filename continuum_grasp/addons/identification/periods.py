@@ -29,7 +29,7 @@ below 9 (``control/c/supervisor.c``), one with drives of 2.5 times the lag below
 
 
 class Retuned(NamedTuple):
-    """A number of the configuration beside that of the log and its 95 % interval: NaN where the log shows none."""
+    """A number of the configuration beside the log's number and its 95 % interval: NaN where the log shows none."""
 
     name: str
     unit: str
@@ -79,7 +79,7 @@ class Periods:
         return np.column_stack([self.calls.last(*self._columns[name]) for name in names])
 
     def measured(self, later: int = 0) -> Array:
-        """Measurements (K, nm), or those of so many periods later."""
+        """Measurements (K, nm), or the measurements so many periods later."""
         rows = np.arange(len(self.t)) + later
         inside = (rows >= 0) & (rows < len(self.t))
         return np.where(inside[:, None], self._y[np.clip(rows, 0, len(self.t) - 1)], np.nan)
@@ -168,7 +168,7 @@ class Periods:
         return noises
 
     def shown(self) -> NDArray[np.bool_]:
-        """Periods (K,) whose commands are known, and those of as many before as measurements may be late."""
+        """Periods (K,) with known commands, also in as many periods before as measurements may be late."""
         reach = self.controller.scene.delay_periods + LATER
         known = self.calls.seen & np.isfinite(_held(self.logged)).all(axis=1)
         unknown = np.convolve(~known, np.ones(reach))[: known.size]
@@ -177,7 +177,7 @@ class Periods:
     def delay(self) -> Retuned:
         """Age of measurements: that at which they agree best, between periods by a parabola.
 
-        The interval is that of a likelihood ratio, wider by how innovations follow one another alike, and a period at
+        The interval follows a likelihood ratio, wider by how innovations follow one another alike, and a period at
         least: measurements are asked for once in each.
         """
         period = self.controller.period

@@ -160,7 +160,7 @@ def _shown_in(unit: str, values: NDArray[Any]) -> tuple[float, str]:
 
 
 def _scale(above: Axes, below: Axes, measured: NDArray[Any], predicted: NDArray[Any]) -> None:
-    """Show errors beside the size of what was measured: those of rounding are not to fill their axes."""
+    """Show errors beside the size of the measurements: errors by rounding are not to fill their axes."""
     above.ticklabel_format(axis="y", useOffset=False)
     size = float(np.ptp(measured))
     if not size:  # one number, or one again and again
@@ -227,7 +227,7 @@ def _links(a: NDArray[Any], b: NDArray[Any]) -> LineCollection:
 def _panels(
     count: int, ax: Sequence[Axes] | None, width: float, height: float, ratios: tuple[float, ...] = (1.0,)
 ) -> list[Axes]:
-    """Axes given, or those of a new figure in rows of three at most; each as several, one below the other."""
+    """Given axes, or the axes of a new figure in rows of three at most; each as several, one below the other."""
     if ax is not None:
         return list(ax)
     rows = max(-(-count // 3), 1)

@@ -1,4 +1,4 @@
-"""Whether measurements can be those of the finger at all, and which slip of units, signs or columns explains them.
+"""Whether a finger can have the measurements at all, and which slip of units, signs or columns explains them.
 
 A search always finds parameters. Measurements beyond the finger's length, or that the best parameters miss by far, are
 of another frame, unit or finger than the scene says: the fit is refused, and the usual slips are tried one by one.
@@ -25,7 +25,7 @@ from continuum_grasp.base import Array, ContinuumGraspError
 from continuum_grasp.scene import Scene
 
 IMPLAUSIBLE = "implausible"
-"""Status of a fit whose measurements cannot be those of the finger."""
+"""Status of a fit whose measurements this finger cannot have."""
 _PART = 0.05
 """Misfit, r.m.s., and distance beyond the reach, per size of the finger [1], from which data are refused where their
 noise is not stated: measured rods and robots are met to 0.02, and noise of 0.02 does not reach it in 12 numbers."""
@@ -41,7 +41,7 @@ _BETTER = 3.0
 """Misfit without a slip per that with it [1] from which the slip is named as the cause, and greatest misfit per the
 least of all slips [1] up to which others are named as well."""
 _NOTHING = 0.01
-"""Misfit per what is plausible [1] below which no slip explains the data better than another."""
+"""Misfit per plausible misfit [1] below which no slip explains the data better than another."""
 _FAR = 10.0
 """Factor of an estimate on the scene's value, up or down, from which slips are tried although the fit is good [1]: what
 scales load and stiffness alike leaves no misfit, and materials of one kind differ by less."""
@@ -282,7 +282,7 @@ def _refitted(words: str, trial: FitProblem, before: float) -> list[tuple[float,
 def _undone(
     block: MeasuredBlock, slip: PossibleMistake, data: Data, scene: Scene, sought: Sequence[Unknown]
 ) -> MeasuredBlock:
-    """The block without a slip; its model is that of the block where predictions do not depend on what is other."""
+    """The block without a slip; its model is the block's where predictions do not depend on the change."""
     factors = {name: factor for name, (to, factor) in slip.columns.items() if name == to}
     if not factors or factors.keys() - _MEASURED or (isinstance(data, TipPath) and data.start != "scene"):
         return block.again(sought, data=data, scene=scene)
@@ -293,6 +293,6 @@ def _undone(
 
 
 def _total(left: Sequence[Misfit]) -> float:
-    """Misfit of all kinds and sets, per what is plausible."""
+    """Misfit of all kinds and sets, per plausible misfit."""
     with np.errstate(over="ignore"):
         return float(np.sqrt(np.mean([(misfit.rms / misfit.limit) ** 2 for misfit in left])))

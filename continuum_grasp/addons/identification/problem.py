@@ -45,7 +45,8 @@ class Solution(NamedTuple):
 
 
 def with_sets(sought: Sequence[Unknown], blocks: Sequence[MeasuredBlock]) -> tuple[list[Unknown], list[Array]]:
-    """Unknowns (n) of all sets, behind them those of single ones, and by which matrix (k, n) each set has its own.
+    """Unknowns (n) of all sets, behind them the unknowns of single sets, and by which matrix (k, n) each set has its
+    own.
 
     First are those that have one value, then the parts of their vectors across the finger.
     """
@@ -82,8 +83,8 @@ class Inferred(NamedTuple):
 
 
 class SetInProblem(NamedTuple):
-    """A set of measurements, where its numbers are among those of all sets, and the matrix by which its unknowns follow
-    from theirs.
+    """A set of measurements, where its numbers stand in the order of all sets, and the matrix by which its unknowns
+    follow from the common ones.
     """
 
     block: MeasuredBlock
@@ -94,7 +95,7 @@ class SetInProblem(NamedTuple):
 class FitProblem(MeasuredNumbers):
     """Measurements of all sets and the model's predictions of them.
 
-    The first ``shared`` unknowns are those of all sets, the others of one set each; ``sought`` are as given.
+    The first ``shared`` unknowns belong to all sets, the others to one set each; ``sought`` are as given.
     """
 
     def __init__(self, blocks: Sequence[MeasuredBlock], unknowns: Sequence[Unknown]) -> None:
@@ -138,7 +139,7 @@ class FitProblem(MeasuredNumbers):
         self.followed = self._begun
 
     def prior(self, values: Array) -> tuple[Array, Array]:
-        """Prior of the values, but for those of sets that are not fitted."""
+        """Prior of the values, without unknowns of sets that are not fitted."""
         unknowns = zip(self.unknowns, self._sought, strict=True)
         return prior([unknown if sought else unknown._replace(sigma=math.inf) for unknown, sought in unknowns], values)
 
@@ -192,7 +193,7 @@ class FitProblem(MeasuredNumbers):
         return Inferred(unknowns, values, jacobian, infer(unknowns, values, jacobian, residuals, self.series))
 
     def misfit(self, values: Array, *, early: bool = False) -> float:
-        """Sum of squares of what is fitted and known beforehand, by deviations that do not depend on a fit; infinite
+        """Sum of squares of fitted data and priors, by deviations that do not depend on a fit; infinite
         where the model has no predictions. Of free paths, the first part alone where it is to be ``early``.
         """
         chosen = self.fitted & self._early(_HORIZONS[0]) if early else self.fitted
@@ -206,7 +207,7 @@ class FitProblem(MeasuredNumbers):
         return total if math.isfinite(total) else math.inf
 
     def solve(self, progress: Progress, start: Array | None = None, below: float = math.inf) -> Solution:
-        """Find the parameters from a start (n,), that of the unknowns where none is given; unknown standard deviations
+        """Find the parameters from a start (n,), by default the start of the unknowns; unknown standard deviations
         are found by iteration.
 
         InputError if nothing is to be fitted, SolverError if the search fails, or begins not ``below`` a misfit.
@@ -242,7 +243,7 @@ class FitProblem(MeasuredNumbers):
     def _of_holdouts(self, values: Array, sigma: Array) -> Array:
         """The values with what sets that are not fitted have of their own, such as their start, sought in these sets.
 
-        What all sets have stays: a prediction is of the law, from a start that is estimated as that of any set.
+        Everything common to all sets stays: a prediction is of the law, from a start estimated like any set's.
         """
         for part in self.parts:
             chosen = np.zeros(len(self.measured), dtype=bool)

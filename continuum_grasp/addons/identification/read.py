@@ -100,7 +100,7 @@ def read_data(scene: Scene, paths: Sequence[Path] = (), *, beside: Path | None =
 
 
 def plain_scene(scene: Scene) -> Scene:
-    """The scene without what is said of the data."""
+    """The scene without its keys about the data."""
     excluded = {"estimate", "laws", "data", "excitation"}
     return Scene(**scene.model_dump(mode="json", exclude_unset=True, exclude=excluded))
 
@@ -185,7 +185,7 @@ def _read(data_set: DataSet, table: DataTable, scene: Scene, name: str, key: str
 def choices_of(data: StaticPoses, scene: Scene, key: str) -> tuple[tuple[str, ...], list[tuple[str, ...]], Poses]:
     """Table of all rows that the choices of a set's conditions make, as it is read back: headings, cells, poses.
 
-    Cells of what is to be measured are zero. InputError if a condition has no choices, or there are too many rows.
+    Cells of quantities to measure are zero. InputError if a condition has no choices, or there are too many rows.
     """
     choices = dict[str, Sequence[float]]()
     for k, condition in enumerate(data.conditions):
@@ -211,7 +211,7 @@ def choices_of(data: StaticPoses, scene: Scene, key: str) -> tuple[tuple[str, ..
 class _Points:
     """Readings of a table whose rows are poses or instants, or points of these: groups of rows (R,) each.
 
-    ``heading`` is that of the column that rows of a group share.
+    ``heading`` names the column that rows of a group share.
     """
 
     one: StaticPoses | TipTrajectory

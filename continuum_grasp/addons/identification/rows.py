@@ -63,7 +63,7 @@ class RestShapes:
     Conditions (rows,) are values by row of the argument z = [u, w, p] of the model, by its names; all others are the
     scene's, at time zero. Each equilibrium is followed from another one of its row, ``start`` at first, in shorter
     steps of z where Newton's method fails: a finger that can buckle keeps to its branch. Rows in ``sequence`` are
-    followed from one to the next instead, and the friction states with them. ``name`` is that of the data, for errors.
+    followed from one to the next instead, and the friction states with them. ``name`` is the data's name, for errors.
     InputError if a condition is unknown, or is to be estimated; SolverError if the scene has no equilibrium.
     """
 

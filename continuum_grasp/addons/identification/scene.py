@@ -96,7 +96,7 @@ class ReadingColumn(Column):
 
     @property
     def place(self) -> float | None:
-        """The position along the finger [m] where it is a number; None: the tip, or that of a column."""
+        """The position along the finger [m] where it is a number; None: the tip, or a column has it."""
         return self.at if isinstance(self.at, float) else None
 
 
@@ -195,7 +195,7 @@ class TipTrajectory(_Data):
     of the cells is empty are left out."""
     start: Literal["scene", "estimated"] = "scene"
     """Start of the motion. scene: at time zero as ``initial`` says; estimated: at the first sample, in a shape and
-    rates that are estimated with the parameters, from the smoothest ones through what is measured there on."""
+    rates that are estimated with the parameters, from the smoothest ones through the measurements from there on."""
     start_prior: StartPrior | None = None
     """Standard deviations of an estimated start about what the first samples show; None: any start is as likely,
     whatever its rates."""
@@ -250,14 +250,14 @@ class Estimate(Value):
 
 
 class Law(Value):
-    """A law of the finger that may hold: changes of the scene, and what is to be estimated under it."""
+    """A law of the finger that may hold: changes of the scene, and the parameters to estimate under it."""
 
     name: str
     """Name of the law in reports."""
     set: ListOf[str] = ()
     """Changes of the scene under this law, as ``key.path=value``."""
     estimate: ListOf[Estimate] = ()
-    """Parameters that are to be found under this law, beside those of the scene."""
+    """Parameters to find under this law, in addition to the scene's."""
 
 
 class Excitation(Value):
@@ -266,7 +266,7 @@ class Excitation(Value):
     duration: Duration = 20.0
     """Duration of the excitation [s]."""
     sample: Annotated[Duration, Field(examples=[0.01, "10 ms"])] = 0.01
-    """Time between two samples of what is measured [s]."""
+    """Time between two samples of the measurements [s]."""
     reach: Annotated[float, Field(ge=0.01, le=1.0), Unit("1")] = 0.8
     """Greatest share of bending range, tensions and torques that is used [1]."""
 
@@ -296,7 +296,7 @@ class IdentifyScene(Scene):
     estimate: ListOf[Estimate] = ()
     """Parameters that are to be found; none: the scene is compared with the data as it is."""
     laws: ListOf[Law] = ()
-    """Laws of which the one is chosen that predicts best what is held out; none: that of the scene."""
+    """Laws to choose from, by their predictions of hold-outs; none: the scene's law."""
     data: ListOf[DataSet] = ()
     """Formats of the files that are given beside this one."""
     excitation: Excitation = Excitation()

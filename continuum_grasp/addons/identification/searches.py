@@ -1,4 +1,4 @@
-"""Searches of which the best is taken: from other starts, before a misfit says that the data are wrong, and under other
+"""Searches for the best fit: from other starts, before a misfit says that the data are wrong, and under other
 laws, by what they predict of data that they were not fitted to.
 
 A start ten times off can end at a local minimum, in another period of a vibration or where a load bends nothing. Its
@@ -33,7 +33,7 @@ _FACTORS = tuple(10.0 ** (k / 2) for k in range(-3, 4) if k)
 """Factors on a start value [1], 0.03 to 30: half decades, from which searches over stiffness, mass and damping of rods
 converge."""
 _LESS = 0.99
-"""Sum of squares per that of the first fit [1] below which another minimum is lower, not the same one less exactly."""
+"""Sum of squares per sum of the first fit [1] below which another minimum is lower, not the same one less exactly."""
 _MISSED = 0.1
 """Misfit per scatter of the measurements about their means [1] up to which a minimum is taken for the least: what small
 errors of the model leave, such as a hundredth of the motion, has no better start, and the search would take minutes."""
@@ -49,7 +49,7 @@ def may_be_local(problem: FitProblem, solution: Solution) -> bool:
 
 
 def restarted(problem: FitProblem, first: Solution | None) -> Solution | None:
-    """The fit with the least sum of squares from other starts, where it is below that of the ``first``; else that.
+    """The fit with the least sum of squares from other starts, where it is below the ``first`` sum; else the first fit.
 
     Predictions are followed from there afterwards.
     """
@@ -167,7 +167,7 @@ def choose_law(
 
 
 def _differ(problem: FitProblem, more: Array) -> bool:
-    """Whether squared errors of one law are surely greater, by ``more`` (m,), than those of another, of hold-outs."""
+    """Whether squared errors of one law surely exceed, by ``more`` (m,), the errors of another, of hold-outs."""
     from scipy.special import stdtrit
 
     # readings of one row or instant depend on one another

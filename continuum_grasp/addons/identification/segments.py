@@ -53,7 +53,7 @@ class Excited(NamedTuple):
     scale: float
 
     def by_segment(self, slopes: Array) -> dict[str, Array]:
-        """Derivatives (readings, n) of what is read in each segment, by its name, of those (T, readings, n) in all."""
+        """Derivatives (readings, n) of the readings in each segment, by its name, from (T, readings, n) in all."""
         t = self.rehearsal.t[1:]
         width = slopes.shape[-1]
         return {of.name: slopes[(t > of.start) & (t <= of.end)].reshape(-1, width) for of in self.segments}

@@ -30,9 +30,9 @@ _AXES: Mapping[str, Columns] = {
     "angle counts from the base (it is a bend)": {"angle": ("bend", 1.0)},
     "bend counts in the world (it is an angle)": {"bend": ("angle", 1.0)},
 }
-"""Columns of x and y, for all frames with axes along those of the world, and of angles that count from elsewhere."""
+"""Columns of x and y, for all frames with axes along the world's, and of angles that count from elsewhere."""
 _SHIFTS = 400
-"""Parts of a motion by so many of which its rows are tried to be late or early [1]."""
+"""Parts of a motion by which its rows are tried to be late or early [1]."""
 _GROUPS = {
     "positions": {"x": 1, "y": 1},
     "times": {"t": 1, "frequency": -1, "decay_rate": -1},
@@ -128,7 +128,7 @@ def undone(slip: PossibleMistake, data: Data, scene: Scene) -> Pair | None:
 
 
 def _columns(data: Data, scene: Scene) -> dict[str, str]:
-    """Columns of the data, and commands of the scene, with SI units; those of conditions are left open."""
+    """Columns of the data, and commands of the scene, with SI units; columns of conditions are left open."""
     inputs = () if scene.actuation is None else scene.finger.inputs
     units = {finger_input.name: finger_input.unit for finger_input in inputs}
     if isinstance(data, TipPath):

@@ -71,7 +71,7 @@ def identify(
 ) -> None:
     """Estimate parameters from measurements, with intervals. What to measure next is proposed by --design.
 
-    Exit status 1 where the data cannot be those of this finger, or no experiment shows one of the unknowns.
+    Exit status 1 where this finger cannot have the data, or no experiment shows one of the unknowns.
     """
     from continuum_grasp.addons.identification.scene import IdentifyScene
 
@@ -121,7 +121,7 @@ def _targets(paths: Sequence[Path]) -> list[tuple[Path, FingerScene]]:
 
 
 def show_parameters(fit: Fit, files: Sequence[Path], output: Output) -> None:
-    """Print estimates with their intervals, those of single sets, and the errors of each channel."""
+    """Print estimates with their intervals, also of single sets, and the errors of each channel."""
     output.warn(fit.warnings)
     if fit.laws:
         rows = (

@@ -16,7 +16,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.simulation import poles
 
 _LEAST_SAMPLES = 12
-"""Least samples of a signal: two per unknown, of which a damped sine with offset and drift has six."""
+"""Least samples of a signal: two per unknown; a damped sine with offset and drift has six."""
 
 
 class DampedSine(NamedTuple):
@@ -135,7 +135,7 @@ def _basis(t: Array, frequency: float, decay: float) -> Array:
 class Vibrations:
     """Readings of natural modes, by a number of unknowns.
 
-    InputError, which names the data, if those of this finger are not predicted.
+    InputError, which names the data, if this finger's vibrations are not predicted.
     """
 
     def __init__(self, model: FingerModel, readings: Sequence[Reading], unknowns: int, name: str) -> None:

@@ -1,4 +1,4 @@
-"""A whole grasp under control: what is to be done, the closed loop that does it, and many plants on which it must."""
+"""A whole grasp under control: its task, the closed loop that does it, and many plants on which it must."""
 
 from lazy_loader import attach_stub
 

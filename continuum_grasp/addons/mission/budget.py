@@ -68,7 +68,7 @@ def grasp_contact(assignments: Sequence[Assignment], name: str) -> str | None:
 
 
 def bodies(names: Sequence[str], fingers: Sequence[str]) -> dict[str, list[int]]:
-    """Contacts by what holds there: each of a finger's for itself, those of a support together; not the table."""
+    """Contacts by the body that holds there: each of a finger's for itself, a support's together; not the table."""
     groups: dict[str, list[int]] = {}
     for k, name in enumerate(names):
         if not is_table(name):
@@ -78,7 +78,7 @@ def bodies(names: Sequence[str], fingers: Sequence[str]) -> dict[str, list[int]]
 
 
 def is_table(name: str) -> bool:
-    """Whether a contact of the plant is one with the table, of which a polygon has several in the plane."""
+    """Whether a contact of the plant touches the table; a polygon has several such contacts in the plane."""
     return name.partition(".")[0] == "table"
 
 
@@ -112,9 +112,9 @@ def plant_mass(mission: MissionScene, variation: PlantVariation) -> float:
 def promised(grasp: GraspResult) -> Resistance:
     """Multiples of the scene's disturbances that a mission may count on, whose drives hold.
 
-    Those of the certificate where it has the tendons locked. Where it lets tensions be chosen anew for a disturbance,
-    which a mission does not do, those with locked tendons and the weight shared out evenly: the least tension puts a
-    contact on its cone, at which nothing could be resisted.
+    With locked tendons in the certificate, these are its multiples. Where it lets tensions be chosen anew for a
+    disturbance, which a mission does not do, they are multiples with locked tendons and the weight shared out evenly:
+    the least tension puts a contact on its cone, at which nothing could be resisted.
     """
     certified = grasp.quality.resistance
     if certified.tendons == "locked":
@@ -135,8 +135,8 @@ def held_resistance(
     """Multiples of the disturbances resisted with locked tendons, other friction (C,) [1] and mass [kg].
 
     The weight is shared out as in the certificate, in proportion; ``evenly``, or where that is beyond a cone, each
-    contact bears an equal part of what it has left beside its friction in the plane. ``max_tension`` [N] is that of
-    the grasp where not given, ``wrenches`` those of its scene.
+    contact bears an equal part of what it has left beside its friction in the plane. ``max_tension`` [N] is by default
+    the grasp's, ``wrenches`` its scene's.
     """
     scene, arrays = grasp.scene, grasp.arrays
     if max_tension is not None:

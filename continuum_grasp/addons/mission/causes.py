@@ -25,7 +25,7 @@ ON_CONE = 0.99
 
 @dataclass(frozen=True)
 class SlippedContact:
-    """A contact that gave way before the object fell; forces are those of that instant [N]."""
+    """A contact that gave way before the object fell, with the forces at this instant [N]."""
 
     contact: str  # name on the plant, as of ``Shortfall``, or that of a support, whose corners count together
     how: Literal["slipped", "parted", "absent"]  # at its friction cone, without normal force, or so before the lift
@@ -37,7 +37,7 @@ class SlippedContact:
 
     @property
     def text(self) -> str:
-        """The contact that gave way, and the certificate's numbers beside those of the plant."""
+        """The contact that gave way, and the certificate's numbers beside the plant's."""
         way = {"slipped": "slipped at", "parted": "parted from", "absent": "not held at"}[self.how]
         head = f"{way} {self.contact} at {self.time:.2f} s: "
         if (certified := self.certified) is None:

@@ -2,7 +2,7 @@
 
 1. Of the contacts of each finger take the one whose force is followed, by `controller.held`.
 2. Make the controller's scene: its own elements, the object fixed where the grasp has it, the drives of the mission.
-3. Find the posture before the touch: tensions grow towards those of the grasp until the free finger is close.
+3. Find the posture before the touch: tensions grow towards the grasp's until the free finger is close.
 4. Turn tensions into commands of the drives: those that hold, those that squeeze with all of the reserve, and limits.
 """
 
@@ -39,7 +39,7 @@ _START_CALLS = 3
 four linearizations. The longest call of configs/mission/mug.yaml takes 0.61 instead of 1.11 ms, with commands within
 0.09 N."""
 _MARGIN = 1.5
-"""Greatest curvature per that of the free finger under the greatest tension: contact forces bend it further."""
+"""Greatest curvature per curvature of the free finger under the greatest tension: contact forces bend it further."""
 _SLIP_SPEED = 0.005
 """Slip speed of the controller's contacts with an object that is turned [m/s]: friction without a state, which is
 enough for horizons below a second. Below this speed the model creeps where the plant sticks, and the controller waits
@@ -126,7 +126,7 @@ def _assigned(mission: MissionScene, grasp: GraspResult, resistance: Resistance,
 
 
 def _contacts(grasp: GraspResult, setup: FingerSetup) -> list[Contact]:
-    """Contacts of a finger in a grasp: those along it from its base on, that of its tip last."""
+    """Contacts of a finger in a grasp: contacts along it from its base on, then the tip's."""
     contacts = {contact.name: contact for contact in grasp.contacts if contact.name.startswith(f"{setup.name}.")}
     tip = contacts.pop(setup.tip_name, None)
     if tip is None:
@@ -272,7 +272,7 @@ def _greatest_curvature(finger: Finger, start: float, end: float) -> float:
 def _about_to_touch(
     control: ControlScene, finger: Finger, body: GraspObject, tensions: Array, limits: tuple[Array, Array], edges: Array
 ) -> tuple[Array, Array, float]:
-    """Tensions [N], towards those of the grasp, at which the free finger comes close to the object, angles of its
+    """Tensions [N], towards the grasp's, at which the free finger comes close to the object, angles of its
     sections at the edges [rad], and the place of the finger that is nearest [m]: negative where the finger overlaps the
     object without them, infinite where it never comes close.
     """

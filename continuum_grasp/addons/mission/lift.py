@@ -124,7 +124,9 @@ class Doubted:
 
 
 SOFT = 0.010
-"""Height lost in the hand up to which what is set down does not fall [m]: a fall of as much ends at 0.4 m/s."""
+"""Height lost in the hand up to which an object that is set down does not fall [m]: a fall of as much ends at 0.4
+m/s.
+"""
 
 
 @dataclass(frozen=True)

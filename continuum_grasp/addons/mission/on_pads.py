@@ -21,7 +21,7 @@ _STEP = 0.004
 """Step of the linearly implicit Euler method [s]. It has the equilibria of the equations; the forces that
 configs/mission/mug.yaml ends with differ by 2 % from those with a quarter of the step."""
 _STIFFER = 10.0
-"""Stiffness of the pads, per that of the mission, with which a refusal is compared [1]: they give way by a tenth."""
+"""Stiffness of the pads, per the mission's, with which a refusal is compared [1]: they give way by a tenth."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,8 @@ class Closed:
 class _Hand:
     """Fingers that close on an object that stands in the grasp: on a table, free, on pads with friction.
 
-    Equations are those of the plant, with fingers as their controllers know them: rods, and pads ``stiffer`` times
-    those of the mission.
+    Equations come from the plant, with fingers as their controllers know them: rods, and pads ``stiffer`` times
+    as stiff as the mission's.
     """
 
     def __init__(self, assignments: Sequence[Assignment], stiffer: float = 1.0) -> None:
@@ -78,7 +78,7 @@ class _Hand:
 
 
 def closed(assignments: Sequence[Assignment], stiffer: float = 1.0) -> Iterator[Closed]:
-    """Close the fingers as the squeeze does, and on to their greatest tensions; the first has those of the grasp."""
+    """Close the fingers as the squeeze does, and on to their greatest tensions; the first state has the grasp's."""
     hand = _Hand(assignments, stiffer)
     views = [_view(assignment, model) for assignment, model in zip(hand.known, hand.models, strict=True)]
     for done, x, _ in hand.motion():

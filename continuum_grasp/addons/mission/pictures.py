@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 _COLUMNS = (4, 5, 6)
-"""Numbers of snapshots in a row, of which that is taken that leaves the fewest places empty."""
+"""Numbers of snapshots in a row to choose from: the choice leaves the fewest places empty."""
 _WIDE = 2.1
 """Width of one [inch]: six fit across a page in landscape."""
 _NAMED = {"approach": "about to touch", "squeeze": "squeezed", "hold": "lifted and held", "end": "released"}
@@ -153,7 +153,7 @@ def _pull_at(mission: MissionRun, t: float) -> Array:
 
 
 def _arrows_at(mission: MissionRun, indices: NDArray[Any]) -> ForceArrows:
-    """Arrows of contacts and pulls at some instants, without what is too small to be seen beside the greatest."""
+    """Arrows of contacts and pulls at some instants, without those too small to be seen beside the greatest."""
     # 0.05: share of the greatest force below which a force is not drawn: its arrow would be shorter than its head
     least = 0.05 * float(np.max(mission.contacts.normal_force, initial=0.0))
     frames = []

@@ -55,7 +55,7 @@ class Bearing(IntEnum):
 
 
 class Grip(IntEnum):
-    """Grip of what is held, as in ``c/mission.h``."""
+    """State of the grip, as in ``c/mission.h``."""
 
     USUAL = 0
     FIRM = 1
@@ -244,7 +244,7 @@ class PhasePlan:
         self._step(t, controller, plant.command, phase, height=self._height(plant))
 
     def advance(self, t: float, controller: Any, plant: Any, command: Any) -> bool:
-        """Begin what is due at an instant [s], by the last command; False after the last phase."""
+        """Begin the phases that are due at an instant [s], by the last command; False after the last phase."""
         decided = self.decision
         seen = (self._reported(), int(command.sight))
         goes_on = self._step(t, controller, plant.command, PhaseCall.DUE, 0.0, *seen, self._height(plant))

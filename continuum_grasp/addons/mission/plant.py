@@ -38,15 +38,15 @@ class PlantVariation:
     Attributes
     ----------
     stiffness, damping : float, optional
-        Of the fingers, per that of the controllers' models [1]; None: as the mission's ``plant`` says.
+        Of the fingers, relative to the controllers' models [1]; None: as the mission's ``plant`` says.
     mass, friction : float
-        Of the object and of all its contacts, per that of the mission [1].
+        Of the object and of all its contacts, relative to the mission's [1].
     shift : tuple of two floats
         Of the object's place, world x, y [m].
     seed : int, optional
-        Of the measurement noise; None: that of the mission's ``plant``.
+        Of the measurement noise; None: the seed of the mission's ``plant``.
     tendon_friction : float
-        Per that of the plant [1].
+        Relative to the plant's [1].
     friction_fall : float
         Share of ``friction`` that all contacts lose from the middle of the hold on [1].
 
@@ -116,7 +116,7 @@ def _table(mission: MissionScene, body: GraspObject, mass: float) -> Table:
 class MissionPlant(Plant):
     """The plant of one finger at the start of a mission, with an object whose height is measured for ``slip``.
 
-    Its equations are those of ``mission_plant_model``.
+    Its equations come from ``mission_plant_model``.
     """
 
     def __init__(
@@ -266,7 +266,7 @@ class Timetable:
         self._pieces = [self._pieces[0], *wait, *later]
 
     def set_down(self, t: float) -> None:
-        """Lower what is held from an instant on [s]; what pulls at it then pulls on to its end."""
+        """Lower the object from an instant on [s]; forces that pull at it then pull on to their end."""
         self._down = [(t, self._plan("lower").start, 1.0)]
 
     def planned(self, t: Array) -> Array:

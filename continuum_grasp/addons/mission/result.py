@@ -288,7 +288,7 @@ class MissionRun(MissionRecord, MotionResult):
         return _HEAD + yaml_text(plain({**head, **self.findings()}))
 
     def meta(self, **options: Any) -> dict[str, Any]:
-        """Meta data, whose configuration is the mission; those of the closed loops are in the fingers' folders."""
+        """Meta data, whose configuration is the mission; the closed loops have theirs in the fingers' folders."""
         return {**super().meta(**options), "config": self.mission.model_dump(mode="json")}
 
     def details(self) -> dict[str, Any]:
@@ -319,7 +319,7 @@ def verdict_data(verdict: MissionVerdict) -> dict[str, Any]:
 
 
 def wrench_text(wrench: Array) -> str:
-    """A wrench in words, without what is zero."""
+    """A wrench in words, without components that are zero."""
     units = (("N", "in x"), ("N", "in y"), ("N m", "about z"))
     words = [
         f"{amount_text(value, unit, '+.3g')} {along}"

@@ -102,7 +102,7 @@ class MissionRunner:
         self._shared = SharedModel(self._models) if len(assignments) > 1 else None
 
     def run(self, variation: PlantVariation | None = None, progress: Progress | None = None) -> MissionRun:
-        """Carry the mission out on one plant; errors are those of ``run_mission``."""
+        """Carry the mission out on one plant; errors are as in ``run_mission``."""
         asked = variation or PlantVariation()
         loops = []
         check = LiftCheck(self.assignments)

@@ -49,7 +49,7 @@ class Phases(Value):
     approach: Duration = 0.8
     """From the straight finger until it is about to touch [s]."""
     squeeze: Duration = 0.8
-    """Until the contact forces are those of the grasp, or ``squeeze_share`` of them [s]."""
+    """Until the contact forces reach the grasp's, or ``squeeze_share`` of them [s]."""
     squeeze_share: Annotated[float, Field(gt=0.0, le=1.0, examples=[0.85, "85 %"]), Unit("1")] = 1.0
     """Share of the contact forces that the posture closes up to; the rest rises in ``settle``, where the force is
     followed [1]. Below 1 the posture of a finger that differs from its model does not overshoot the force: tendons with
@@ -97,13 +97,13 @@ class MissionController(Limited):
     gap: Annotated[Positive, Unit("1/m2")] = 1e4
     """Weight of the distance of the tip from the object meanwhile [1/m2]."""
     held: Literal["middle", "tip", "all"] = "middle"
-    """Contact of each finger whose normal force is held at that of the grasp. middle: of the middle contacts the one
+    """Contact of each finger whose normal force is held at the grasp's. middle: of the middle contacts the one
     that presses hardest, of a finger without one the tip; all: every contact, with equal weights, where one drive holds
     the best compromise only."""
     speed: Annotated[NonNegative, Unit("s2/rad2")] = 0.05
     """Weight of the bending rates [s2/rad2]."""
     effort: Annotated[Positive, Unit("1/N2")] = 0.001
-    """Weight of the tensions away from those of the grasp [1/N2]."""
+    """Weight of the tensions away from the grasp's [1/N2]."""
     input_rate: Annotated[NonNegative, Unit("s2/N2")] = 1e-5
     """Weight of the tensions' rates [s2/N2]."""
     retained: Annotated[float, Field(gt=0.0, le=1.0, examples=[0.85, "85 %"]), Unit("1")] = 0.85
@@ -244,11 +244,11 @@ class MissionScene(Configuration):
     plant: PlantDifferences = PlantDifferences()
     """Differences of the plant from the controller's model."""
     tendons: AnyTendons | None = None
-    """Tendons of the finger that carries the grasp out, with what drives them; None: those of the grasp."""
+    """Tendons of the finger that carries the grasp out, with their drives; None: the grasp's tendons."""
     drive_tension: Annotated[Positive, Field(examples=[60.0, "60 N"]), Unit("N")] | None = None
-    """Greatest tension of the drives [N], where the grasp keeps some in reserve; None: that of the grasp."""
+    """Greatest tension of the drives [N], where the grasp keeps some in reserve; None: the grasp's."""
     object_mass: Annotated[Positive, Unit("kg")] | None = None
-    """Mass of the object in the plant [kg]; None: that of the grasp."""
+    """Mass of the object in the plant [kg]; None: the grasp's."""
     table_friction: Annotated[NonNegative, Unit("1"), Field(examples=[0.5])] = 0.3
     """Friction coefficient between the object and the table on which it stands until it is held [1]."""
     table_friction_radius: Annotated[NonNegative, Unit("m"), Field(examples=[0.02, "20 mm"])] = 0.0

@@ -1,6 +1,6 @@
 """A nonlinear problem that is assembled from small functions, each evaluated at many places.
 
-Values, Jacobian and Hessian of the Lagrangian are assembled from those of the small functions, which may be compiled.
+Values, Jacobian and Hessian of the Lagrangian are assembled from small functions, which may be compiled.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ OBJECTIVE = -1
 class _Placed:
     """A term at many places: columns (nz, count) that it reads, rows (no, count) that it adds to, with factors.
 
-    Rows are those of the objective and then the constraints, so that one matrix serves both. ``aside``: what it adds to
+    Rows belong to the objective and then the constraints, so that one matrix serves both. ``aside``: what it adds to
     the objective steers the solver, and is not part of what was asked.
     """
 
@@ -152,7 +152,7 @@ class Assembly(Constraints):
         return _gathered([*entries, self._straight], blocks, 1 + self.count, self.size)
 
     def _curvature(self, multipliers: ca.MX) -> ca.MX:
-        """Upper triangle of the Hessian of the Lagrangian; multipliers are those of objective and constraints."""
+        """Upper triangle of the Hessian of the Lagrangian; the multipliers belong to objective and constraints."""
         entries, blocks = [], []
         for placed in self._placed:
             picked = multipliers[placed.rows.ravel(order="F").tolist()]
@@ -205,7 +205,7 @@ def _pattern(rows: Indices, columns: Indices, height: int, width: int) -> tuple[
 
 
 def _sparse(rows: Indices, columns: Indices, factors: Array, height: int, width: int) -> ca.DM:
-    """A sparse matrix from its entries, those of one place added."""
+    """A sparse matrix from its entries; entries of one place are added."""
     pattern, place = _pattern(rows, columns, height, width)
     return ca.DM(pattern, np.bincount(place, weights=factors, minlength=pattern.nnz()))
 

@@ -9,9 +9,9 @@ Optimization, section 18.5, doi:10.1007/978-0-387-40065-5):
 1. Simulate under the inputs at hand, in steps that are fine enough for this motion.
 2. Linearize; eliminate the states; a QP with the Hessian of Gauss and Newton gives a step within the trust region,
    whose rows are violated at a penalty.
-3. Raise the penalty until the QP takes away its share of what is violated.
-4. Simulate the step; if what is curved spoils it, correct it once by the rows that are violated there.
-5. It counts if the objective plus the l1 norm of what is violated falls by a share of what was predicted; the region
+3. Raise the penalty until the QP takes away its share of the violation.
+4. Simulate the step; if curvature spoils it, correct it once by the rows that are violated there.
+5. It counts if the objective plus the l1 norm of the violation falls by a share of the prediction; the region
    grows or shrinks by that share.
 6. End where little is predicted, where the objective creeps, or where the region is too small.
 """
@@ -39,7 +39,7 @@ from continuum_grasp.nlp import (
 _FIRST_RADIUS, _LARGEST, _SMALLEST = 1.0, 1e3, 1e-9
 """Radius of the trust region [units of the problem]: at first inputs change by as much as their range."""
 _FIRST_PENALTY, _GREATEST_PENALTY = 3e3, 1e8
-"""Penalty per violation: raised until the QP lowers what is violated [units of the objective]."""
+"""Penalty per violation: raised until the QP lowers the violation [units of the objective]."""
 _ACCEPTED, _GOOD, _POOR = 1e-3, 0.75, 0.25
 """Shares of the predicted reduction from which on a step counts, the region grows, and shrinks."""
 
@@ -49,7 +49,7 @@ _PATIENCE, _PROGRESS = 10, 1e-2
 
 @dataclass
 class _Point:
-    """A motion: unknowns, their functions, and what is violated in all, in units of the problem."""
+    """A motion: unknowns, their functions, and the violation in all, in units of the problem."""
 
     w: Array
     f: float
@@ -84,7 +84,7 @@ class Condensed:
         self._bounded = np.flatnonzero(bounded)
 
     def solve(self, w: Array, budget: Budget, most: int) -> Attempt:
-        """Solve from unknowns, whose states are replaced by those of the motion, in so many iterations at most."""
+        """Solve from unknowns, whose states are replaced by the motion's, in so many iterations at most."""
         began = time.perf_counter()
         start = self.problem.assembly.start(w)
         self._start = start
@@ -167,7 +167,7 @@ class Condensed:
         return np.asarray(np.clip(w, self._start.low, self._start.high))
 
     def _resolved(self, w: Array, point: _Point | None) -> _Point | None:
-        """The motion under the inputs of w, anew in finer steps where it is too fast for those of the problem, or where
+        """The motion under the inputs of w, anew in finer steps where it is too fast for the problem's steps, or where
         there is none yet.
         """
         # 3: times that steps are made finer for one motion, at most: with other steps it is a little another one

@@ -95,7 +95,7 @@ def _units(model: Prediction, time: float) -> Array:
 
 def _rollout(model: Prediction, method: str, steps: int) -> Rollouts:
     """Rollouts in which parameters take the place of forces, since they may vary over time, and units of the states
-    (nx) that of parameters: the code of all units is one, and rounds alike.
+    (nx) the place of parameters: the code of all units is one, and rounds alike.
     """
     units = ca.SX.sym("units", model.nx)
     part = ca.SX.sym("part")

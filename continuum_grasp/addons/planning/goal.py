@@ -23,10 +23,10 @@ _PLAYED = 10.0
 """Error with which a goal without a weight counts as reached in a fine simulation, per its size and per
 ``check.tolerance`` [1]: of points, whose size is a tenth of the finger's length, as far as the tip may depart."""
 _REST = 100.0
-"""Error with which rates count as zero in a fine simulation, per ``check.tolerance`` and per those of an oscillation
+"""Error with which rates count as zero in a fine simulation, per ``check.tolerance`` and per rate of an oscillation
 over the reach whose period is the duration [1]."""
 _SETTLED = 1e4
-"""Weight of rest of a finger whose tendons have friction and may stick [units of the problem]: what is asked exactly of
+"""Weight of rest of a finger whose tendons have friction and may stick [units of the problem]: an exact demand on
 friction that turns around leads to steps of micrometers. Only the drives are at rest exactly."""
 
 _PRESSED = 1e-4
@@ -39,9 +39,9 @@ found: ``python -m benchmarks.bench_plans --count 0``."""
 class GoalPart:
     """A part of a goal: its entries by name, the target, and the physical amount of one unit of error.
 
-    ``weight`` is that of half the squared error [1/unit2]; None: reached exactly. ``tolerance`` is the greatest error
-    with which it counts as reached, per ``scale`` [1], and ``played`` that in a fine simulation. ``value`` is what is
-    compared with the target, as an expression of the motion's symbols.
+    ``weight`` belongs to half the squared error [1/unit2]; None: reached exactly. ``tolerance`` is the greatest error
+    with which it counts as reached, per ``scale`` [1], and ``played`` the greatest one in a fine simulation. ``value``
+    is compared with the target, as an expression of the motion's symbols.
     """
 
     name: str

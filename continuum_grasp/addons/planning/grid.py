@@ -98,7 +98,7 @@ def add_shooting(
 
 
 def add_collocation(assembly: Assembly, motion: PlannedMotion, grid: PlanGrid, weight: float) -> None:
-    """Polynomials whose rates are those of the motion at the collocation points."""
+    """Polynomials whose rates equal the motion's at the collocation points."""
     intervals = len(grid.v)
     degree = grid.points.shape[1]
     count = len(grid.interval)

@@ -21,7 +21,7 @@ from continuum_grasp.scene import GraspScene
 _ITERATIONS = 60
 """Most steps of the least squares for the final posture [1]; the plan's solver closes what they leave."""
 _BALANCE, _BALANCE_HELD = 0.1, 10.0
-"""Weight of balance against that of the goal in the final posture: little, unless the plan has to end in balance."""
+"""Weight of balance relative to the goal's in the final posture: little, unless the plan has to end in balance."""
 _GRASPED = 26.7
 """Cost of half the squared error of the contact forces of a grasp, per its greatest force and per the scale of the
 objective [1]: elements of a plan need not reach them."""

@@ -39,7 +39,7 @@ class _Scales:
 class PlannedMotion:
     """State, control and duration of a plan, and how the state moves.
 
-    The state s (ns) is that of the model and, where the input is a straight line over each interval (``linear``), the
+    The state s (ns) is the model's state and, where the input is a straight line over each interval (``linear``), the
     input; the control v (nu) is the input, or its rate. Everything is scaled; time runs from 0 to 1.
     """
 
@@ -96,7 +96,7 @@ class PlannedMotion:
         return self.prediction.eigenvalues(*(np.array(limit) for limit in self.scene.input_limits))
 
     def hold(self, rates: Array) -> None:
-        """Take steps that are stable for eigenvalues [1/s] too, those of a motion that was found."""
+        """Take steps that are stable for further eigenvalues [1/s], from a motion that was found."""
         self._rates = np.concatenate([self._rates, rates])
 
     @property
@@ -134,7 +134,7 @@ class PlannedMotion:
 
     @cached_property
     def outputs(self) -> ca.Function:
-        """(x, u, p) -> what is tracked."""
+        """(x, u, p) -> the tracked quantities."""
         return self._function("outputs", ca.SX(0, 1) if self.tracked is None else self.tracked.value())
 
     def missed_setpoints(self, x: Array, u: Array, duration: float) -> tuple[str, ...]:
@@ -306,7 +306,7 @@ def _with_given_friction(flow: Term, names: Sequence[str]) -> Term:
 
 
 def without_rows(name: str, function: ca.Function, rows: list[int]) -> ca.Function:
-    """A function (z, d) some rows of which are zero."""
+    """A function (z, d) with some rows of zeros."""
     stay = np.ones(function.size1_out(0))
     stay[rows] = 0.0
     z, d = (ca.MX.sym(argument, function.size_in(k)) for k, argument in enumerate("zd"))

@@ -32,7 +32,7 @@ class OneWay:
 
     They come to rest still sliding forward, so that friction acts at rest as it did before, and nothing rings: a tendon
     that sticks makes the finger four times as stiff, with a quarter of its damping. ``speed`` is the usual sliding
-    [1/s]. ``given``: friction is that of tendons that slid this way before the motion begins, without their states.
+    [1/s]. ``given``: friction acts as in tendons that slid this way before the motion begins, without their states.
     Where friction has to turn around first, tendons slide this way from the nodes ``since`` on, an entry per state.
     ``least`` (N + 1, states) is the least sliding at the nodes [1/s]; None: zero.
     """
@@ -50,7 +50,7 @@ class PlanProblem:
     Where it is ``relaxed``, the distance from the goal is minimized in place of the objective, and hard bounds have a
     penalty. One that ``presses`` ends without rates, and comes into balance afterwards. Where ``one_way`` is None,
     tendons with friction may slide to and fro. ``before`` (1, nu) are columns of the input before the motion begins,
-    ``inputs`` (N + 1, nu) those of the inputs at the nodes; the last one is held after the end. Collocation has a
+    ``inputs`` (N + 1, nu) columns of the inputs at the nodes; the last one is held after the end. Collocation has a
     polynomial on each of so many equal elements of every interval as ``counts`` (N) states; None: one.
     """
 

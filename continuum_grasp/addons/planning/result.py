@@ -278,7 +278,7 @@ class MotionPlan(MotionResult):
     def simulated(self) -> Scene:
         """Scene of a simulation of the plan's own inputs, from the plan's initial state on, in steps of its nodes.
 
-        The finger is that of the plan's scene, with its object, loads and fidelity. A tip moment acts as it follows the
+        The finger comes from the plan's scene, with its object, loads and fidelity. A tip moment acts as it follows the
         planned one by ``input.time_constant``.
         """
         return scene_under(self.scene, self.t, self.u, linear=self.linear_inputs)
@@ -371,7 +371,7 @@ class MotionPlan(MotionResult):
     # -- files --------------------------------------------------------------------------------------------------------
 
     def stored_arrays(self) -> dict[str, Any]:
-        """Declared arrays, and those of each constraint."""
+        """Declared arrays, and the arrays of each constraint."""
         parts = {f"constraint {n} {part}": getattr(c, part) for n, c in self.constraints.items() for part in _PARTS}
         return {**super().stored_arrays(), **parts}
 

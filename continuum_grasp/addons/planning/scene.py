@@ -162,7 +162,7 @@ class PlanSolver(SolverOptions):
     substeps: Annotated[int, Field(ge=1, le=1000)] | None = None
     """Runge-Kutta-Chebyshev steps per interval of single shooting; None: as many as the stiffness asks for."""
     degree: Annotated[int, Field(ge=2, le=9)] = 3
-    """Number of collocation points of a polynomial, those of Radau."""
+    """Number of collocation points of a polynomial, by Radau."""
 
 
 class FineCheck(Value):
@@ -219,7 +219,7 @@ class PlanScene(CommandedScene):
 
     grasp: GraspScene | None = None
     """A grasp of the object by this one finger, or the path of its file relative to this file. It is optimized first:
-    contacts, contact forces to be reached, the finger's base and the object's pose are then those of the grasp."""
+    contacts, contact forces to be reached, the finger's base and the object's pose are then the grasp's."""
     input: PlanInput = PlanInput()
     """Limits and form of the input."""
     bounds: PlanBounds = PlanBounds()

@@ -139,8 +139,8 @@ class PlanSearch:
         """While a fine simulation departs from the plan, misses its goal, or leaves its bounds between the places where
         the problem has them, follow the motion in more elements on the intervals where it does.
 
-        Inputs have their nodes as before. The search goes on from the motion that the inputs lead to, or else from that
-        of the plan; what gives no plan, or misses a goal, leaves the plan of before.
+        Inputs have their nodes as before. The search goes on from the motion that the inputs lead to, or else from the
+        plan's motion; a step that gives no plan, or misses a goal, leaves the plan of before.
         """
         motion = self.motion
         model = self.motion.prediction
@@ -237,7 +237,7 @@ class PlanSearch:
         """Start from the motion under the inputs of a path, if its tendons end sliding one way.
 
         With ``rate`` (N + 1, states), their usual sliding per presliding [1/s], they keep up with it first: friction is
-        that of sliding, on which inputs have no effect. From there on they only do not slide back.
+        sliding friction, on which inputs have no effect. From there on they only do not slide back.
         """
         motion = self.motion
         try:
@@ -385,8 +385,8 @@ class PlanSearch:
         return postures[0] if self.scene.goal.contact_force is None else self._pressing(postures)
 
     def _pressing(self, postures: list[Posture]) -> Posture:
-        """The first posture, if inputs that go there press as the goal asks; else, of where the finger goes while
-        inputs rise to their limits, what is nearest to the forces.
+        """The first posture, if inputs that go there press as the goal asks; else the nearest one to the forces along
+        the way of the finger while inputs rise to their limits.
 
         Least squares may end on the far side of the object, or short of balance; a plan that begins where nothing
         touches stays there, since forces have no slopes.

@@ -1,6 +1,6 @@
 """Functions of unknowns with derivatives, and the motion over an interval as one of them.
 
-The motion is that of the Runge-Kutta-Chebyshev method of order 2: explicit, and with s stages stable along 0.65 s^2 of
+The motion follows the Runge-Kutta-Chebyshev method of order 2: explicit, and with s stages stable along 0.65 s^2 of
 the negative real axis, where the fast modes of damped fingers lie; four elements on winches take an eighth of the
 evaluations of the classical method (B. P. Sommeijer, L. F. Shampine, J. G. Verwer, RKC: an explicit solver for
 parabolic PDEs, J. Comput. Appl. Math. 88 (1998), doi:10.1016/S0377-0427(97)00219-7).
@@ -19,7 +19,7 @@ from continuum_grasp.base import Array
 from continuum_grasp.core import CSource
 
 _MARGIN = np.array([1.0, 1.2, 1.5])[:, None]
-"""Factors on the eigenvalues up to which steps must be stable [1], since they are those of some shapes alone."""
+"""Factors on the eigenvalues up to which steps must be stable [1], since only some shapes were sampled."""
 _MOST_STAGES, MOST_STEPS = 40, 10_000
 """Most stages per step, beyond which rounding grows, and most steps per interval [1]."""
 
@@ -29,7 +29,7 @@ class Term:
     """A function of unknowns and numbers with its derivatives.
 
     ``value`` is (z, d) -> o (no); ``jacobian`` (z, d) -> J (no, nz), dense; ``hessian`` (z, d, weights (no)) -> H
-    (nz, nz), dense and symmetric: that of the weighted sum of the outputs, or what stands for it.
+    (nz, nz), dense and symmetric: the Hessian of the weighted sum of the outputs, or its substitute.
     """
 
     value: ca.Function
@@ -45,7 +45,7 @@ class Term:
 def derived(name: str, z: ca.SX, d: ca.SX, o: ca.SX, *, exact: bool = True, squared: ca.SX | None = None) -> Term:
     """A term from its outputs o as expressions of unknowns z and numbers d.
 
-    Where it is not ``exact``, the Hessian is that of Gauss and Newton, of the last output alone: half the sum of
+    Where it is not ``exact``, it is the Hessian of Gauss and Newton, of the last output alone: half the sum of
     squares of ``squared``.
     """
     outputs = ca.densify(ca.SX(o))
@@ -128,7 +128,7 @@ def shooting_interval(flow: Term, ns: int, intervals: int, steps: int, stages: i
 
     ``flow`` is (z = [s (ns), v, T], d) -> rates of s and of the objective, for time from 0 to 1. The term found is
     (z, D (nd, steps + 1): numbers at the ends of the steps) -> [s at the end, increment of the objective]. Its Hessian
-    is that of Gauss and Newton at the start of the interval, whose state is an unknown too.
+    is the one of Gauss and Newton at the start of the interval, whose state is an unknown too.
     """
     nz, nd = flow.value.numel_in(0), flow.value.numel_in(1)
     z = ca.MX.sym("z", nz)

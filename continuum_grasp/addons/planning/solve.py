@@ -42,7 +42,7 @@ def plan(
     Parameters
     ----------
     scene : PlanScene or path-like
-        What is to be planned, or its YAML file.
+        The scene to plan, or its YAML file.
     warm : Plan or path-like, optional
         A plan of a similar scene, or its run folder, from which the search begins.
     grasp : GraspResult or path-like, optional
@@ -59,7 +59,7 @@ def plan(
     InputError
         The scene is wrong, or ``warm`` does not fit.
     SolverError
-        There is no plan; it names what is violated and what stops it, and ``result`` comes nearest.
+        There is no plan; it names the violated constraints and what stops the plan, and ``result`` comes nearest.
     Interrupted
         Ctrl-C; ``result`` is the best plan so far, or the last iterate.
 
@@ -203,7 +203,7 @@ def _lead(scene: PlanScene, u: Array, duration: float, unit: str) -> str:
 
 
 def _failure(search: PlanSearch) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
-    """Status, message, advice and what is violated."""
+    """Status, message, advice and violated constraints."""
     diagnosis = search.diagnosis
     if diagnosis is not None and not search.budget.stopped:
         if search.scene.object is None:
@@ -219,7 +219,7 @@ def _failure(search: PlanSearch) -> tuple[PlanStatus, str, str, tuple[str, ...]]
 
 
 def _unfinished(search: PlanSearch) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
-    """Status, message, advice and what is violated of a search that ended before anything was known."""
+    """Status, message, advice and violated constraints of a search that ended before anything was known."""
     last = search.attempts[-1][1]
     broken = [v for v in search.problem.violations(last) if v.scaled > search.feasible]
     violated = tuple(str(v) for v in sorted(broken, key=lambda v: -v.scaled))

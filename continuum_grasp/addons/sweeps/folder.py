@@ -35,7 +35,7 @@ _TAIL = len(b',"check":"00000000"}\n')
 SOLVED = ("optimal", "feasible")
 """Statuses that mean a verified grasp."""
 _ABOUT = ("name", "created", "versions", "columns", "units", "pictures")
-"""Entries of the stored plan that do not decide what is computed."""
+"""Entries of the stored plan that do not decide the computation."""
 
 
 def store_plan(folder: Path, plan: SweepPlan) -> list[str]:

@@ -36,7 +36,7 @@ class SweepPoint:
     labels: tuple[Any, ...]
 
     def scene_data(self, base: Mapping[str, Any], paths: Sequence[KeyPath]) -> dict[str, Any]:
-        """The scene of the point as plain data, made of that of all; shorter paths are set first."""
+        """The scene of the point as plain data, made of the plan's scene; shorter paths are set first."""
         data = copy.deepcopy(dict(base))
         # So that ``finger.base`` is set in the ``finger`` that is varied too.
         for path, value in sorted(zip(paths, self.values, strict=True), key=lambda pair: len(pair[0])):
@@ -54,7 +54,7 @@ class SweepPlan:
     """The scenes of a sweep, one by one; ``variation`` is the same sweep, resolved.
 
     ``keys`` are the varied keys: of the grid, drawn, and following; ``paths`` is where they lie in the scene.
-    ``columns`` are the numbers that every run gives, ``units`` those of keys and columns, where known.
+    ``columns`` are the numbers that every run gives, ``units`` the units of keys and columns, where known.
     """
 
     def __init__(self, variation: Variation) -> None:

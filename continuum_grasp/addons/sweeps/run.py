@@ -76,7 +76,7 @@ def sweep(
     scheduler : str, optional
         Address of a Dask scheduler, such as ``tcp://127.0.0.1:8786``, in place of an executor.
     keep : {"all", "failed", "none"}, optional
-        Of which runs to keep the files, in ``runs/``.
+        Runs whose files to keep, in ``runs/``.
     evaluate : callable, optional
         From a `GraspScene` to a `GraspResult`, importable by name; `optimize_grasp` where not given.
     progress : callable, optional

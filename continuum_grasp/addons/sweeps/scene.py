@@ -82,7 +82,7 @@ class Follow(Value):
 
 
 class Varied(Configuration):
-    """A scene of which some keys are varied."""
+    """A scene with some varied keys."""
 
     scene: str
     """Path of the scene that is varied, relative to this file."""
@@ -141,7 +141,7 @@ _RECORDED = re.compile(r"(quality|certificate|statistics)(\.[A-Za-z0-9_]+)+")
 
 
 class Grid(Value):
-    """Values of one key, each of which is tried with all values of the other keys."""
+    """Values of one key; each is tried with all values of the other keys."""
 
     REFUSALS = Consumer.refusals(
         "{min,max,count,spacing} with values: values stand alone, without min, max, count and spacing"

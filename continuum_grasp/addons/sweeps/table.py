@@ -50,7 +50,7 @@ class SweepTable(Result):
         numbers of the grasps; numbers that a row does not have are NaN. Keys whose values are not all numbers hold
         words.
     grid_keys : tuple of str
-        Keys with a few values each: those of the grid, and those that follow them.
+        Keys with a few values each: keys of the grid, and keys that follow them.
     units : mapping of str to str
         Of keys and numbers, where known.
     requested : mapping

@@ -34,7 +34,7 @@ class VariedKey(Generic[Way]):
     values: tuple[Any, ...] = ()
     """The values that are listed as plain data; fingers from other files are put in."""
     nominal: float = math.nan
-    """In designs, the value where the search starts, or that of a number that is not chosen."""
+    """In designs, the value where the search starts, or the value of a number that is not chosen."""
 
 
 @dataclass(frozen=True)

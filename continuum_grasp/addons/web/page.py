@@ -64,7 +64,7 @@ def export_web(
     Parameters
     ----------
     given : Scene, ControlScene, AssignedMission, MissionRun, HandScene, HandResult or path
-        The path is that of a configuration, or the folder of the grasp of a hand.
+        The path names a configuration, or the folder of the grasp of a hand.
     file : path-like
         Page to write; an earlier one is replaced, a file that no export wrote is not.
 

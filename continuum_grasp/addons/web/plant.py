@@ -51,7 +51,7 @@ class WebPlant:
     """Symbols of a plant, expressions of them, and where it starts."""
 
     system: System
-    """Finger and object; the state of the plant has drives behind that of the system."""
+    """Finger and object; the state of the plant has drives behind the system's state."""
     symbols: tuple[ca.SX, ca.SX, ca.SX, ca.SX]
     """State, input, forces and parameters."""
     rate: ca.SX

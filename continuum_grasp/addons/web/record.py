@@ -81,7 +81,9 @@ def trajectory_record(run: Trajectory, plant: WebPlant) -> RecordedStates:
 
 
 def _with_tip(run: Trajectory) -> dict[str, Array]:
-    """Curvature at the tip of matched clothoids, which those of a page have as a coordinate: its inputs may jump."""
+    """Curvature at the tip of matched clothoids, which the models of a page have as a coordinate: its inputs may
+    jump.
+    """
     finger, options = run.model.structure.asked
     system = System(finger, **options) if run.system is None else run.system
     rows = [np.array(system.curvature(x, u, system.p_nominal)).ravel() for x, u in zip(run.x, run.u, strict=True)]

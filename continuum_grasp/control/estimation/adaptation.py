@@ -11,7 +11,7 @@ _KNOWN = 0.5
 """Share of the standard deviation at the start below which a parameter counts as observed [1]: measurements tell three
 times as much as was known before."""
 _ABSOLUTE = ("tip_mass",)
-"""Parameters to which their error adds; those of others are relative."""
+"""Parameters to which their error adds; errors of others are relative."""
 
 
 class Observability(Enum):
@@ -56,7 +56,7 @@ class AdaptedState(NamedTuple):
         return self.label.split(" ")[0]
 
     def read(self, p: Array, z: Array, deviations: Array) -> Adapted:
-        """Put together what is known: of parameters (np) with their errors, of the state (nz) and its standard
+        """Combine the estimate: of parameters (np) with their errors, of the state (nz) and its standard
         deviations.
         """
         value, error, std = p[self.parameter], z[self.state], deviations[self.state]

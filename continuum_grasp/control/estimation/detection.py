@@ -33,7 +33,7 @@ def check_detectable(
     names : sequence of str
         Disturbances with their units.
     adapted : collection of int
-        Those of ``estimator.adapt``, which stay as they are while nothing moves.
+        Parameters of ``estimator.adapt``, which stay as they are while nothing moves.
     slope : casadi.Function
         (z, u, p, p) -> x', [A B].
     outputs : casadi.Function

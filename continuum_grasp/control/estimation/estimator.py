@@ -120,7 +120,7 @@ class Estimator(Remade, Summarized):
 
     Notes
     -----
-    Unknown forces and moments add to those of ``p``; the bending stiffness is multiplied by one plus its error.
+    Unknown forces and moments add to the forces in ``p``; the bending stiffness is multiplied by one plus its error.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Sensitivities to adapted parameters that noise of the estimate alone may have: those of a finger at rest."""
+"""Sensitivities to adapted parameters that noise of the estimate alone may have: sensitivities of a finger at rest."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _EXCITED = 3.0
 least value within 3 s; in motion of the hand finger at 1 Hz it is 17 in the median for lag and payload, 170 for the
 stiffness, of the noise of the straight finger."""
 _FLOOR = 1e-3
-"""Variance of a direction of the sensitivities, per that of all [1]."""
+"""Variance of a direction of the sensitivities, per total variance [1]."""
 _BENT = 0.15
 """Share of the range of an input by which fingers are bent where noise at rest is evaluated [1]: 1.3 rad of the hand
 finger."""
@@ -66,7 +66,7 @@ def quiet_sensitivities(scene: ControlScene, model: Prediction, estimation: Esti
 
 
 def _rests(scene: ControlScene, model: Prediction) -> list[tuple[Array, Array]]:
-    """Find states at rest with their inputs: that of no input, and bent ones."""
+    """Find states at rest with their inputs: the state without input, and bent ones."""
     u = np.array(scene.rest_input)
     friction = bool(model.system.finger_model.friction_names)
     equilibrium = Initial(pose="equilibrium", reached_by="pulling" if friction else None)

@@ -53,12 +53,14 @@ class Estimation:
     """
 
     step: ca.Function
-    """(z, u, p, h) -> zn, F, G (nz, nz): one step of length h, its derivative by z, and that of half the step."""
+    """(z, u, p, h) -> zn, F, G (nz, nz): one step of length h, its derivative by z, and the derivative of half the
+    step.
+    """
     flow: ca.Function
     """(z, u, p, h) -> zn: the step alone."""
     single: ca.Function | None
-    """(z, u, p, h) -> zn, F: the step with its own derivative. Of methods without a continuous extension, of which half
-    a step is a step of its own; vector lanes make both side by side."""
+    """(z, u, p, h) -> zn, F: the step with its own derivative, of methods without a continuous extension, whose half
+    step is a step of its own; vector lanes make both side by side."""
     outputs: ca.Function  # (z, u, p) -> y (ny), H (ny, nz): what the filter compares, and its derivative
     parameters: ca.Function  # (z, p) -> p (np): with the disturbances
     contact_forces: ca.Function | None
@@ -187,7 +189,7 @@ def _contact_forces(model: Prediction, disturbances: list[_Disturbance]) -> ca.F
 
 
 def _outputs(values: ca.Function, parameters: ca.Function) -> ca.Function:
-    """Write what is compared, with its derivative, at parameters with the disturbances."""
+    """Write the compared quantities, with their derivative, at parameters with the disturbances."""
     z, u, p = (ca.MX.sym(name, values.size1_in(k)) for k, name in enumerate("zup"))
     found = call(values, z, u, *call(parameters, z, p), p)
     return ca.Function("estimator_outputs", [z, u, p], found, ["z", "u", "p"], ["y", "H"])

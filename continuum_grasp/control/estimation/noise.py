@@ -30,7 +30,7 @@ _ACCELERATION = 0.2113
 _OBJECT_ACCELERATION = 0.01174
 """Deviation of an object, in finger lengths too [1]: 0.1 m/s2 s^0.5 of the hand finger."""
 _MARGIN = 1.5
-"""Limits of estimates and measurements as multiples of those of the model [1]: an estimate may overshoot by noise, but
+"""Limits of estimates and measurements as multiples of the model's limits [1]: an estimate may overshoot by noise, but
 the model's series are accurate within its range only."""
 _SEEN = 10.0
 """Greatest distance of an object from the base that a camera may show, in finger lengths [1]: far out of reach, but not
@@ -55,8 +55,8 @@ _KNOWN = 10.0
 class Ranges:
     """Limits beyond which numbers are implausible: least and most of each entry, (size, 2).
 
-    ``applied`` are those of an applied input, which may be off (0 N) or beyond what can be commanded; ``reach`` (nr, 3)
-    those of setpoints that can be met, with the radius of a circle about their middle at the x of a point.
+    ``applied`` limits an applied input, which may be off (0 N) or beyond what can be commanded; ``reach`` (nr, 3)
+    limits setpoints that can be met, with the radius of a circle about their middle at the x of a point.
     """
 
     x: Array
@@ -74,8 +74,8 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
 
     White noise drives the rate of each coordinate so that the bending angles (root of the sum of squares over the
     elements) have the acceleration of ``acceleration_std``, and a lagging drive so that it differs from its model by a
-    hundredth of its greatest moment. Disturbances are random walks; their variance at the start is that of
-    ``estimator.spread``, or that after 100 control periods.
+    hundredth of its greatest moment. Disturbances are random walks; their variance at the start comes from
+    ``estimator.spread``, or is their variance after 100 control periods.
     """
     if scene.estimator is None:
         raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
@@ -190,7 +190,7 @@ def _greatest_unknown(model: Prediction, name: str) -> float:
 
 
 def _applicable(scene: ControlScene, model: Prediction, name: str) -> tuple[float, float]:
-    """Range of what is applied, by the name of the input."""
+    """Range of the applied input, by its name."""
     if not scene.finger.winches:
         return measurement_range(scene, model, name)
     low, high = (limit[model.u_names.index(name)] for limit in scene.input_limits)

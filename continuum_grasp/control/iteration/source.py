@@ -124,7 +124,7 @@ def iteration_source(
 
 
 def _in_one_lane(function: ca.Function) -> str:
-    """Write a function of numbers that calls the one of lanes: of what is needed once, no scalar code beside it."""
+    """Write a function of numbers that calls the one of lanes: functions needed once have no scalar code beside it."""
     inputs = [(k, max(function.nnz_in(k), 1), function.nnz_in(k)) for k in range(function.n_in())]
     outputs = [(k, max(function.nnz_out(k), 1), function.nnz_out(k)) for k in range(function.n_out())]
     lines = [f"static int {function.name()}(const real *const arg[], real *const res[])", "{"]

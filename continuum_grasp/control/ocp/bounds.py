@@ -32,8 +32,8 @@ class Row(NamedTuple):
     """An expression between two bounds.
 
     A violation s, as a share of the greater bound (of 1 where that is 0 or absent), costs linear s + quadratic s^2 / 2
-    per node; ``penalty`` has both, None is a hard constraint: satisfied wherever it can be. ``names`` are those of the
-    entries, by default numbered ones; ``key`` that of the scene's ``bounds``.
+    per node; ``penalty`` has both, None is a hard constraint: satisfied wherever it can be. ``names`` belong to the
+    entries, by default numbered ones; ``key`` to the scene's ``bounds``.
     """
 
     value: Any

@@ -24,7 +24,7 @@ class ControlProblem(Summarized):
     minimize  sum_k stage/2 sum_i weight_i (y_i(x_k, u_k, p) - r_ki)^2  +  1/2 sum_i final_i (y_i(x_N, p) - r_Ni)^2
     subject to  dx/dt = f(x, u, p) with the input constant over a stage, bounds and rows.
 
-    Bounds of inputs hold always; those of states, and rows, are soft constraints with a penalty, so that every QP is
+    Bounds of inputs hold always; bounds of states, and rows, are soft constraints with a penalty, so that every QP is
     feasible. Rows of the states alone hold at the nodes 1 to N, others at 0 to N - 1.
 
     Parameters
@@ -181,7 +181,7 @@ class ControlProblem(Summarized):
 
 
 class _Reader:
-    """Reads expressions of symbols, of which some are not of the states alone."""
+    """Reads expressions of symbols, some of which are not of the states alone."""
 
     def __init__(self, states: Any, inputs: Any, parameters: Any, previous: Any) -> None:
         given = {"states": states, "inputs": inputs, "parameters": parameters, "previous": previous}
@@ -243,7 +243,7 @@ class _Reader:
         return dict(sorted(residuals.items(), key=lambda item: item[1].final is None))
 
     def limits(self, bounds: dict[str, Any], given: dict[str, Any]) -> tuple[Array, Array, BoundedRows, int]:
-        """Least and greatest inputs; bounds of states and rows, relative to these, those of the states alone first, and
+        """Least and greatest inputs; bounds of states and rows, relative to these, bounds of states alone first, and
         how many those are.
         """
         names, free = [split_unit(label).name for label in _names(self.u)], (-math.inf, math.inf)

@@ -29,7 +29,7 @@ _REACH = 10.0
 """Greatest distance of a position setpoint from the base, in finger lengths [1]: a setpoint out of reach is allowed
 (the cost then points the finger at it, and the call reports it), one in millimeters (1000 lengths) is not."""
 _TURNS = 10.0
-"""Greatest angle setpoint from that of the base, in turns [1]: a finger curls up a few times at most, and an angle in
+"""Greatest angle setpoint relative to the base, in turns [1]: a finger curls up a few times at most, and an angle in
 degrees is beyond."""
 
 
@@ -37,7 +37,7 @@ class Residual(NamedTuple):
     """A term of the cost: half the weighted squares of an expression's distance from its setpoint.
 
     ``weight`` counts per second of the horizon, ``final`` once at its end (None: there is none); each is one number, or
-    one per entry. ``names`` are those of the entries, by default numbered ones.
+    one per entry. ``names`` belong to the entries, by default numbered ones.
     """
 
     value: Any
@@ -159,7 +159,7 @@ TERMS: tuple[CostTerm, ...] = (
     CostTerm("effort", "{place}", lambda q, _: q.input, lambda _, model: model.u_names, "input", of_state=False),
     CostTerm("input_rate", "{place}", lambda q, _: q.input_rate, _rates, of_state=False),
 )
-"""All terms, in the order of a controller's outputs: those of the state first, since the end of the horizon has the
+"""All terms, in the order of a controller's outputs: terms of the state first, since the end of the horizon has the
 first ``nt`` outputs; the input's rate last, since the supervisor raises the last ``nu`` weights."""
 
 

@@ -17,7 +17,7 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene import INTEGRATORS, ControlScene
 
 _TARGET = 1.5
-"""Product of substep and fastest rate [1]: RK4 is stable up to 2.6 to 2.8, and the rate is that of sampled shapes
+"""Product of substep and fastest rate [1]: RK4 is stable up to 2.6 to 2.8, and the rate belongs to sampled shapes
 only."""
 _EXPLICIT_UP_TO = 4
 """Steps of RK4 per stage [1] up to which it is used: an implicit step evaluates the slope as often, but is of order 2.

@@ -73,7 +73,7 @@ class Setpoints:
 
     @staticmethod
     def of(outputs: Outputs, reference: Reference, functions: Mapping[str, Function] | None = None) -> Setpoints:
-        """Collect the setpoints of what is tracked; see ``Controller.setpoints``.
+        """Collect the setpoints of tracked quantities; see ``Controller.setpoints``.
 
         What a reference does not have is zero, and for inputs ``rest_input`` of the scene. InputError if a reference
         has another number of entries than its cost term or is out of reach, or if no term tracks it.
@@ -112,7 +112,7 @@ class Setpoints:
     def replaced(self, given: Mapping[str, Any], since: float, stage: float, *, check: bool = True) -> Setpoints:
         """Replace setpoints by name: numbers, a function of time, or rows one stage apart [s] from an instant [s] on.
 
-        ``InputError`` for unknown names, for what has another number of entries, and with ``check`` for what is not
+        ``InputError`` for unknown names, for a wrong number of entries, and with ``check`` for setpoints that are not
         finite or out of reach.
         """
         blocks, keys = list(self._blocks), list(self._keys)

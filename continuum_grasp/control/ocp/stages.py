@@ -181,8 +181,8 @@ def cost_functions(
 ) -> tuple[ca.Function, ca.Function]:
     """Write cost and rows of a stage and of the last node; see ``Stages.cost`` and ``Stages.terminal``.
 
-    Both call one function of what is tracked and bounded with its Jacobian, of which the last node uses the first
-    ``nt`` and ``ns``; the last node has one of its own where the first outputs depend on the input, which is there the
+    Both call one function of tracked and bounded quantities with its Jacobian, whose first ``nt`` and ``ns`` rows the
+    last node uses; the last node has one of its own where the first outputs depend on the input, which is there the
     one held: the last states.
     """
     nr, nc = outputs.numel_out(0), rows.numel_out(0)

@@ -1,6 +1,6 @@
 """Linearly implicit Euler steps, implicit in the finger's own elasticity and damping alone, extrapolated once.
 
-For models of many elements, whose fastest motions are those of their own stiffness and damping, at a cost that grows
+For models of many elements, whose own stiffness and damping cause the fastest motions, at a cost that grows
 with their number; all else, contacts too, must be resolved by the step. A step h and two of h/2 have errors of the same
 power series in h whatever the Jacobian is taken to be (P. Deuflhard, doi:10.1137/1027140), so that twice the second
 less the first is of order 2. It is L-stable.

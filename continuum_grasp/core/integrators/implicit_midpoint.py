@@ -25,7 +25,7 @@ def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.M
 
         m = x + h/2 f(m), but P(m) = P(x) + h/2 dP/dt(m) in place of the rows of the coordinates' rates,
 
-    and the next state has twice the middle's coordinates and momenta less those of x. Everything else that moves has
+    and the next state has twice the middle's coordinates and momenta less x's. Everything else that moves has
     constant inertia, so that its rates serve as momenta.
     """
     n = model.n

@@ -47,7 +47,7 @@ def differentiated_step(
 
 
 def _round(name: str, slope: ca.Function, instants: int, is_first: bool) -> ca.Function:
-    """From one slope to the next: the state there, the end of the step so far, its derivatives, those of the state."""
+    """From one slope to the next: the state there, the end of the step so far, its derivatives, the state's."""
     n = slope.size1_in(0)
     nd = slope.size1_out(0)
     pattern = derivative_pattern(slope)

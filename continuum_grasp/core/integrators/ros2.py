@@ -1,6 +1,6 @@
 """ROS2, implicit in the finger's own elasticity and damping alone, so that it needs no Jacobian.
 
-For fine models, whose fastest motions are those of their own stiffness and damping; all else, contacts too, must be
+For fine models, whose own stiffness and damping cause the fastest motions; all else, contacts too, must be
 resolved by the step. It is of order 2 whatever it takes the Jacobian to be: J. G. Verwer, E. J. Spee, J. G. Blom,
 W. Hundsdorfer (1999), doi:10.1137/S1064827597326651.
 """

@@ -81,7 +81,7 @@ class Sdirk2Stages:
 
     def correct(self, name: str, *, is_first: bool, with_derivatives: bool) -> ca.Function:
         """Second Newton iteration: of the first stage where the second starts and the rate, of the second one the end
-        of the step; with derivatives, those of the last one of these.
+        of the step; with derivatives, the last one's.
 
         A stage ``y = base + step f(y, u)`` has derivatives Y with ``(I - step J) Y = Y_base + step J_u``.
         """

@@ -104,8 +104,8 @@ def _slopes(stage: ca.Function | None, filtered: ca.Function | None) -> dict[str
 def _values(stage: ca.Function, filtered: ca.Function, common: int) -> dict[str, Adapter]:
     """Adapters of what the stages track and of what the filter compares, as of one tip; none if they share little.
 
-    The first ``common`` states are those of both. Stages ask for all but the last two results. The filter, once a
-    period, computes those of the stages, too.
+    The first ``common`` states belong to both. Stages ask for all but the last two results. The filter, once a
+    period, computes the results of the stages, too.
     """
     s = {name: ca.SX.sym(name, stage.size1_in(k)) for k, name in enumerate(stage.name_in())}
     s["nominal"] = ca.SX.sym("nominal", filtered.size1_in(3))

@@ -1,6 +1,6 @@
 """Test vectors of estimator and controller: calls in their order, on a finger that is simulated along.
 
-The rows hold what is measured, wanted and set; the expected outputs are those of the strict build on this machine,
+The rows hold measurements, setpoints and settings; the strict build on this machine gives the expected outputs,
 which computes to the last bit what every other strict build computes.
 """
 
@@ -194,7 +194,7 @@ class _Record:
 
 
 class ReplayedFinger:
-    """The prediction as a plant, with what is measured of it."""
+    """The prediction as a plant, with its measurements."""
 
     def __init__(self, loop: Loop, rng: np.random.Generator) -> None:
         self._loop = loop

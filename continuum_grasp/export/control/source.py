@@ -105,7 +105,7 @@ SIZES = (
     "mission_bytes",
     "mission_work_bytes",
 )
-"""Places of the header for what is known once it was compiled."""
+"""Places of the header for facts that are known once it was compiled."""
 UNKNOWN = "0x7fffffff"
 """Placeholder of a size: more than any memory, so that the checks of the sizes in the C hold."""
 _RENAMED = {"BAD_PARAMETERS": "BAD_KNOWN", "INPUT_LIMITED": "COMMAND_LIMITED"}

@@ -15,7 +15,7 @@ from continuum_grasp.export.subject import Subject
 
 
 def estimator(subject: Subject) -> PackagePart:
-    """State and disturbances from what is measured."""
+    """State and disturbances from the measurement."""
     loop = _loop(subject)
     text = "State and disturbances now, from a measurement and the command that was applied."
     function = Stateful(
@@ -121,8 +121,8 @@ def _part(
 
 
 def _runner(subject: Subject, name: str, **between: int) -> str:
-    """C that runs a row: flags, settings of a controller, what is known, the measurement, what is ``between`` by its
-    sizes, what was applied.
+    """C that runs a row: flags, settings of a controller, known parameters, the measurement, the part ``between`` by
+    its sizes, the applied input.
     """
     loop = _loop(subject)
     settings = loop.settings.size if name == "controller" else 0

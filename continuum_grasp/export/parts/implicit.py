@@ -1,6 +1,6 @@
 """Part of the model: ``implicit_step``, of stiff fingers, stiff cables and long steps.
 
-Its kernels are those of the controllers' ``sdirk2``: two diagonally implicit stages, L-stable, of order 2, each by two
+It shares the kernels of the controllers' ``sdirk2``: two diagonally implicit stages, L-stable, of order 2, each by two
 Newton iterations, so that a step takes the same time always.
 """
 

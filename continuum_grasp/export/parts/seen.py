@@ -1,4 +1,4 @@
-"""Parts of what is seen: ``shape``, ``velocities`` and ``contact``, whose kernels pages take too."""
+"""Parts to look at the finger: ``shape``, ``velocities`` and ``contact``, whose kernels pages take too."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ _SECTIONS = {
         (("x", "m/s", "base first, tip last"), ("y", "m/s", ""), ("spin", "rad/s", "rate of the angle")),
     ),
 }
-"""By part: struct, which is a function of ``System`` too, its text, that of the kernel, and fields."""
+"""By part: struct, which is a function of ``System`` too, its text, the kernel's text, and fields."""
 
 
 @dataclass(frozen=True)
 class SeenKernels:
-    """Kernels of what is seen of a system, whose state, input, forces and parameters are expressions of symbols."""
+    """Kernels to look at a system, whose state, input, forces and parameters are expressions of symbols."""
 
     system: System
     symbols: Mapping[str, ca.SX]

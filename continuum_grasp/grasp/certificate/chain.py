@@ -1,7 +1,7 @@
 """A finger in space as a chain: what small turns of its sections do to the energy.
 
 Sections turn by exp(psi(s)). To second order (Kirchhoff rod; the moment M in a section and the force F beyond it are
-those of the contacts and of the weight)
+come from the contacts and the weight)
 
     2 E = int psi' . K psi' - M . (psi x psi') - F . (psi x (psi x t)) ds + sum h f . (psi x (psi x n))
 
@@ -78,7 +78,7 @@ class ChainFinger(Protocol):
 class FingerChain:
     """A finger by the turns psi of its sections at nodes, linear between; coordinates are turns from node to node.
 
-    Contacts are at nodes. Geometry is that of the displaced finger, as the hand sees it.
+    Contacts are at nodes. Geometry belongs to the displaced finger, as the hand sees it.
     """
 
     def __init__(self, finger: ChainFinger, gravity: Array, links: int) -> None:
@@ -120,7 +120,7 @@ class FingerChain:
         return finger.frame.world(np.column_stack([points, shift])), finger.frame.axes @ turned
 
     def _beyond(self) -> tuple[Array, Array]:
-        """Force and moment (N, 3) of what is beyond the middle of each link [N, N m]."""
+        """Force and moment (N, 3) of everything beyond the middle of each link [N, N m]."""
         plane, force, moment = self.finger.plane, np.zeros(self.center.shape), np.zeros(self.center.shape)
 
         def add(load: Array, place: Array, couple: Array | float, at: float) -> None:

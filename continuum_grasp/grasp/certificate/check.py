@@ -40,7 +40,7 @@ class Check:
     Attributes
     ----------
     name : str
-        What is checked.
+        Name of the check.
     value, limit : float
         What was found and the most that passes [1].
     relative_to : str
@@ -54,7 +54,7 @@ class Check:
 
     @classmethod
     def part(cls, name: str, off: float, size: float, unit: str, limit: float = EXACT) -> Check:
-        """The check of what is off as a part of a size with its unit."""
+        """The check of a deviation as a part of a size with its unit."""
         return cls(name, off / size, limit, amount_text(size, unit, ".4g"))
 
     @property

@@ -98,7 +98,7 @@ class WoundTendons:
         return np.asarray(self.paths + elongation - let_out + law.servo * self.tensions)
 
     def misfit(self, held: Array | None = None) -> float:
-        """By how much the tensions are not those of the drives where they hold, greatest of the tendons [N]; None: only
+        """By how much the tensions differ from the drives' where they hold, greatest of the tendons [N]; None: only
         whether the two tendons of a pulley go together.
         """
         law, (left, right) = self.law, self.tensions
@@ -171,7 +171,7 @@ class StoredFinger:
 
 
 def _softened(length: Array, onset: float) -> Array:
-    """Elongation [m] by what is wound up beyond slack [m]; rounded off within an onset [m] to either side."""
+    """Elongation [m] by the length wound up beyond slack [m]; rounded off within an onset [m] to either side."""
     v = np.clip(length / onset, -1.0, 1.0)
     return np.asarray(onset / 16.0 * (3.0 + v * (8.0 + v * (6.0 - v * v))) + np.maximum(length - onset, 0.0))
 

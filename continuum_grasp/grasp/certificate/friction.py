@@ -1,11 +1,11 @@
 """Friction of a finger of a grasp, from its stored shape alone: of its tendons, and dry friction in bending.
 
 By the capstan equation the tension of a tendon on the -X side falls across a cell with state z, from -1 to 1, by the
-factor exp(-friction turn z); that of one on the other side, which slides the other way, rises by as much.
+factor exp(-friction turn z); a tendon on the other side, which slides the other way, rises by as much.
 
 Each branch of a cell resists the bending by its moment M times a state z from -1 to 1, the same all along the cell: its
-virtual work is that of a moment on the turn of the cell. Along a finger that changes along its length k and M are
-those at the base, and go with the harmonic mean stiffness of the cell, by which an even moment bends it. A finger that
+virtual work is the work of a moment on the turn of the cell. Along a finger that changes along its length k and M are
+taken at the base, and go with the harmonic mean stiffness of the cell, by which an even moment bends it. A finger that
 was bent from its shape at rest on has z = k kappa / M, kappa being the mean curvature of the cell above rest, as far as
 that is within the range.
 """
@@ -30,7 +30,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 def cell_nodes(edges: Array, *breaks: Sequence[float]) -> tuple[Array, Array, NDArray[np.int64]]:
     """Nodes (G,) [m] and weights [m] between places where something may have a kink, and the cell that each is in.
 
-    ``edges`` (K + 1,) are those of the cells, ``breaks`` other such places [m]. Sixteen nodes between two places: to
+    ``edges`` (K + 1,) bound the cells, ``breaks`` are other such places [m]. Sixteen nodes between two places: to
     rounding for tapers to a tenth.
     """
     inside = [at for at in np.concatenate(breaks) if edges[0] < at < edges[-1]] if breaks else []
@@ -44,7 +44,7 @@ def cell_nodes(edges: Array, *breaks: Sequence[float]) -> tuple[Array, Array, ND
 class TendonFriction:
     """The friction cells of a finger's tendons, between the ends of its elements.
 
-    ``states`` (K,) are those of the cells; None: of tendons that slid from the straight finger on.
+    ``states`` (K,) belong to the cells; None: of tendons that slid from the straight finger on.
     """
 
     def __init__(self, setup: FingerSetup, shape: FingerShape, states: Array | None = None) -> None:
@@ -73,8 +73,8 @@ class TendonFriction:
 
     @cached_property
     def pulled(self) -> Array:
-        """States (K,) of tendons that slid from the straight finger on: by what is drawn in beyond the middle of each
-        cell.
+        """States (K,) of tendons that slid from the straight finger on: by the length drawn in beyond the middle of
+        each cell.
         """
         early, late = self._halves[1].T
         beyond = np.append(np.cumsum((early + late)[::-1])[::-1][1:], 0.0) + late
@@ -118,7 +118,7 @@ class TendonFriction:
 class DryBending:
     """The cells of a finger with dry friction in bending, and the moment in each.
 
-    ``states`` (K,) are those of cell after cell, branch by branch; None: of a finger that was bent from rest on.
+    ``states`` (K,) go cell after cell, branch by branch; None: of a finger that was bent from rest on.
     """
 
     def __init__(self, setup: FingerSetup, shape: FingerShape, states: Array | None = None) -> None:
@@ -167,8 +167,8 @@ class DryBending:
 def friction_of(
     setup: FingerSetup, shape: FingerShape, states: Array | None = None
 ) -> tuple[TendonFriction | None, DryBending | None]:
-    """Friction of the tendons and in bending, None where there is none; ``states`` (K,) are those of the tendons, then
-    those of the bending, None: of a finger that was pulled from its shape at rest on.
+    """Friction of the tendons and in bending, None where there is none; ``states`` (K,) belong to the tendons, then
+    to the bending, None: of a finger that was pulled from its shape at rest on.
     """
     count = setup.tendon_friction_states
     of_tendons, of_bending = (None, None) if states is None else (states[:count], states[count:])

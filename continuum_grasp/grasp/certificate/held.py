@@ -20,7 +20,7 @@ its size, and rad."""
 
 
 def held_checks(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Recompute) -> Iterator[Check]:
-    """The checks of what is stored with ``held.`` before its name, one for each set of friction states."""
+    """The checks of arrays stored with ``held.`` before their name, one for each set of friction states."""
     stored, frictional = _given(grasp, arrays), _frictional(grasp)
     if not stored and not grasp.scene.state_columns:
         return
@@ -43,7 +43,7 @@ def _untried(grasp: RecomputedGrasp, states: Array, postures: Sequence[Mapping[s
     """Count the missing sets of states that differ in one cell from the one whose cones have the least reserve.
 
     To first order the reserve is concave in the states, so that it is least where turning no cell makes it less: that
-    these were tried, whoever sought them, can be seen from what is stored. Of several with the least the best counts.
+    these were tried, whoever sought them, the stored arrays show. Of several with the least the best counts.
     """
     # Forces that are no numbers are the worst.
     reserves = np.nan_to_num([_reserve(grasp, posture) for posture in postures], nan=-np.inf)

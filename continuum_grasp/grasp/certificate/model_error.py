@@ -54,7 +54,7 @@ class ModelError:
 
     @property
     def is_large(self) -> bool:
-        """Whether the displacements are too large, or missing, for the tension to be that of a real finger."""
+        """Whether the displacements are too large, or missing, for the tension to hold for a real finger."""
         return not self.greatest <= LARGE * self.length
 
     def __str__(self) -> str:
@@ -102,7 +102,7 @@ def _problem(bent: RecomputedFinger) -> RodProblem:
 
 
 def _moment_left_out(bent: RecomputedFinger, problem: RodProblem) -> float:
-    """Moment of the shape against that of everything beyond a section, greatest relative difference."""
+    """Moment of the shape against the moment of everything beyond a section, greatest relative difference."""
     # Two nodes per panel; dimensionless, with lengths over L and moments over E I / L.
     equations = RodEquations.on_panels(problem, 2.0 / SECTIONS, 2)
     shape = bent.length * bent.shape.curvature(bent.length * equations.mesh.nodes)

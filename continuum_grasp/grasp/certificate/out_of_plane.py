@@ -33,7 +33,7 @@ Z = np.array([0.0, 0.0, 1.0])
 
 
 class _Plane:
-    """The plane of all fingers, that of the world."""
+    """The plane of all fingers, the world's plane."""
 
     axes = np.eye(3)
 
@@ -156,7 +156,7 @@ class FlatSystem(SpatialSystem):
         return float(values[0]), free @ vectors[:, 0]
 
     def sinks(self, mass: float) -> float:
-        """Displacement of an object of some mass out of the plane by its weight and that of the fingers [m]."""
+        """Displacement of an object of some mass out of the plane by its weight and the fingers' weight [m]."""
         free = self._free(self.aside)
         stiff, weight = self._stiffness(free), np.zeros(self.size)
         if stiff is None or not free.shape[1]:

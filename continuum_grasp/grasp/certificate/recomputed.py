@@ -19,7 +19,7 @@ TRACE = 1e-4
 """Part of E I / L^2 that a contact force counts as at least: of it residuals may be 1e-6, and solvers, which leave
 1e-11 as a rule, may leave 1e-10 of forces that are zero."""
 SHARE = 1e-3
-"""Part of the greatest moment in a finger that a load's moment counts as at least: an elastic moment and that of the
+"""Part of the greatest moment in a finger that a load's moment counts as at least: an elastic moment and the moment of
 tendons which balance each other to 1e-9 leave as much."""
 OF_FINGER = "q", "lengths", "curvature_shapes", "tip_curvature", "tensions", "base", "backbone"
 OF_CONTACTS = tuple(f"contact_{key}" for key in ("names", "positions", "normals", "forces", "stations", "parts"))
@@ -102,7 +102,7 @@ class RecomputedFinger(StoredFinger):
         return np.asarray(work.imag / np.abs(turns.imag).max(axis=-1))
 
     def _potential(self, rod: DenseRod, elastic: Array, angle: Array, points: Array) -> Array:
-        """Energy of bending and of all loads but those of contacts (...,) [J]."""
+        """Energy of bending and of all loads but contacts (...,) [J]."""
         s = rod.nodes
         energy = 0.5 * (elastic**2 @ (rod.weights * self.profile.bending_stiffness(s)))
         # What bends the finger at rest does no work here.

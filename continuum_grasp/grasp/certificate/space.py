@@ -121,7 +121,7 @@ class SpatialSystem:
         return row
 
     def supported(self, point: Array, load: Array) -> Array:
-        """Rows (3, n) of a point of the object that stays; the load on what is there keeps its direction."""
+        """Rows (3, n) of a point of the object that stays; the load there keeps its direction."""
         place, row = point - self.com, np.zeros((3, self.size))
         row[:, -6:-3], row[:, -3:] = -np.eye(3), skew(place)
         self.hessian[-3:, -3:] += twice_turned(load, place)

@@ -53,7 +53,7 @@ class Stability:
         return self.in_plane and (self.in_space is None or self.in_space.stable)
 
     def with_space(self, verdict: SpatialStability | None) -> Stability:
-        """The verdict together with that of motions out of the plane, or that they are not tested."""
+        """The verdict with the verdict on motions out of the plane, or that they are not tested."""
         assumptions = f"{self.assumptions}; {PLANE}" if verdict is None else self.assumptions
         return replace(self, in_space=verdict, assumptions=assumptions)
 

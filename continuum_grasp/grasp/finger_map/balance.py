@@ -24,7 +24,7 @@ from continuum_grasp.scene import GraspScene
 CANDIDATES, APART = 120, 0.12
 """Most combinations per finger that are settled, and how far they differ: places in a third of the length."""
 WEIGHTS = (3.0, 0.3)
-"""Weights of what is out of balance, per weight of the object, beside the tensions per their greatest, by which
+"""Weights of forces out of balance, per weight of the object, beside the tensions per their greatest, by which
 combinations are chosen: of either half of them."""
 PICKED = {1: 100_000, 2: 100_000, 3: 300, 4: 90}
 """Most samples of each finger but the last that are combined with others, by the number of fingers."""
@@ -71,12 +71,12 @@ class Settled:
         return Settled(x, off, tension, places)
 
     def holding(self, size: float) -> list[int]:
-        """Rows within the limits that differ, before an object of a size [m], those of least tension first."""
+        """Rows within the limits that differ, before an object of a size [m], in order of tension."""
         order = np.argsort(self.tension, kind="stable")
         return self._different(size, order[self.off[order] <= SETTLED])
 
     def nearest(self, size: float) -> list[int]:
-        """Rows that differ, those of least residual first."""
+        """Rows that differ, in order of their residuals."""
         return self._different(size, np.argsort(self.off, kind="stable"))
 
     def _different(self, size: float, order: Array) -> list[int]:
@@ -258,7 +258,9 @@ class ObjectBalance:
         return np.concatenate([np.column_stack([index, last[found[:, k]]]) for k in range(nearest)])
 
     def _supported(self, need: Array) -> tuple[Array, Array]:
-        """Forces of supports (B, 2 S) within their cones that come nearest to wrenches (B, 3) [N], and what is left."""
+        """Forces of supports (B, 2 S) within their cones that come nearest to wrenches (B, 3) [N], and the
+        remainder.
+        """
         size = 2 * len(self.places)
         best = np.linalg.norm(need, axis=1)
         forces = np.zeros((len(need), size))

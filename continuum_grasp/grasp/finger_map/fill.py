@@ -1,8 +1,8 @@
 """The map of one finger: its equilibria that touch, within its own limits, sampled so that no cell of them is missed.
 
-Seeds are all rods of a grid of curvatures and forces at the base, between neighbors of which a gap closes. From those
+Seeds are all rods of a grid of curvatures and forces at the base, between neighbors of which a gap closes. From seeds
 the set is filled by steps along it, each of about a cell, until no cell is new. Cells differ by tension, use of
-friction and places: by places alone the set of what is possible is thinner than a cell.
+friction and places: by places alone the set of possible rods is thinner than a cell.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ PLACE, TENSION, FRICTION, TURN, NORMAL = 0.06, 0.06, 0.4, 0.5, 0.8
 """Size of a cell: places per length of the finger, tension per its greatest, friction per normal force and coefficient,
 angle of the tip [rad], normal forces, by their logarithm where they are large."""
 LIGHT = 3.0
-"""Normal force [E I / L^2] up to which its changes count, and not those of its logarithm."""
+"""Normal force [E I / L^2] up to which its changes count, and not changes of its logarithm."""
 ENTERED = 0.005
 """Depth in obstacles [L] that samples may have: the finger's own elements bend otherwise than the exact rod."""
 LOWS, SEEDS, ONTO = 2500, 600, 40
 """Most rods with a middle contact that are given forces; seeds that are brought onto the set at first, and in how many
 steps: of three fingers that wrap a jar, with 20 steps none leads to the part of the set with the least tension."""
 ENOUGH = 30
-"""Seeds that arrive of which no more are tried: of a thin set the nearest may all miss it."""
+"""Seeds that arrive after which no more are tried: of a thin set the nearest may all miss it."""
 CURVATURES, DIRECTIONS, FORCES = 25, 36, 10
 """Size of the grid of rods: curvatures at the base, directions and sizes of the force there."""
 ON_SET = 1e-3
@@ -106,7 +106,7 @@ class FingerMap:
         return FingerMap._from(finger, _onto(finger, _seeds(finger), SEEDS, ENOUGH))
 
     def followed_by(self, finger: MapFinger) -> FingerMap:
-        """The map of few elements from that of the exact rod."""
+        """The map of few elements from the map of the exact rod."""
         some = self.samples.take(_one_per_cell(features(self.samples), COARSE)) if len(self) else self.samples
         near = finger.onto(finger.followed(some.z), ONTO, ENTERED, ON_SET)
         # Elements may also touch where no exact rod does.

@@ -38,7 +38,7 @@ class Jet:
         return Jet(self.value.reshape(shape), self.slope.reshape(*shape, self.slope.shape[-1]))
 
     def followed_by(self, *others: Jet) -> Jet:
-        """Values (B, C) and those of others (B, D)."""
+        """Values (B, C) and the values of others (B, D)."""
         parts = self, *others
         return Jet(
             np.concatenate([part.value for part in parts], axis=1),

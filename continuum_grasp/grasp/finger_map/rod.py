@@ -3,7 +3,7 @@
 Units of a finger: its length L, E I / L^2, E I / L. An equilibrium is fixed by the curvature at the base, the internal
 force there, the moment of the tendons at the base, and place, normal force and friction of each middle contact: an
 initial value problem, which has every equilibrium and no roots to miss. Few elements bend otherwise: the finger then
-bends by their coordinates, each of which must feel no moment that is left.
+bends by their coordinates; no coordinate may feel a remaining moment.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from continuum_grasp.grasp.starts.values import Pose
 from continuum_grasp.scene import FAMILIES, FingerSetup, GraspScene
 
 STEPS, STEPS_OF_ELEMENTS = 40, 48
-"""Steps along the finger: of shipped scenes the tensions of exact rods differ from those of 400 steps by 0.1 %; along
-one of up to four elements, of which each has as many."""
+"""Steps along the finger: of shipped scenes the tensions of exact rods differ from a result with 400 steps by 0.1 %;
+along a rod of up to four elements, each has as many."""
 FEW = 4
 """Elements up to which fingers bend otherwise than exact rods do: with eight, samples alone held 2 of 266 random
 scenes (`benchmarks.grasp_images`, `benchmarks.grasp_populations`)."""

@@ -48,8 +48,8 @@ def places_of(scene: GraspScene, on: frozenset[str]) -> list[Place]:
 
 
 class SceneMaps:
-    """The maps of a scene's fingers, made when they are first needed; as parts of those of a ``wider`` scene, which has
-    the same fingers with greater limits, where that is given.
+    """The maps of a scene's fingers, made when they are first needed; as parts of the maps of a ``wider`` scene, which
+    has the same fingers with greater limits, where that is given.
     """
 
     def __init__(self, scene: GraspScene, wider: SceneMaps | None = None) -> None:

@@ -30,7 +30,7 @@ class GraspFollower:
     """Finds grasps again without a search.
 
     ``spent`` is called with the iterations of each run of the solver; the greatest mass is sought below a multiple of
-    what is held, which is set ``masses`` times at most.
+    the mass held, which is set ``masses`` times at most.
     """
 
     spent: Callable[[int], None]

@@ -50,7 +50,7 @@ _SHAPES = (
     ((0, -1, -2, -3, -4), (25 / 12, -48 / 12, 36 / 12, -16 / 12, 3 / 12)),
 )
 _STEP = 1e-3
-"""Step of these differences, per range of a variable: they are then good to 1e-11, of which rounding is as much."""
+"""Step of these differences, per range of a variable: they are then good to 1e-11, as much as rounding."""
 
 
 class StructureChanges(InputError):
@@ -103,7 +103,9 @@ class HeldGrasp:
         return self._quantities(self.scene, self.attempt.x, self.arrays)
 
     def _quantities(self, scene: GraspScene, x: Array, arrays: dict[str, Array]) -> dict[str, float]:
-        """The quantities next to this grasp: greatest and least ones are those of what is greatest or least here."""
+        """The quantities next to this grasp: greatest and least ones belong to the contact or tendon that has them
+        here.
+        """
         if self.relaxed:
             return {"payload": scene.object.mass * (1.0 - float(x[self.solver.problem.x.at["relaxed mass"]][0]))}
         tensions, forces, margins = _parts(scene, arrays)

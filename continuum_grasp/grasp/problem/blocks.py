@@ -1,4 +1,4 @@
-"""Columns of named symbols and rows of named constraints, of which a grasp problem consists."""
+"""Columns of named symbols and rows of named constraints: the parts of a grasp problem."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Places:
         return {name: at.stop - at.start for name, at in self.at.items()}
 
     def pack(self, values: Mapping[str, ArrayLike], default: float | None = None) -> Array:
-        """The column of numbers for these values; what is missing is the default, if there is one.
+        """The column of numbers for these values; a missing one is the default, if there is one.
 
         Raises
         ------

@@ -53,7 +53,7 @@ def add_disturbances(problem: Unknowns) -> ca.SX:
 
 
 def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
-    """Rows that stay zero as a grasp yields, right to first order, in ``changes``: the wrench (3,), then those of
+    """Rows that stay zero as a grasp yields, right to first order, in ``changes``: the wrench (3,), then changes of
     coordinates, tensions, contact forces along axes that turn with the contact, and the object's pose.
     """
     wrench = changes("wrench", 3)

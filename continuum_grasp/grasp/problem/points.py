@@ -40,7 +40,7 @@ def starting_point(problem: Layout, scene: GraspScene, start: GraspStart, featur
 
 
 def _finger_start(setup: FingerSetup, finger: FingerLayout, whole: GraspStart, units: Units) -> Values:
-    """The unknowns of a finger, whose curvature is that of the start at the places of its family."""
+    """The unknowns of a finger, whose curvature equals the start's at the places of its family."""
     tendons = setup.tendons
     start = whole.fingers[setup.name]
     length = setup.finger.rod.length

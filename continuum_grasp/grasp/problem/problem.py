@@ -1,7 +1,7 @@
 """The grasp as a nonlinear problem (NLP): unknowns, named constraints, objective.
 
 Units of the problem: length of the longest finger, greatest E I / L^2 of the fingers as force, radians. Each finger's
-mechanics are those of `continuum_grasp.model.FingerModel` in units of its own; element lengths are run-time parameters,
+mechanics come from `continuum_grasp.model.FingerModel` in units of its own; element lengths are run-time parameters,
 so that middle contacts, which are joints of two elements, can move along the finger. With surface point p, outward
 normal n and half thickness h:
 
@@ -57,8 +57,8 @@ class GraspProblem(Unknowns):
     def _close(self, contact: Touch, finger: UnitFinger) -> None:
         """A finger touches: no gap, and a middle contact is tangent.
 
-        Stations that lie along the object would all be tangent by dependent equations; what is guarded beside them
-        keeps them so within its tolerance.
+        Stations that lie along the object would all be tangent by dependent equations; guards beside them
+        keep them so within their tolerance.
         """
         spec = contact.spec
         require = self.rows.require

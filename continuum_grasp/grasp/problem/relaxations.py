@@ -11,8 +11,8 @@ from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene import FAMILIES, ONE_TURN, FingerSetup, GraspFinger, GraspScene, MotorDrive, Value
 
 BEYOND = 0.01
-"""Part of a limit by which its repair goes beyond what is just enough: there one grasp is left, at the edge of all
-limits, which neither a rounded number nor a search from other starts reaches."""
+"""Part of a limit by which its repair goes beyond the amount that is just enough: there one grasp is left, at the edge
+of all limits, which neither a rounded number nor a search from other starts reaches."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class RelaxedLimit:
     """Whether a check of the certificate, by its name, may then be off by the amount: where no key of the scene can be
     changed for it."""
     without: Callable[[GraspScene], GraspScene] = lambda scene: scene
-    """The scene without what is in the way, where no key of it can be changed by the amount."""
+    """The scene without the obstacle, where no key of it can be changed by the amount."""
     applies: Callable[[GraspScene], bool] = lambda scene: True  # whether a scene has the limit at all
     spare: float = 1e-4
     """Part of an amount that may be added to it where it is just enough; none where it changes what forces balance."""

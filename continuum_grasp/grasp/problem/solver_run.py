@@ -62,7 +62,7 @@ DEEP = 1.1
 
 @dataclass(frozen=True, eq=False)
 class GraspAttempt(Attempt):
-    """Result of one start of the solver; iterations and seconds are those of all its runs."""
+    """Result of one start of the solver; iterations and seconds count all its runs."""
 
     start: GraspStart
     features: dict[str, Feature]  # where each contact sits
@@ -132,7 +132,7 @@ class GraspSolverRun:
         ``options_at`` is a place in `OPTION_SETS`: 0 for starts that are nearly exact, 2 for rough ones.
         Iterations are taken from the budget, which may be restricted to so many ``iterations``. Limits may be
         ``relaxed``; their amounts are minimized then, beginning with those given (SI), of several the sum of their
-        parts of a usual amount. Contacts sit on ``features``, by default those of the
+        parts of a usual amount. Contacts sit on ``features``, by default the features of the
         start, beyond whose ends they go on while that is better. The unknowns begin with ``x0``. Further run-time
         ``numbers`` go to the problem. Unknowns ``pinned`` stay at their values, but for NaN. ``patience`` and
         ``standstill`` are as of `Start`; a run that comes to a ``known`` attempt returns that.
@@ -304,7 +304,7 @@ class GraspSolverRun:
     ) -> Array:
         """Run-time numbers of a scene of the same structure at the unknowns of an attempt.
 
-        What is sought stays, and so do the guarded places; what is in their way is that of the scene.
+        The aim stays, and so do the guarded places; the scene gives what is in their way.
         """
         numbers = self.problem.numbers
         at = self.problem.numbers.at

@@ -59,7 +59,7 @@ def _obstacles(scene: GraspScene, setup: FingerSetup, emerging: int, base: Array
 
 
 class NearbySearch:
-    """Looks for what is near the fingers of one problem."""
+    """Looks for bodies near the fingers of one problem."""
 
     def __init__(self, problem: Layout, places: ca.Function) -> None:
         self._problem = problem
@@ -319,7 +319,7 @@ def _deepest(depth: Array, count: int) -> Array:
 
 
 def _refined(depth: Callable[[Array], Array], picks: Array, before: Array) -> Array:
-    """Fractions (N, count) near picks where it is deepest, by parabolas through closer places; those of ``before``
+    """Fractions (N, count) near picks where it is deepest, by parabolas through closer places; fractions of ``before``
     that are deeper: a finger that lies against an object at a guarded place sinks in there once the guard is gone, and
     two such places beside each other would take turns.
 
@@ -358,7 +358,7 @@ def _bend_corners(circles: Array, traced: Array, some: Array) -> None:
     at and behind ``some`` (K,) places.
 
     A corner may slide along the finger, away from a place that is fixed: the finger's distance from it is, to second
-    order, that of the place from a circle through the corner with the curvature of the finger.
+    order, the distance of the place from a circle through the corner with the curvature of the finger.
     """
     along = traced[:, 2] - traced[:, 0]
     bend = traced[:, 2] - 2.0 * traced[:, 1] + traced[:, 0]

@@ -24,7 +24,7 @@ _OFFSET = 0.5
 BACKBONE_POINTS = 201
 """Points of a stored backbone: 0.5 % of the length apart, for pictures; the certificate integrates its own."""
 PRESLIDING = 1e-3
-"""Bend beyond a friction cell from which on its friction is that of a tendon that was pulled [rad]: below the model's
+"""Bend beyond a friction cell from which on its friction is as in a tendon that was pulled [rad]: below the model's
 own errors, and wide enough for second derivatives. `continuum_grasp.grasp.certificate` has its own."""
 
 
@@ -132,7 +132,7 @@ class UnitFinger:
     def stored(self) -> list[ca.SX]:
         """Expressions that a result stores: coordinates, lengths of the elements, curvature at the tip, tensions, base.
 
-        Of graded fingers moments at the nodes (N + 1,), less those of the tendons that belong to the shape, take the
+        Of graded fingers moments at the nodes (N + 1,), less the tendons' moments that belong to the shape, take the
         place of coordinates.
         """
         q, tip = self.backbone.stored(self.q, self.u, self.p)
@@ -191,7 +191,7 @@ class UnitFinger:
         return [self.number("series") + self.number("axial") * mean for mean in means]
 
     def drive_rows(self) -> ca.SX:
-        """Rows that are zero where the tensions are those of the drives, per length."""
+        """Rows that are zero where the drives have the tensions, per length."""
         spec = self.spec.drive
         if spec is None:
             return ca.SX(0, 1)
@@ -245,8 +245,8 @@ def _optional(spec: FingerSpec) -> list[str]:
 class SharedFinger:
     """Functions that all fingers of one structure have in common, whatever they are called.
 
-    They are those of the model's backbone: of places that are ``fixed``, ``owners`` being the elements that they are
-    on, of ``probed`` ones, of the force that is ``missing`` for rest, and of the ``line`` of all of the backbone.
+    The model's backbone gives them: places that are ``fixed``, ``owners`` being the elements that they are
+    on, ``probed`` ones, the force that is ``missing`` for rest, and the ``line`` of all of the backbone.
     """
 
     def __init__(self, spec: FingerSpec) -> None:

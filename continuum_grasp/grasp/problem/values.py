@@ -90,7 +90,7 @@ def contact_features(scene: GraspScene, contacts: Mapping[str, ContactStart]) ->
 
 
 def _touching_radii(scene: GraspScene) -> dict[str, float]:
-    """Radii of the round bodies that may touch, by contact [m]: half of a finger's thickness, those of pegs."""
+    """Radii of the round bodies that may touch, by contact [m]: half of a finger's thickness, radii of pegs."""
     radii = {peg.name: peg.radius for peg in scene.pegs}
     for setup in scene.setups:
         half, length = setup.finger.profile.half_thickness, setup.finger.rod.length
@@ -114,7 +114,7 @@ def moved_features(
 
 
 def problem_values(problem: Layout, scene: GraspScene, start: GraspStart, features: dict[str, Feature]) -> Values:
-    """All run-time numbers but those of clearance, with no limit relaxed."""
+    """All run-time numbers except clearances, with no limit relaxed."""
     units = Units.of(scene)
     values: Values = {
         "tolerance": scene.solver.penetration_tolerance,

@@ -24,8 +24,8 @@ class BentFinger(StoredFinger):
 
     They are continuous but at the middle contacts, where a couple of friction makes them jump. ``tip_turn`` (n,) is the
     change of the whole bend per unknown; a tendon's path changes by its offset at the base times ``tendon_path`` (n,),
-    which weighs the bend with the offset along the finger. ``tendon_work`` (n,) is that of a unit of tension, weighted
-    with the share of the tension that gets past tendon friction.
+    which weighs the bend with the offset along the finger. ``tendon_work`` (n,) is the work of a unit of tension,
+    weighted with the share of the tension that gets past tendon friction.
     """
 
     def __init__(self, setup: FingerSetup, arrays: Mapping[str, Any], contacts: ContactSet) -> None:
@@ -137,8 +137,8 @@ def rolled(object_curvature: float, other_curvature: float | None, size: float) 
 
     Gives the way of the contact point along the surfaces per turn of one against the other [m], and the turns of the
     normal per turn of the finger's section and of the object. The point wanders by the relative turn over the sum of
-    curvatures (D. J. Montana, 1988, doi:10.1177/027836498800700302); at a corner it stays, and the normal is that of
-    the other surface.
+    curvatures (D. J. Montana, 1988, doi:10.1177/027836498800700302); at a corner it stays, and the normal belongs
+    to the other surface.
     """
     if other_curvature is None:
         return 0.0, 0.0, 0.0

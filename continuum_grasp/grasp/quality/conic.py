@@ -16,10 +16,10 @@ from continuum_grasp.base import Array, InputError
 Outcome = Literal["optimal", "infeasible", "unbounded", "failed"]
 
 FAR = 1e3
-"""Bound of unknowns that need none, per what is usual: with far greater ones a problem loses digits."""
+"""Bound of unknowns that need none, per usual value: with far greater ones a problem loses digits."""
 _REACHED = 1e-6
 """Greatest violation of a point, and what it may be short of the best by the dual problem, per one and the numbers in
-them: a thousand times what is usual, since where hardly any point is allowed the solver gets no farther than 4e-7."""
+them: a thousand times the usual one, since where hardly any point is allowed the solver gets no farther than 4e-7."""
 _NAMES: dict[str, Outcome] = {"PrimalInfeasible": "infeasible", "DualInfeasible": "unbounded"}
 """Statuses that are proofs; points, whatever the solver calls them, are judged here."""
 

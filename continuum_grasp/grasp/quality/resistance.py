@@ -49,9 +49,9 @@ class Resistance:
         Until a contact slips, parts or is pressed too hard, a tendon is at its limit, or the grasp yields too much. The
         fingers move as ``response`` says: to first order, contacts sticking until the first one does not. It does not
         hold far from the stored grasp of soft fingers, so motions are limited too: the object's to
-        ``displacement_limit``, as a part of its size and in rad, those of finger tips to three times as much; infinite
+        ``displacement_limit``, as a part of its size and in rad, finger tips' to three times as much; infinite
         takes the first order at its word. Forces out of the plane stay as they are. Wrenches (force x, y [N], moment
-        about the center of mass [N m]) and tendons are those of the scene where not given.
+        about the center of mass [N m]) and tendons are by default the scene's.
         """
         scene = response.contacts.scene
         kind: Tendons = tendons or scene.disturbances.tendons

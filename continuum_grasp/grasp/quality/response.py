@@ -41,7 +41,7 @@ class GraspResponse:
     """First-order response of a grasp, which must be an equilibrium, with F fingers and C contacts, by its ``arrays``.
 
     ``springs`` (F,) are differences of a finger's tensions per path drawn in while its drives hold [N/m], where others
-    carry the grasp out than those of the scene; ``compliance`` the give of each contact [m/N], next to none by default.
+    carry the grasp out than the scene's; ``compliance`` the give of each contact [m/N], next to none by default.
     """
 
     def __init__(

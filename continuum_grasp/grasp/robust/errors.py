@@ -7,7 +7,7 @@ At given tensions at the base, what a tendon with friction exerts depends on its
 may change across each friction cell by anything between exp(-friction turn) and exp(friction turn): a state z in
 [-1, 1] per cell, +1 where the tendon on the -X side was pulled last. Dry friction in bending resists in each cell by
 anything between -M and M per branch: a state z in [-1, 1] again, which is +1 where the cell was bent towards the left
-last. The bending moment at every section falls with every z of the tendons before it and with that of its own cell, so
+last. The bending moment at every section falls with every z of the tendons before it and with z of its own cell, so
 that fingers pulled all along and released all along give the least and the greatest moment everywhere. Forces of
 contacts are no such sums: contacts at several places, or weight, make them grow with some z and fall with others. To
 first order, in a posture that stays, the greatest reserve of the cones is the optimum of a linear problem with z on its
@@ -92,7 +92,7 @@ def with_drawn_states(scene: GraspScene, errors: Array) -> Array:
 
 
 class InError:
-    """Scenes of a grasp with errors; ``arrays`` are those of the grasp, as a result holds them."""
+    """Scenes of a grasp with errors; ``arrays`` describe the grasp, as a result holds them."""
 
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any]) -> None:
         names = [str(name) for name in arrays["contact_names"]]

@@ -1,8 +1,8 @@
 """One grasp for several errors and friction states at once: the nominal problem and, beside it, one for each of them.
 
-Every error has unknowns of its own, posture, places and forces, and all limits of a grasp; its friction cones are those
-of its scene, without reserve. Shared are the tensions or commands, the bases and, where it is sought, the object's
-pose. With x the unknowns of the nominal grasp and x_k, e_k those of error k and the error itself:
+Every error has unknowns of its own, posture, places and forces, and all limits of a grasp; its friction cones come
+from its scene, without reserve. Shared are the tensions or commands, the bases and, where it is sought, the object's
+pose. With x the unknowns of the nominal grasp and x_k, e_k the unknowns of error k and the error itself:
 
     minimize  objective(x)   subject to   limits(x),  limits(x_k),  link(x, x_k, e_k) = 0 for all k
 
@@ -46,7 +46,7 @@ from continuum_grasp.scene import GraspScene
 _Side = tuple[GraspScene, GraspStart, dict[str, Feature]]
 
 _EFFORT = 1e-6
-"""Weight of what makes postures in error unique, beside what is sought [1]: at 1, tensions that locked drives change
+"""Weight of a term that makes postures in error unique, beside the aim [1]: at 1, tensions that locked drives change
 with friction would take 3e-4 of the derivatives (mug with servo motors)."""
 
 
@@ -85,10 +85,10 @@ def link(nominal: GraspProblem, other: GraspProblem, error: ca.SX, left: tuple[i
 def robust_problem(
     nominal: GraspSolverRun, others: tuple[GraspSolverRun, ...], left: tuple[int, ...]
 ) -> tuple[NLP, list[int]]:
-    """The problem of a grasp and those of errors, whose postures may have other contacts, and the number of rows that
+    """The problem of a grasp and of errors, whose postures may have other contacts, and the number of rows that
     link each of them to the grasp; built once in a process.
 
-    Its unknowns are those of the nominal problem and of each error, one below the other; its parameters their numbers
+    The unknowns belong to the nominal problem and to each error, one below the other; its parameters are their numbers
     likewise, and the errors (3,) of the pose.
     """
     parts = [nominal, *others]
@@ -143,7 +143,7 @@ class JointSolverRun:
 
     Grasps are sought next to a start, which decides which contacts are on; ``errors`` (K, 6 + S) are rows of
     `continuum_grasp.grasp.robust.errors`, and ``touching`` (K) says which contacts are on in the posture of each, and
-    where on the object they are; None: those of the start.
+    where on the object they are; None: as at the start.
     """
 
     def __init__(
@@ -174,7 +174,7 @@ class JointSolverRun:
         x0: Array | None = None,
         features: dict[str, Feature] | None = None,
     ) -> GraspAttempt:
-        """Solve from unknowns ``x0`` with contacts on ``features``, by default those of the start, moving the guarded
+        """Solve from unknowns ``x0`` with contacts on ``features``, by default the start's, moving the guarded
         places.
         """
         features = features or contact_features(scene, start.contacts)

@@ -1,6 +1,6 @@
 """Response of a grasp to an object that is not as it should be: the posture at given tensions, and its reserve.
 
-The tensions are those of the grasp. An object that touches a support stays where it
+The grasp gives the tensions. An object that touches a support stays where it
 lies; others yield to the fingers. A finger that touches along its length slides on the object as it closes, so that its
 contacts settle anew; a tip that comes straight onto an object that yields stays where it lands: at the place next to
 where it is in the grasp, seen from the object in error. Of all postures that balance, that is taken whose contacts are
@@ -34,7 +34,7 @@ from continuum_grasp.nlp import Budget, SolverStatus
 from continuum_grasp.scene import GraspScene
 
 HOLDS = -GUARDED
-"""Least reserve, per force reference, with which all contacts hold: that of the certificate."""
+"""Least reserve, per force reference, with which all contacts hold, as in the certificate."""
 SETS = 4
 """Sets of contacts, and other postures with the same ones, that are tried for one error: two or three are enough where
 one holds."""
@@ -62,7 +62,7 @@ class Response(Tried):
 
 
 class Responder:
-    """Finds the postures of a grasp with errors; ``arrays`` are those of the grasp, as a result holds them.
+    """Finds the postures of a grasp with errors; ``arrays`` describe the grasp, as a result holds them.
 
     ``anew`` counts errors for which no solution next to another one was found, so that it was sought from the grasp.
     """
@@ -228,8 +228,8 @@ class Responder:
 def _reserve(solver: GraspSolverRun, scene: GraspScene, attempt: GraspAttempt) -> float:
     """By how much all friction cones could be narrower; minus infinity where nothing balances.
 
-    Where a solver was stopped next to no optimum, its last point is a posture all the same if it violates nothing: that
-    of another may be greater.
+    Where a solver was stopped next to no optimum, its last point is a posture all the same if it violates nothing: the
+    reserve of another may be greater.
     """
     reserve = float(attempt.x[solver.problem.x.at["reserve"]][0])
     if not attempt.converged:

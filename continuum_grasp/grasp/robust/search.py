@@ -43,7 +43,7 @@ def tried_errors(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any]) -
 
 
 class Exchange:
-    """Errors that are tried, and those of them that the problem of a grasp must have: they grow until none fails.
+    """Errors that are tried, and the errors that the problem of a grasp must have: they grow until none fails.
 
     It begins with the grasp of ``arrays``, as a result holds them, and with ``errors`` (K, 6 + S) that the problem has
     already.
@@ -113,8 +113,8 @@ class Exchange:
 
 
 def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], budget: Budget) -> Exchange:
-    """The best grasp of a scene next to that of ``arrays`` that holds for all corners of the bounds; where the solver
-    finds none, the last one.
+    """The best grasp of a scene next to the grasp in ``arrays`` that holds for all corners of the bounds; where the
+    solver finds none, the last one.
     """
     exchange = Exchange(scene, bounds, arrays, budget)
     while active := exchange.active(arrays):
@@ -206,8 +206,8 @@ def with_postures(
     """The arrays of a grasp, and of its postures with the friction states of its ``responses`` for the certificate to
     verify: arrays of a grasp with the states as first axis, ``held.`` before their names.
 
-    Each contact has one row in all of them, those of the grasp before others; where one is clear, its name is empty and
-    its numbers are NaN.
+    Each contact has one row in all of them, the grasp's contacts before others; where one is clear, its name is empty
+    and its numbers are NaN.
     """
     if not scene.state_columns:
         return dict(arrays)

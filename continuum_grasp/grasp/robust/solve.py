@@ -217,7 +217,7 @@ def _none(
 
 
 def _holds(result: GraspResult, bounds: Robust, share: float, budget: Budget) -> bool:
-    """Whether a grasp is found next to that of a result for a share of the bounds, or of the friction of the fingers
+    """Whether a grasp is found next to a result's for a share of the bounds, or of the friction of the fingers
     where there are none.
     """
     scene = result.scene

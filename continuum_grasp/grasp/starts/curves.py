@@ -75,7 +75,7 @@ def curvature_at(knots: Array, curvatures: Array, at: Array) -> Array:
 
 
 def sample(knots: Array, curvatures: Array, at: Array) -> Array:
-    """Points (B, S) at increasing positions ``at`` (B, S), the first of which is 0."""
+    """Points (B, S) at increasing positions ``at`` (B, S), the first of them 0."""
     if _library():
         return _called("sample", np.empty(at.shape, complex), *knots.shape, at.shape[1], knots, curvatures, at)
     step = np.diff(at, axis=1)

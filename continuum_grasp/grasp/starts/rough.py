@@ -92,7 +92,7 @@ def _places(gap: Array, places: Array, inside: Array, count: int) -> tuple[Array
 
 
 def _different(ends: Array, off: Array, count: int) -> list[int]:
-    """The best curves, so many, none of which is a neighbor of one before."""
+    """The best curves, so many, none of them a neighbor of one before."""
     apart = 4.0 * _MOST_BEND / (_ENDS - 1)
     rows = list[int]()
     for row in np.argsort(off, kind="stable").tolist():

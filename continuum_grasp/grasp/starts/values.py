@@ -62,8 +62,7 @@ class GraspStart:
     imbalance: float = math.nan
     """Part of the loads that the best forces within their limits leave unbalanced there; NaN: unknown."""
     friction_states: dict[str, tuple[float, ...]] = field(default_factory=dict)
-    """Friction states of the fingers whose tendons have others than those of pulling them from the straight finger
-    on."""
+    """Friction states of the fingers whose tendons did not simply slide from the straight finger on."""
 
     @property
     def is_spare(self) -> bool:
@@ -144,7 +143,7 @@ def all_joints(setup: FingerSetup, on: dict[str, float]) -> tuple[float, ...]:
 
 
 def _knots(profile: Array, ends: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Knots and curvatures of a continuous profile near that of a finger, whose elements have D curvatures each."""
+    """Knots and curvatures of a continuous profile near a finger's, whose elements have D curvatures each."""
     first = ends[:-1, None]
     last = ends[1:, None]
     # Where curvatures of neighbors differ at their joint, their mean; of arcs, from middle to middle.

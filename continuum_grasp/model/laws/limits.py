@@ -23,7 +23,7 @@ _POINTS = 3
 
 @dataclass(frozen=True)
 class Limit(SectionLaw):
-    """A curvature from which on the stiffness changes; that of each port is its own number [1/m]."""
+    """A curvature from which on the stiffness changes; each port has its own number [1/m]."""
 
     kind: Kind = "elastic"
     signs: tuple[float, ...] = (1.0, -1.0)  # the sides on which it does

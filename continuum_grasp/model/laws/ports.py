@@ -17,9 +17,9 @@ def cells(family: Family, count: int) -> tuple[Port, ...]:
     """The mean curvature of equal parts, ``count`` on each element; of the whole element where the curvature is
     constant.
 
-    A law of the moment m has there the work of an even moment on the turn of a part, by its mean stiffness: what is
-    linear acts as the elasticity does where elements bend as evenly as they can. Of an even moment that is the harmonic
-    mean, by which a soft piece beside a stiff one is seen as what it bends; of a constant curvature the plain one.
+    A law of the moment m has there the work of an even moment on the turn of a part, by its mean stiffness: a linear
+    law acts as the elasticity does where elements bend as evenly as they can. Of an even moment this is the harmonic
+    mean, by which a soft piece beside a stiff one counts by its bend; of a constant curvature the plain one.
     """
     mesh = family.mesh
     base = family.mesh.own_stiffness
@@ -57,7 +57,7 @@ def points(family: Family, count: int, *curves: Curve) -> tuple[Port, ...]:
 
 
 def linear_points(family: Family) -> tuple[Port, ...]:
-    """Ports by which what is linear in the curvature acts as the elasticity does, one per coordinate of an element.
+    """Ports by which a law linear in the curvature acts as the elasticity does, one per coordinate of an element.
 
     With the integrals G of B f f' and A of B s f f' over an element, of its stiffness B and its shapes f, they are the
     solutions of A v = s G v: then G is the sum of G v v' G. Along a uniform rod these are Gauss's points and weights
@@ -106,6 +106,6 @@ def _gauss(
 
 
 def _clean(shapes: Array) -> list[float]:
-    """Without what is rounding, which would cost an instruction."""
+    """Without terms of rounding, which would cost an instruction."""
     cleaned: list[float] = np.where(np.abs(shapes) < 1e-12 * np.abs(shapes).max(), 0.0, shapes).tolist()
     return cleaned

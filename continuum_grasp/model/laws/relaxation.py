@@ -5,7 +5,7 @@ Ferry, Viscoelastic Properties of Polymers, 1980, chapter 1):
 
     moment g E I e,    e' = kappa' - e / T
 
-The stiffness of the finger is that of slow loads, under which all branches have relaxed: what is at rest knows nothing
+The stiffness of the finger holds for slow loads, under which all branches have relaxed: a finger at rest knows nothing
 of them. A sudden load meets (1 + sum g) E I. The energy g E I e^2 / 2 per length is lost at the rate g E I e^2 / T.
 """
 

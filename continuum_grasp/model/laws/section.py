@@ -1,11 +1,11 @@
 """Ports at which a law sees how the finger bends, what a law gives there, and the generalized forces of all laws.
 
 A port is the curvature at a point of an element, or its mean over a part of it. Its measure has the stiffness of the
-section per that of the rod itself at the base: moments of a law are those there, and go with the stiffness along the
-finger. By virtual work, a moment m at a port of the mean shapes c and the measure l [m] exerts l m c on the
+section per stiffness of the rod itself at the base: moments of a law are taken there, and go with the stiffness along
+the finger. By virtual work, a moment m at a port of the mean shapes c and the measure l [m] exerts l m c on the
 coordinates.
 
-A law has states where it remembers. At rest those of friction follow from how the finger came there (``Memory``); all
+A law has states where it remembers. At rest its friction states follow from how the finger came there (``Memory``); all
 others are zero.
 """
 
@@ -28,7 +28,7 @@ STATEFUL: tuple[Kind, ...] = ("friction", "relaxation")
 
 
 class Numbers(Protocol):
-    """Numbers of a finger, of which some are run-time arguments."""
+    """Numbers of a finger, some of them run-time arguments."""
 
     def __getitem__(self, name: str) -> Scalar:
         """A number, or its symbol."""
@@ -140,7 +140,7 @@ class SectionLaw(ABC):
 class SectionForces:
     """Generalized forces of laws, and the rates of their states: law by law, port by port.
 
-    ``states`` are those of the laws, by kind, ``rest`` is the curvature at rest [1/m] where it is a run-time argument.
+    ``states`` belong to the laws, by kind, ``rest`` is the curvature at rest [1/m] where it is a run-time argument.
     """
 
     def __init__(

@@ -1,14 +1,14 @@
 """Shortening of the rod by the pull of its tendons.
 
-A tendon that ends at a section pulls it towards the base, and what is between is compressed by its tension T. With the
+A tendon that ends at a section pulls it towards the base, and its tension T compresses the rod between. With the
 radius of gyration i of the section, i^2 = I / A, a part of the rod keeps of its length
 
     1 / (1 + e),    e = sum T i^2 / E I,
 
-which is 1 - e for small strains, and to the second order that of an incompressible rubber (neo-Hookean), whose section
-widens. A link keeps the mean of e along it. Coordinates stay those of the uncompressed rod, so that elasticity, the
-moments of tendons and all positions along the finger stay as they are; what lies along it comes nearer. The length
-follows the tensions at once, without a velocity of its own.
+which is 1 - e for small strains, and to the second order the length of an incompressible rubber (neo-Hookean), whose
+section widens. A link keeps the mean of e along it. Coordinates still describe the uncompressed rod, so that
+elasticity, the moments of tendons and all positions along the finger stay as they are; what lies along it comes
+nearer. The length follows the tensions at once, without a velocity of its own.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ def surface_of(part: Part) -> Surface[Any]:
 
 
 def nearest(parts: Sequence[Part], at: Vec) -> Nearest:
-    """Distance of a point from the surface of a union of parts; that of the nearest part.
+    """Distance of a point from the surface of a union of parts, from the nearest part.
 
     Offset polygons are exact. On superellipses the nearest point is found by two or three Newton steps along the
     outline from the point in the same direction: exact to 1e-7 of the shorter half axis for points nearer than 0.4 of

@@ -14,7 +14,7 @@ best at such an end. It is a bound, at which multipliers say whether to go on; a
 Reflex corners are no pieces: nothing round touches them but both their faces.
 
 The nearest edge says how far the core is, and on which side of it a point lies whether inside. Where a corner is as
-near by both its edges, it is the edge of which the point is higher above or below the line.
+near by both its edges, the edge counts with the point higher above or below its line.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from continuum_grasp.scene import SAME, Face
 
 SHARP = 1e-7
 """Radius that a sharp corner has where contacts roll over it [m]: far below any real edge, and its curvature of 1e7 1/m
-is still exact beside those of fingers."""
+is still exact beside curvatures of fingers."""
 CHORD = 0.02
 """Turn of chords in place of arcs where distances are rough [rad]: off by a sixteenth of its square, of the radius."""
 _SLOT = 1e-9

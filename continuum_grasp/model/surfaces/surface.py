@@ -169,7 +169,7 @@ class Surface(ABC, Generic[P]):
     """The surface of one kind of part.
 
     In the expressions of the grasp problem, ``place`` are the unknowns of a contact, ``feature`` the numbers of the
-    feature that it sits on, and ``numbers`` those of the part.
+    feature that it sits on, and ``numbers`` the numbers of the part.
     """
 
     place_count: int  # unknowns of a contact's place
@@ -184,7 +184,7 @@ class Surface(ABC, Generic[P]):
 
     @abstractmethod
     def lowest_points(self, part: P, direction: Vec) -> list[Vec]:
-        """Points that may reach farthest in a direction (a unit vector), one of which does."""
+        """Points, one of which reaches farthest in a direction (a unit vector)."""
 
     # -- contact of a grasp
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 _POINTS = {False: 60, True: 240}
-"""Points of a backbone, without and with a thickness that changes: chords of a spiral of two turns, of which the last
+"""Points of a backbone, without and with a thickness that changes: chords of a spiral of two turns, whose last turn
 is a fortieth of the length across, are then as short as its units."""
 CIRCLE = np.stack([np.cos(np.linspace(0.0, math.tau, 25)), np.sin(np.linspace(0.0, math.tau, 25))], axis=1)
 """Points of a unit circle: enough for limits of pictures and places of labels."""
@@ -170,7 +170,7 @@ def draw_thickness(ax: Axes, backbone: Array, finger: Finger, **style: Any) -> l
 
 
 def masses_of(finger: Finger) -> list[float]:
-    """Masses of what is drawn as dots on a finger [kg]: its point masses, and the body at its tip."""
+    """Masses of the dots drawn on a finger [kg]: its point masses, and the body at its tip."""
     return [float(m.mass) for m in finger.masses if m.mass > 0] + [b.mass for b in (finger.tip_body,) if b is not None]
 
 
@@ -287,10 +287,10 @@ def zone_points(scene: Any) -> list[Array]:
 def draw_surroundings(
     ax: Axes, motion: Any, backbone: Array, outlines: Sequence[Sequence[Array]] = (), *, moving: bool = False
 ) -> None:
-    """Draw what is around a finger into axes whose limits are set: zones, supports, the object, and the clamp.
+    """Draw the surroundings of a finger into axes whose limits are set: zones, supports, the object, and the clamp.
 
     The object is drawn at some instants, by its outlines: faintly at all but the last, and there too if it is drawn
-    ``moving``. One that is fixed, of which a controlled run has no poses, is drawn where the scene has it.
+    ``moving``. A fixed one, without poses in a controlled run, is drawn where the scene has it.
     """
     scene = motion.scene
     draw_zones(ax, zones_of(scene))

@@ -27,7 +27,7 @@ _SPARE = Color.PURPLE, Color.YELLOW, Color.SKY
 
 
 _LONGEST = 0.25
-"""Length of the greatest force per that of the finger: the direction is seen, the finger not dwarfed."""
+"""Length of the greatest force per length of the finger: the direction is seen, the finger not dwarfed."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class ForceArrows:
         return [np.asarray(at) + self.scale * np.asarray(force) for at, force, _ in self.forces]
 
     def draw(self, ax: Axes, frame: int | None = None) -> list[Quiver]:
-        """Draw all forces, or those of an instant by its number, from where they act; one patch for each kind."""
+        """Draw all forces, or the forces at an instant by its number, from where they act; one patch for each kind."""
         drawn = []
         chosen = self.forces if frame is None else self.frames[frame]
         for kind in _kinds(chosen):
@@ -83,7 +83,7 @@ def _greatest(forces: Iterable[Force]) -> float:
 
 
 def draw_arrow(ax: Axes, start: Array, end: Array, color: str, *, width: float = 2.0, **style: Any) -> Quiver:
-    """Draw one arrow; ``width`` is that of its line [points]."""
+    """Draw one arrow; ``width`` is the width of its line [points]."""
     return _arrows(ax, np.asarray(start)[:, None], np.asarray(end - start)[:, None], color, width, **style)
 
 

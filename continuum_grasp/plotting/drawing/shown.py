@@ -1,6 +1,6 @@
 """Figures and axes that a notebook shows where they are the value of a cell; imported when the first one is drawn.
 
-Those of matplotlib are shown through pyplot, which stores every figure until it is closed and shows it once more.
+Figures of matplotlib are shown through pyplot, which stores every figure until it is closed and shows it once more.
 """
 
 from __future__ import annotations

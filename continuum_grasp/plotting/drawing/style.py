@@ -24,7 +24,7 @@ class Color(StrEnum):
     GRAY = "#8A8A8A"
     """Helps to read: limits, axes, scales."""
     SLATE = "#6B6B6B"
-    """Text of less weight, and what is not real."""
+    """Text of less weight, and parts that are not real."""
     OBJECT = "#F3E9D6"
     """Filling of the object: pale, since forces and fingers are drawn on it, and none of the curves' colors."""
     EDGE = "#A58A55"

@@ -47,7 +47,7 @@ class StyledAxes:
 
     @classmethod
     def on(cls, ax: Axes | None, width: float = 6.4, height: float = 4.2) -> StyledAxes:
-        """The axes given, or those of a new figure [inch]."""
+        """The axes given, or the axes of a new figure [inch]."""
         return cls(cls.figure(width, height).add_subplot() if ax is None else ax)
 
     @classmethod
@@ -108,7 +108,7 @@ class StyledAxes:
         self.ax.set_ylabel(y, color=Color.INK, **style)
 
     def whole_numbers(self) -> None:
-        """Count in whole numbers on the x axis, of which there may be one only."""
+        """Count in whole numbers on the x axis, even with only one of them."""
         self.ax.locator_params(axis="x", integer=True, min_n_ticks=1)
 
     def name_ticks(self, axis: Literal["x", "y"], names: Iterable[str]) -> None:
@@ -117,7 +117,7 @@ class StyledAxes:
         self.ax.set(**{f"{axis}ticks": range(len(texts)), f"{axis}ticklabels": texts})
 
     def color_bar(self, drawn: ScalarMappable, text: str = "time [s]") -> None:
-        """A bar beside the axes for what is colored by a quantity."""
+        """A bar beside the axes for drawings colored by a quantity."""
         bar = self.ax.figure.colorbar(drawn, ax=self.ax, pad=0.03)
         bar.set_label(StyledAxes(bar.ax).shown_label(text, "y"), color=Color.INK)
         bar.ax.tick_params(colors=Color.INK, labelsize=9)

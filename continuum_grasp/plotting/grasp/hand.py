@@ -163,7 +163,7 @@ def _tube(frame: Any, line: Array, half_thickness: Any) -> Array:
 
 
 def _draw_trace(ax: Axes, frame: Any, support: Any, shape: Array) -> None:
-    """Draw the line in which a support meets the plane of a finger, along what is drawn there (K, 2) [m]."""
+    """Draw the line in which a support meets the plane of a finger, along the drawn points there (K, 2) [m]."""
     normal, center = np.array(support.normal), np.array(support.point)
     inside = frame.axes[:, :2].T @ normal
     size = float(np.linalg.norm(inside))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 _CELL = 2.0
-"""Side of a cell of the map of what is taken [points]: as wide as the widest line."""
+"""Side of a cell of the map of taken places [points]: as wide as the widest line."""
 _TURNS = np.linspace(0.0, math.tau, 32, endpoint=False)
 """Directions in which a label is tried."""
 _NEAR, _FAR, _STEP = 7.0, 170.0, 7.0

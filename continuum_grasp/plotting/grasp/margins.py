@@ -28,7 +28,7 @@ def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:
     """Draw the greatest force in each of D directions (D, 2) [N], in order around the circle, that a grasp resists on
     top of the weight.
 
-    The outline encloses the forces that are resisted; the dashed circle those of any direction. Rows that are not
+    The outline encloses the forces that are resisted; the dashed circle the forces in any direction. Rows that are not
     finite are left out.
     """
     from matplotlib.patches import Circle, Polygon

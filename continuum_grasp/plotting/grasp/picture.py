@@ -64,12 +64,12 @@ def plot_grasp(
 
     Arrows are the forces that the object bears, and its weight; the light wedges are the friction cones. Where
     friction carries weight out of the plane, the darker part of a wedge is what lift leaves for friction in it. Where
-    there is no grasp, that of the first repair is drawn in gray and without forces, else the closest attempt, and where
-    there is none the scene as it starts; the title reports it, and why.
+    there is no grasp, the grasp of the first repair is drawn in gray and without forces, else the closest attempt, and
+    where there is none the scene as it starts; the title reports it, and why.
 
     ``numbers`` writes the forces: beside the drawing in a new figure, with the friction by contact where it acts out of
     the plane too; in the labels in axes that are given. ``resisted`` draws the forces that are resisted below them:
-    those of the result's quality, or the greatest one in each of D directions around the circle (D, 2) [N].
+    the forces in the result's quality, or the greatest one in each of D directions around the circle (D, 2) [N].
     """
     view = GraspView(result)
     alone = ax is None
@@ -192,7 +192,7 @@ def _tendons_inside(finger: GraspFinger) -> list[Tendon]:
 
 
 def _draw_fingers(ax: Axes, view: GraspView) -> list[Array]:
-    """Draw all fingers; returns their outlines and those of their clamps [m]."""
+    """Draw all fingers; returns their outlines and their clamps' [m]."""
     drawn: list[Array] = []
     for name, finger in view.scene.named_fingers.items():
         backbone = view.backbones[name]
@@ -242,7 +242,7 @@ def _draw_contacts(ax: Axes, view: GraspView) -> tuple[list[Array], list[Array]]
 
 
 def _cone_angles(view: GraspView, contact: Contact) -> list[tuple[float, float]]:
-    """Half angles of what is drawn of a friction cone [rad], and how opaque.
+    """Half angles of the drawn friction cones [rad], and how opaque they are.
 
     Of the cone of those scenes where friction acts out of the plane too, the second is what the lift leaves in it.
     """

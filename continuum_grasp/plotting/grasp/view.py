@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 FINGERS = (Color.BLUE, Color.GREEN, "#9A4C80", "#7A6200")
-"""Colors of fingers: dark enough for text, of which every finger has some."""
+"""Colors of fingers: dark enough for the text that every finger has."""
 _SUPPORT = Color.ORANGE
 _PLACES = 81
 """Points of an unloaded backbone: chords of a quarter circle stray by 5e-5 of its length, a tenth of a pixel."""

@@ -46,7 +46,7 @@ SHAPES = (Circle, Ellipse, Superellipse, Box, Polygon, Stadium, Outline)
 
 
 def _member(shape: type[ObjectBody]) -> Any:
-    """A shape, of which its first base class has what is its own, at a place in a union."""
+    """A shape, whose first base class has its own keys, at a place in a union."""
     namespace = {"__module__": shape.__module__, "__doc__": "The same as a member of a union."}
     return type(f"{shape.__name__}Member", (shape.__bases__[0], MemberPlace), namespace)
 

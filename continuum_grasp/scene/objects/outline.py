@@ -62,7 +62,7 @@ class OutlineFile(MaybeDrawn):
     file: Annotated[str, Field(examples=["bottle.png"])]
     """SVG (shapes that are visible), DXF (entities of the model space; those that meet are joined), CSV (columns x and
     y, with units in their headings or without headings), PNG (a dark silhouette on a light ground, or an opaque one
-    on a transparent ground), or the closed surface of an STL, OBJ, PLY or 3MF, of which ``cut`` makes a section."""
+    on a transparent ground), or the closed surface of an STL, OBJ, PLY or 3MF, cut to a section by ``cut``."""
     path: str | None = None
     """Curve to take of several: ``id`` of an SVG element or of a group around it; layer, block or handle of DXF;
     ``silhouette 2`` of PNG, the second largest. An error that lists several curves has a name of each."""

@@ -119,7 +119,7 @@ def length(faces: Sequence[Face]) -> float:
 
 
 def growth(faces: Sequence[Face]) -> float:
-    """Coefficient c of the area ``A + length * r + c r^2`` of what is within r of the area inside."""
+    """Coefficient c of the area ``A + length * r + c r^2`` of the points within r of the area inside."""
     total = 0.0
     for before, face in zip((faces[-1], *faces[:-1]), faces, strict=True):
         corner = math.remainder(face.normal - before.normal - before.turn, math.tau) if len(faces) > 1 else 0.0
@@ -129,7 +129,7 @@ def growth(faces: Sequence[Face]) -> float:
 
 
 def whole_section(part: Part) -> tuple[Face, ...]:
-    """Boundary of the section through the axis x = 0 of a solid of revolution, of which a part is the whole or a half.
+    """Boundary of the section through the axis x = 0 of a solid of revolution, given as the whole or a half.
 
     Of a ring it is the section beside the axis, at x > 0, alone.
 

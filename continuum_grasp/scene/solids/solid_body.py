@@ -20,7 +20,7 @@ class SolidBody(Value):
     """Properties of every solid beside its shape."""
 
     mass: Mass | None = None
-    """Mass [kg]; None: that of the shape by its ``density``."""
+    """Mass [kg]; None: the mass of the shape by its ``density``."""
     density: Annotated[Positive, Unit("kg/m3")] | None = None
     """Density [kg/m3], in place of ``mass``."""
     center_of_mass: SpatialPosition | None = None

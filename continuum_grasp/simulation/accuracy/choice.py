@@ -21,8 +21,8 @@ from continuum_grasp.simulation.statics import equilibrium_under
 from continuum_grasp.simulation.vibration import modes_of
 
 COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16)
-"""Numbers of elements that are tried: each of the few, then in steps of a quarter or so, which bound what is
-overpaid."""
+"""Numbers of elements that are tried: each of the few, then in steps of a quarter or so, which bound the excess
+cost."""
 ACCURACIES = (1e-2, 2e-3, 1e-4, 1e-6, 1e-9, 1e-13)
 """Accuracies of evaluation [1] that are tried, coarse first; each stands for Horner terms and quadrature nodes."""
 
@@ -205,7 +205,7 @@ def assess(choice: Choice, truth: Truth, *, stop_at: float = math.inf) -> Assess
 
 
 def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float = math.inf) -> Errors:
-    """Errors of any model with ``truth.loads``; where it ``moves``, those of frequencies too. See ``assess``."""
+    """Errors of any model with ``truth.loads``; where it ``moves``, errors of frequencies too. See ``assess``."""
     core = Core(model, compiled=False)
     length = model.finger.rod.length
     tip = shape = radius = 0.0

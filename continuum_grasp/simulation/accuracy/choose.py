@@ -1,7 +1,7 @@
 """From a tolerance to the cheapest model that meets it, chosen once and remembered.
 
 1. Find the truth: equilibria of the exact rod in the scene's load cases and, where it moves, its frequencies.
-2. For each family, from few to many elements, measure the error with fine terms: what is left is that of the elements.
+2. For each family, from few to many elements, measure the error with fine terms: the rest is the elements' error.
 3. Where that is near the tolerance, measure the terms from coarse to fine, until one meets it.
 4. A family ends where a choice costs more than the best so far, by its instructions and stiffest mode.
 """
@@ -220,7 +220,7 @@ def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, st
 
     The choice is stored in the user's cache folder, by the content of the scene and of this package. ``vibrates``:
     modes are asked for, so the first two frequencies must meet the tolerance, whether the scene moves or not. The note
-    is empty where there was nothing to choose. Errors are those of ``choose_fidelity``.
+    is empty where there was nothing to choose. Errors are as in ``choose_fidelity``.
     """
     if scene.fidelity.tolerance is None:
         return scene, ""

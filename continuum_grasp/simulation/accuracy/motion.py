@@ -78,7 +78,7 @@ def reference_motion(scene: Scene, truth: Truth) -> TipMotion:
 
 
 def pace(scene: Scene, model: FingerModel, tolerance: float = 1e-4) -> Pace:
-    """Fewest Runge-Kutta steps whose tip stays within a tolerance of that of the same model with fine steps.
+    """Fewest Runge-Kutta steps whose tip stays within a tolerance of the same model with fine steps.
 
     The scene, with the fidelity of the model, says what moves it and where it starts; the tolerance is per length.
     Raises NumericalError where no number of steps that is tried does.

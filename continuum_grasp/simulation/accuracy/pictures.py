@@ -30,7 +30,7 @@ _WORDS = {
 def plot_accuracy(report: AccuracyReport, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
     """Draw errors of the choices against their cost, and the front that no choice beats.
 
-    Axes that are given are for static error, first frequency and motion, of which a report has the first, the first two
+    Axes that are given are for static error, first frequency and motion; a report has the first, the first two
     or all.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter

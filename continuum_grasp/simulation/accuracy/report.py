@@ -69,7 +69,7 @@ class ChoiceFigures:
         return "\n".join([*lines, "", NOTE, ""])
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values, for JSON; what is not finite is None."""
+        """Plain values, for JSON; a value that is not finite is None."""
         rows = [[None if isinstance(v, float) and not math.isfinite(v) else v for v in row] for row in self.rows]
         return {"title": "choices", "columns": list(self.columns), "rows": rows, "note": NOTE}
 
@@ -151,7 +151,7 @@ class AccuracyReport(Result):
         return ["Not dominated in cost and error:", "", *lines, ""]
 
     def markdown(self) -> str:
-        """The table as Markdown, and what is on its fronts."""
+        """The table as Markdown, and the choices on its fronts."""
         name = self.scene.name or "scene"
         head = [f"# Speed against error: {name}", ""]
         if self.reference is not None:

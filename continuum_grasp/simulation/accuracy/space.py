@@ -39,7 +39,7 @@ _NOTICED = 0.01
 """Error at rest per length beyond which a motion has a warning [1]."""
 
 _LONG = 5.0
-"""Time from which on a finer motion is announced [s], which does not change what is computed."""
+"""Time from which on a finer motion is announced [s], which does not change the results."""
 _LOG = logging.getLogger(__name__)
 
 _HALVED = Consumer("accuracy in space", {"initial.friction_states": "belongs to these elements"})
@@ -148,11 +148,11 @@ def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[flo
 
 
 def at_both_ends(motion: Trajectory) -> Trajectory:
-    """The motion with its ``static_error``, and with what is to be said of its shapes at rest.
+    """The motion with its ``static_error``, and with remarks on its shapes at rest.
 
     That is the error that the elements leave where the finger is at rest under its first, and under its last inputs and
     loads: two equilibria in place of a second motion. It is not known with an object, whose contact forces are not
-    those of a finger that moves alone, and of many elements, whose halves are expensive.
+    forces of a finger that moves alone, and of many elements, whose halves are expensive.
     """
     scene, model = motion.scene, motion.model
     if scene.object is not None or len(model.lengths) > _FEW:

@@ -97,7 +97,7 @@ def find_truth(scene: Scene) -> Truth:
 
 
 def load_cases(scene: Scene) -> list[tuple[str, Scene]]:
-    """List the load case at time zero, those of greatest and least loads and inputs, some between, and the held one.
+    """List the load case at time zero, cases of greatest and least loads and inputs, some between, and the held one.
 
     Each is a name and a scene whose loads and inputs are constant. Its loads are the given scene's, then those that
     hold the initial pose (zero where they do not act), so that one model serves all cases. All are without the object

@@ -76,7 +76,9 @@ class ChainPlant(PlantModel):
 
     @property
     def _others(self) -> tuple[ca.SX, ca.SX]:
-        """States of a chain beside bends and tensions, drive, object, contacts and lag, and those of its system."""
+        """States of a chain beside bends and tensions: drive, object, contacts and lag; and the states of its
+        system.
+        """
         return self._x[self.first_other :], self._x[self.first_other : self.chain.nx]
 
     @cached_property
@@ -88,8 +90,8 @@ class ChainPlant(PlantModel):
 
     @cached_property
     def around(self) -> ca.Function:
-        """``(places, tension, others, u, w, p) -> rate, exerted, force``: rates of the other states with the lag, what
-        the finger exerts on the object, and forces on the places; parameters are without those of the finger.
+        """``(places, tension, others, u, w, p) -> rate, exerted, force``: rates of the other states with the lag, the
+        force of the finger on the object, and forces on the places; parameters are without those for the finger.
         """
         chain, (others, chain_states) = self.chain, self._others
         places = ca.SX.sym("places", 6, len(chain.places))

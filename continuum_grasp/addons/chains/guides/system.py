@@ -1,9 +1,9 @@
 """A finger as a chain of hinges with a guide of its tendons at each, and what it touches: the finest plant.
 
 It has no kinematics, inertia, elasticity or tendon law in common with ``model``, whose fingers controllers assume: bars
-between hinges, each of which bends what is of the rod within a half length of a bar on either side. At a guide a tendon
-sticks, or slides at the capstan limit against the direction of its sliding; between guides it is elastic. What is
-outside of the finger, object, supports, contacts and drives, is that of ``model``.
+between hinges, each of which bends for the rod within a half length of a bar on either side. At a guide a tendon
+sticks, or slides at the capstan limit against the direction of its sliding; between guides it is elastic. The rest
+(object, supports, contacts and drives) comes from ``model``.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ class ChainSystem(Model):
 
     x = [bends, their rates, tensions, drives, object, contacts].
 
-    Tensions [N] are those of the pieces of each tendon, from that after its first guide on. It has what ``PlantModel``
-    reads off a system, and ``around`` for the integration of its motion; there is no ``forward_dynamics``, since what
-    sticks at a guide is decided step by step.
+    Tensions [N] belong to the pieces of each tendon, from the piece after its first guide on. It has what
+    ``PlantModel`` reads off a system, and ``around`` for the integration of its motion; there is no
+    ``forward_dynamics``, since what sticks at a guide is decided step by step.
 
     Tendons of the scene have no lag; ``axial_stiffness`` [N] is of those whose tension is commanded. Of the finger,
     ``parameters`` are some of ``OF_FINGER``. What a chain does not have is an InputError.

@@ -13,7 +13,7 @@ from continuum_grasp.scene import Finger
 
 @dataclass(frozen=True)
 class Guided:
-    """A tendon and its guides from the drum on: that of a conduit, if any, then one per hinge up to its end.
+    """A tendon and its guides from the drum on: the guide of a conduit, if any, then one per hinge up to its end.
 
     ``arms`` (N) [m] are what a bend of each hinge draws in, zero beyond its end; ``gives`` are the compliances [m/N]
     of its pieces: to the first guide, from guide to guide, and to its end; ``gear`` is the stiffness [N/m] and half the

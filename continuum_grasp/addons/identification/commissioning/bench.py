@@ -1,7 +1,7 @@
 """Readings of a bench while its drives follow commands, as a function of how it is mounted and of its finger.
 
-The motion is that of the controller's finger as a plant (`PlantModel`), by the commands as they are held, without
-friction in the tendons; what a little of it changes is added in the end (`BenchBlock.by_friction`). Derivatives are
+The controller's finger moves as a plant (`PlantModel`), by the commands as they are held, without
+friction in the tendons; the change by a little friction is added in the end (`BenchBlock.by_friction`). Derivatives are
 differences.
 """
 
@@ -119,7 +119,7 @@ class Bench:
         return np.array([numbers.get(name, friction) for name in names])
 
     def commanded(self, u: Array, mounting: Mounting) -> Array:
-        """Commands (K, nu) of the tendons from those of the bench."""
+        """Commands (K, nu) of the tendons from the commands of the bench."""
         commands = Wiring.of(mounting, self.names, self.model.u_names, "mounting").commands.back(u)
         return np.maximum(commands, 0.0) if self.scene.finger.tendons else commands
 
@@ -145,7 +145,7 @@ class Bench:
         return ends[::stored], states[0], rows[:: 2 * stored]
 
     def _at_rest(self, u: Array, w: Array, p: Array) -> Array:
-        """State at rest (nx) under a command (nu), which drives have reached; friction is near that of the start."""
+        """State at rest (nx) under a command (nu), which drives have reached; friction stays near its start."""
         x = self.model.start.copy()
         names = self.model.x_names
         n = self.model.system.finger_model.n
@@ -193,7 +193,7 @@ class Bench:
 class BenchBlock(MeasuredBlock):
     """The log of a bench that is connected as a mounting says, predicted for the unknowns of bench, camera and cells.
 
-    The search for the camera starts at that of the mounting, and zeros of its lines at 0.
+    The search for the camera starts at the camera of the mounting, and zeros of its lines at 0.
     """
 
     kinked = True  # where a tendon comes to be slack
@@ -253,7 +253,7 @@ class BenchBlock(MeasuredBlock):
         return seen, np.reshape(slopes, (len(steps), seen.size)).T
 
     def by_friction(self, values: Array) -> Array:
-        """Derivative (m,) of what is read by friction of the tendons, where there is none yet."""
+        """Derivative (m,) of the readings by friction of the tendons, at zero friction."""
         bench = Bench(self.bench.scene, friction=True)
         seen, without = (self._seen(values, bench, friction) for friction in (_FRICTION, 0.0))
         return (seen - without) / _FRICTION
@@ -277,10 +277,10 @@ def bias_of(name: str) -> str:
 
 
 def camera_through(points: Array, seen: Array, mirrored: bool) -> tuple[Camera, float]:
-    """Camera that sees points (T, 2) [m] nearest to where they are seen, and what is left.
+    """Camera that sees points (T, 2) [m] nearest to where they are seen, and the distance left.
 
-    The similarity of least squares (S. Umeyama, 1991, doi:10.1109/34.88573), in complex numbers; what is left is the
-    root mean square distance [m].
+    The similarity of least squares (S. Umeyama, 1991, doi:10.1109/34.88573), in complex numbers; the distance left is
+    the root mean square distance [m].
     """
     world, image = (np.asarray(v[:, 0] + 1j * v[:, 1]) for v in (points, seen))
     image = image.conj() if mirrored else image

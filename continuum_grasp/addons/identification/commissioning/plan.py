@@ -46,8 +46,8 @@ def design_commissioning(
     """Plan commands that show how a bench is mounted, as a table that it plays: a row per period, held until the next.
 
     Whatever the order of the drives, and for a finger that is a fifth softer, commands, bends, curvature, speeds and
-    zones of ``controller.bounds`` stay within their limits. Where a ``mounting`` is given, the commands are those of
-    that bench.
+    zones of ``controller.bounds`` stay within their limits. Where a ``mounting`` is given, the commands are for
+    this bench.
 
     Parameters
     ----------

@@ -235,7 +235,7 @@ def _with_friction(scene: ControlScene, of: ControlScene) -> ControlScene:
 
 
 def _has_one_friction(scene: ControlScene) -> bool:
-    """Whether a factor of all friction coefficients sets that of the contact law, and no other one."""
+    """Whether a factor of all friction coefficients sets the friction of the contact law, and no other one."""
     others = [surface.friction for surface in (scene.table, *scene.supports.values()) if surface is not None]
     return _friction_of(scene) > 0.0 and not any(others)
 
@@ -276,7 +276,7 @@ def _check_plant(plants: Plants, k: int, separate: PlantModel) -> None:
 
 
 def _equations(model: PlantModel, prediction: Prediction) -> str:
-    """Rates, and what is read off the shape, as text: the same for the same operations on the same constants."""
+    """Rates, and readings off the shape, as text: the same for the same operations on the same constants."""
     x, u, w, p = model.symbols
     held = ca.SX.sym("held", model.nu)
     tracked = model.tracked_expression(prediction, held, model.control.controller.horizon.stage)

@@ -1,5 +1,5 @@
-"""Control periods of many plants in one call of compiled C, in vector lanes, and what is read of them: sensors, contact
-forces, use of the model's range, tip; names and bounds of what an environment observes of these.
+"""Control periods of many plants in one call of compiled C, in vector lanes, and their readings: sensors, contact
+forces, use of the model's range, tip; names and bounds of the observations.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ class Observed:
 
 
 def observed_of(plants: Plants, sensing: Sensing, of_state: Array) -> Observed:
-    """List what is observed; ``of_state`` (nx, 2) are the bounds of states."""
+    """List the observations; ``of_state`` (nx, 2) are the bounds of states."""
     scene = plants.scenes[0]
     model = plants.model
     state_ranges = dict(zip(model.x_names, of_state, strict=True)) if STATE in sensing.sensors else {}

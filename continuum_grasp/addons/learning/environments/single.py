@@ -27,7 +27,7 @@ class FingerEnv(gymnasium.Env[Array, Array]):
     scene : ControlScene, Sweep, path-like or mapping
         As of ``FingerVectorEnv``.
     sensors : str or sequence of str, optional
-        What is observed, as there.
+        Observed quantities, as there.
     substeps : int, optional
         Steps of RK4 per period, as there.
 

@@ -13,7 +13,7 @@ from continuum_grasp.base import Array, InputError
 from continuum_grasp.scene import INTEGRATORS
 
 _TOLERANCE = 1e-4
-"""Greatest error of the tip's position that steps in time may leave, per length [1]: that of ``time.tolerance``."""
+"""Greatest error of the tip's position that steps in time may leave, per length [1], as ``time.tolerance`` has it."""
 _SUBSTEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 """Steps of RK4 per period that are tried [1]."""
 _PLANTS, _PERIODS, _HELD = 16, 100, 7

@@ -41,11 +41,11 @@ class Ended(Enum):
 class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
     """Many plants of a closed loop, which move at once in the vector lanes of compiled C.
 
-    An episode is that of ``run_closed_loop``: it starts where the scene does, a step is a control period under a
+    An episode runs like ``run_closed_loop``: it starts where the scene does, a step is a control period under a
     constant command, and it is truncated after the scene's ``duration``. The reward of a step is the negative running
     cost of the controller in that period, so that the return of an episode is the negative ``metrics.cost`` of a closed
-    loop with the same commands. Commands saturate at the limits of the input and its rate, as those of the controller
-    are. An episode that leaves the range of the model is terminated, and charged as if the cost of its last step
+    loop with the same commands. Commands saturate at the limits of the input and its rate, like the controller's
+    commands. An episode that leaves the range of the model is terminated, and charged as if the cost of its last step
     recurred until its end.
 
     Parameters
@@ -56,7 +56,7 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
     num_envs : int
         Number of plants.
     sensors : str or sequence of str, optional
-        What is observed: names in ``estimator.measured`` with the noise and delay that the plant has, and ``state``,
+        Observed quantities: names in ``estimator.measured`` with the noise and delay of the plant, and ``state``,
         the whole state without either. All of ``estimator.measured`` where not given, the state where there is none.
     substeps : int, optional
         Steps of RK4 per period; as many as the tolerance of ``simulate`` requires where not given.

@@ -5,11 +5,11 @@ no Jacobian is stored. Since each derivative is an operator itself, derivatives 
 
 What a toolkit needs of an operator, beside calling it on arrays of doubles with the rows first:
 
-    residuals   what its derivatives are taken at, of its inputs and outputs
-    push        the operator and arrays that carry tangents of the inputs to those of the outputs
+    residuals   inputs and outputs at which its derivatives are taken
+    push        the operator and arrays that carry tangents of the inputs to tangents of the outputs
     pull        the same of cotangents, from outputs to inputs, and which entries of its outputs these are
     split       residuals and tangents, of the arrays of ``push``
-    shapes      those of the outputs, of those of the inputs
+    shapes      shapes of the outputs, from the shapes of the inputs
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class RowFunction:
 
 
 class Recursion:
-    """The function of a step, (carry, *signals) -> (next carry, *results), with those of its derivatives.
+    """The function of a step, (carry, *signals) -> (next carry, *results), with its derivatives.
 
     ``like`` is, per result, the number of the signal that has as many rows in time. ``back``: from the last step on.
     """
@@ -113,7 +113,7 @@ class Recursion:
 
     @cached_property
     def reverse(self) -> Recursion:
-        """(cotangent of the next carry, carry, *signals, own cotangent of the carry, those of the results).
+        """(cotangent of the next carry, carry, *signals, own cotangent of the carry, cotangents of the results).
 
         Results are the cotangents of the signals; it goes in the other direction.
         """
@@ -174,7 +174,7 @@ class Rollout:
 
 
 Operator = RowFunction | Rollout
-"""A differentiable function of arrays; ``origin`` is that of which it is the push."""
+"""A differentiable function of arrays; ``origin`` names the operator whose push it is."""
 
 
 def derivative(function: ca.Function, *, forward: bool) -> tuple[list[Any], list[Any], list[Any]]:

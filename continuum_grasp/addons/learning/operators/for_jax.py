@@ -90,7 +90,7 @@ def _shapes(operator: Operator, arrays: Any) -> list[tuple[int, ...]]:
 def _primitive() -> Any:
     """The primitive of all operators, by which JAX knows derivatives in both directions; made when JAX is there.
 
-    ``custom_vjp`` would know one direction only, and of ``custom_jvp`` JAX cannot transpose what is called back.
+    ``custom_vjp`` would know one direction only, and with ``custom_jvp`` JAX cannot transpose a callback.
     """
     jax = toolkit(*JaxOperators.TOOLKIT)
     jnp = jax.numpy

@@ -59,7 +59,9 @@ class Operators(Remade, Summarized, ABC):
 
     @abstractmethod
     def _arrays(self, given: Mapping[str, Any]) -> tuple[dict[str, Any], Callable[[Array], Any]]:
-        """Arrays of one floating-point type of what is given, and what makes such an array of one of numpy."""
+        """Arrays of one floating-point type from given values, and a function that makes such an array of one of
+        numpy.
+        """
 
     @abstractmethod
     def _expand(self, array: Any, shape: tuple[int, ...]) -> Any:
@@ -145,8 +147,8 @@ class Operators(Remade, Summarized, ABC):
         step : float
             Time between them [s].
         u, w : array, optional
-            Inputs and forces: (size,) for all of the motion, or (..., rows, size) of which each row holds equally long,
-            ``rows`` being a divisor of ``steps``; zero where not given.
+            Inputs and forces: (size,) for all of the motion, or (..., rows, size) with rows that each hold equally
+            long, ``rows`` being a divisor of ``steps``; zero where not given.
         p : (..., np) array, optional
             Parameters; nominal where not given.
         substeps : int
@@ -231,7 +233,7 @@ class Operators(Remade, Summarized, ABC):
 
 
 def _check_rollout(core: Core, method: str, raises: bool, arrays: Sequence[Array]) -> None:
-    """Refuse inputs that vary where they must not, and what is not finite."""
+    """Refuse inputs that vary where they must not, and inputs that are not finite."""
     x0, u, w, p, h, states = arrays
     core.check_moment(u)
     if not raises:
@@ -288,5 +290,5 @@ def toolkit(name: str, called: str) -> Any:
 
 
 def not_an_array(name: str, value: Any, expected: str) -> InputError:
-    """The error about what is no array that a toolkit's operators take."""
+    """The error about an argument that is no array for a toolkit's operators."""
     return CheckedArgument(name, value).refused(f"expected {expected}")

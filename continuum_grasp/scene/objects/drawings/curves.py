@@ -35,7 +35,7 @@ class DrawnCurve:
     group : Hashable
         Layer, block or group in which it stands: curves inside one of the same group are its holes.
     source : Hashable
-        Path of which it is a part; parts of one path inside each other are holes.
+        Path that it belongs to; parts of one path inside each other are holes.
     filled : bool
         Whether the area inside belongs to the object, whatever is drawn there by other paths.
     ground : bool
@@ -106,7 +106,7 @@ class Drawing:
     advice: str = "choose one by path"
 
     def outline(self, file: str, path: str | None) -> DrawnOutline:
-        """The only outer curve, or that of the curves of one name, whose points are in m; `ValueError` otherwise."""
+        """The only outer curve, or the outer curve with one name, whose points are in m; `ValueError` otherwise."""
         chosen = [curve for curve in self.curves if path in curve.names or (path is None and not curve.ground)]
         if flawed := next((curve for curve in chosen if curve.flaw), None):
             raise ValueError(f"file: {flawed.label} of {file} {flawed.flaw}")
@@ -244,7 +244,7 @@ def _nested(rings: list[DrawnCurve]) -> tuple[list[DrawnCurve], list[DrawnCurve]
 
 
 def _check_holes(outer: DrawnCurve, inner: list[DrawnCurve], drawing: Drawing, file: str) -> None:
-    """Refuse an outer curve that may be a frame around the object: what is in a hole is another body."""
+    """Refuse an outer curve that may be a frame around the object: a curve in a hole is another body."""
     own = [curve for curve in inner if curve.source is not None and curve.source == outer.source]
     holes = own if outer.filled else inner
     islands = [curve for curve in inner if any(hole is not curve and hole.solid.covers(curve.solid) for hole in holes)]

@@ -25,7 +25,9 @@ _CHORD = 1e-5
 
 
 def read_dxf(given: OutlineFile) -> Drawing:
-    """Read what is visible in the model space; `ValueError` names layer and handle of an entity that cannot be read."""
+    """Read visible entities of the model space; `ValueError` names layer and handle of an entity that cannot be
+    read.
+    """
     import ezdxf
     import ezdxf.recover
 
@@ -51,8 +53,8 @@ def _visible(
 ) -> Iterator[tuple[Any, str, tuple[str, ...]]]:
     """Entities that are drawn, the layer of each, and the names and handles of the blocks in which it stands.
 
-    What is on layer 0 of a block is on the layer of its reference; a reference on a layer that is off shows what is on
-    others, on a frozen layer nothing.
+    An entity on layer 0 of a block is on the layer of its reference; a reference on a layer that is off shows entities
+    on others, on a frozen layer nothing.
     """
     for entity in entities:
         own = str(entity.dxf.layer)

@@ -21,7 +21,7 @@ class _Column(NamedTuple):
 
 
 def read_csv(given: OutlineFile) -> Drawing:
-    """Read the columns x and y, or the two of a table without headings; `InputError` has the line of what is wrong.
+    """Read the columns x and y, or the two of a table without headings; `InputError` has the line of the fault.
 
     Units in the headings must not contradict the ``scale`` that is given.
     """

@@ -44,7 +44,7 @@ _GRAMMAR = {
 _SPACE = "{http://www.w3.org/2000/svg"
 _LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 _NUMBER = "number-of-shape"
-"""Attribute that leads from a shape of svgelements to what is known of it here."""
+"""Attribute that leads from a shape of svgelements to our knowledge of it."""
 _MOST = 100_000
 """Greatest number of shapes, with every use of each: uses of uses multiply beyond any bound."""
 
@@ -83,7 +83,7 @@ def read_svg(given: OutlineFile) -> Drawing:
 class _Shape:
     """A shape as the file has it: its name in messages, those that choose it, and the elements around it.
 
-    ``clip`` is the number of the clip path of which it is a part, ``clipped`` has those that cut it.
+    ``clip`` is the number of the clip path that it belongs to, ``clipped`` has the clip paths that cut it.
     """
 
     label: str
@@ -285,7 +285,7 @@ def _clipped(curve: DrawnCurve, clips: list[list[DrawnCurve]]) -> list[DrawnCurv
 
 
 def _on_page(curve: DrawnCurve, width: float, height: float) -> DrawnCurve:
-    """The curve; where it is a rectangle as large as the page, what is drawn inside it may be the object."""
+    """The curve; where it is a rectangle as large as the page, a curve inside it may be the object."""
     import shapely
 
     page = shapely.box(0.0, -height, width, 0.0)
@@ -322,7 +322,7 @@ def _pieces(path: Any) -> list[tuple[Array, bool]]:
 
 
 def _curved(segment: Any, size: float) -> Array:
-    """Points of a curved segment behind its start, whose chords are as near to it as those of one of a given size."""
+    """Points of a curved segment behind its start, whose chords are as near to it as chords of one of a given size."""
     import numpy as np
 
     rough = segment.npoint(np.linspace(0.0, 1.0, 9))
@@ -340,7 +340,7 @@ def _paint(color: Any) -> str:
 
 
 def _tag(element: Element) -> str:
-    """Name of an element of SVG; empty for those of editors, comments and instructions."""
+    """Name of an element of SVG; empty for elements of editors, comments and instructions."""
     if not isinstance(element.tag, str):
         return ""
     space, _, name = element.tag.rpartition("}")
