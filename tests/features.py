@@ -285,7 +285,7 @@ VERBS = (
     Verb(
         "mpc on guides",
         ControlScene,
-        ("plant.guides", "plant.guides under what is aside"),
+        ("plant.guides", "plant.guides under a body aside"),
         products.moved,
         {"plant": {"guides": 12, "axial_stiffness": 1e4}},
     ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import doctest
 import inspect
 import re
@@ -54,6 +55,8 @@ NO_NAME = re.compile(
     re.MULTILINE,
 )
 """Openings of docstrings that do not stand alone, as on hover: pronouns, and units of no noun."""
+NO_NOUN = re.compile(r"\b(?:what\s+is|that\s+of|those\s+of|of\s+which)\b", re.IGNORECASE)
+"""Clauses that stand for a noun: a reader has to find out which one."""
 WITH_EXAMPLES = [name for name, value in EXPLAINED.items() if ">>>" in (inspect.getdoc(value) or "")]
 
 
@@ -61,6 +64,28 @@ def test_a_docstring_stands_alone():
     sources = Path(continuum_grasp.__path__[0]).rglob("*.py")
     found = [(file.name, line) for file in sources for line in NO_NAME.findall(file.read_text(encoding="utf-8"))]
     assert found == []
+
+
+def docstrings(source: str) -> list[str]:
+    """Docstrings of a module: its own, and those of its classes, functions and attributes."""
+    bodies = (getattr(node, "body", None) for node in ast.walk(ast.parse(source)))
+    statements = (statement for body in bodies if isinstance(body, list) for statement in body)
+    values = (statement.value for statement in statements if isinstance(statement, ast.Expr))
+    return [value.value for value in values if isinstance(value, ast.Constant) and isinstance(value.value, str)]
+
+
+def test_docstrings_name_nouns():
+    """At most 40 clauses in the package that stand for a noun, and none in what users see first."""
+    sources = Path(continuum_grasp.__path__[0]).rglob("*.py")
+    texts = [text for file in sources for text in docstrings(file.read_text(encoding="utf-8"))]
+    assert sum(len(NO_NOUN.findall(text)) for text in texts) <= 40
+    public = {name: NO_NOUN.findall(inspect.getdoc(value) or "") for name, value in EXPLAINED.items()}
+    assert {name: found for name, found in public.items() if found} == {}
+
+
+def test_the_count_of_clauses_sees_attributes_and_line_breaks():
+    source = 'class A:\n    """Of\n    which."""\n\n    a: int\n    """That of\n    b, what\n    is."""\n'
+    assert [len(NO_NOUN.findall(text)) for text in docstrings(source)] == [1, 2]
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)

@@ -192,7 +192,7 @@ _TRIPS = {
     Trip.AWAY: "contradicts the model and the tip stays far from its setpoint",
     Trip.UNSEEN: "is missing, beyond its limits or does not move, and nothing else shows the shape",
     Trip.UNANSWERED: "does not respond to the drives",
-    Trip.IMPLAUSIBLE: "leads to an estimated disturbance beyond what is plausible",
+    Trip.IMPLAUSIBLE: "leads to an implausible estimated disturbance",
 }
 
 

@@ -80,7 +80,7 @@ class Code(IntEnum):
     ERR_NON_FINITE = (
         -2,
         "an input or a parameter is NaN or infinite",
-        "hold the last command; correct what is not finite",
+        "hold the last command; correct the number",
     )
     ERR_RANGE = (
         -3,
@@ -91,7 +91,7 @@ class Code(IntEnum):
     ERR_RESULT = -5, "the result is not finite", "do not go on from this state"
     ERR_ABI = (
         -6,
-        "what is passed was not initialized, or by another version of this library",
+        "the passed memory was not initialized, or by another version of this library",
         "initialize it; compile caller and library with the same header",
     )
     ERR_CONFIGURATION = (

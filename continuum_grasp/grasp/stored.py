@@ -59,7 +59,7 @@ _STATES = Stored(
     "{finger}.friction_states",
     "({finger} cell,)",
     "1",
-    "these states, +1: the left tendon was pulled last; then those of dry friction in bending, cell by cell with one "
+    "these states, +1: the left tendon was pulled last; then states of dry friction in bending, cell by cell with one "
     "per branch, +1: against a bend towards the left",
 )
 STORED = (

@@ -357,7 +357,7 @@ class Result(Summarized):
         run = read_run(folder)
         if run.meta.get("kind") != cls.kind:
             raise InputError(
-                f"expected the folder of a run of {cls.kind}, got that of {run.meta.get('kind')}", file=str(folder)
+                f"expected the folder of a run of {cls.kind}, got a run of {run.meta.get('kind')}", file=str(folder)
             )
         return run
 

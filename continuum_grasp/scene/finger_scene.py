@@ -196,7 +196,7 @@ class LoadedFinger(FingerScene):
         self._check_count("initial.motor_angles", self.initial.motor_angles, motors, "drive.kind: motor")
         # In mm/s2, the earth's is 9807.
         if math.hypot(*self.gravity) > 1e3:
-            doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")
+            doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times the earth's; is it in mm/s2?")
 
     @property
     def simulated(self) -> Self:

@@ -115,7 +115,7 @@ AnyFinger = Annotated[GraspFinger, BeforeValidator(_as_grasp_finger)]
 def _in_space(value: Any) -> Any:
     if not isinstance(value, Mapping | Sequence) or (len(value) == 3 and not isinstance(value, Mapping)):
         return value
-    written = "three components [x, y, z], of which z is out of the plane, toward the viewer"
+    written = "three components [x, y, z] with z out of the plane, toward the viewer"
     if not isinstance(value, Mapping):
         raise ValueError(f"expected {written}; in the plane give [x, y, 0]")
     raise ValueError(

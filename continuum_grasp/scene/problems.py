@@ -46,7 +46,7 @@ _RENAMED = {
     "kind: frequencies": "kind: static, measured: [{quantity: frequency, of: MODE, column: ...}]",
     "torque_constant": "torques, which are currents times it",
     "currents": "torques: [current * torque constant]",
-    "current": "torque, that of the current times the torque constant",
+    "current": "torque, the current times the torque constant",
     "closing": "a scene of simulate with the object, or a mission",
 }
 """Keys that are said by another one, or by another scene."""

@@ -217,14 +217,14 @@ class Rod(Section):
                 )
             if thickness < _LEAST_THICKNESS * thickest:
                 raise ValueError(
-                    f"{key}: a thickness of {thickness:g} m is less than {_LEAST_THICKNESS:g} of that of the base, "
+                    f"{key}: a thickness of {thickness:g} m is less than {_LEAST_THICKNESS:g} of the base's, "
                     f"{thickest:g} m: the curvature of a sharp tip has no bound; cut the tip off"
                 )
             of_cone = _LEAST_THICKNESS**4
             if stiffness < of_cone * stiffest:
                 raise ValueError(
-                    f"{key}: a bending stiffness of {stiffness:.3g} N m2 is less than {of_cone:g} of that of "
-                    f"the base, {stiffest:g} N m2"
+                    f"{key}: a bending stiffness of {stiffness:.3g} N m2 is less than {of_cone:g} of "
+                    f"the base's, {stiffest:g} N m2"
                 )
 
     @property

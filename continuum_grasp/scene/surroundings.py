@@ -65,7 +65,7 @@ class ContactLaw(Value):
     """Numbers of that law, in the order and each in the unit of what its add-on states."""
 
     def _check(self) -> None:
-        stiffness_why = "N/m is that of no fingertip (expected: N/m)"
+        stiffness_why = "N/m fits no fingertip (expected: N/m)"
         self._doubt_outside("contact_law.stiffness", self.stiffness, 10.0, 1e7, stiffness_why)
         rounding_why = "m is more than a millimeter (expected: m)"
         self._doubt_outside("contact_law.rounding", self.rounding or 0.0, 0.0, 1e-3, rounding_why)

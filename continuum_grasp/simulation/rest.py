@@ -148,7 +148,7 @@ class EquilibriumSearch:
         if not abs(margin) < max(_NEAR_BUCKLING, arcs) * unloaded:
             return ()
         return (
-            f"the loads are near a buckling load: the least stiffness is {margin / unloaded:.1g} of that of the "
+            f"the loads are near a buckling load: the least stiffness is {margin / unloaded:.1g} of its value for the "
             "unloaded finger, and small errors of the model change the shape by percents of the length: take more "
             "elements, clothoids in place of arcs, or fidelity.tolerance",
         )

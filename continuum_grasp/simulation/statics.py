@@ -31,7 +31,7 @@ _STATICS = Consumer(
             ("finger.half_thickness", "finger.rod.samples.thickness"), "of contacts, and of the strain limit"
         ),
         "finger.damping.quadratic": "of rates alone, and smaller than small motions",
-        "finger.damping.relaxation.time": "what is at rest has relaxed; of small motions all or nothing has",
+        "finger.damping.relaxation.time": "a finger at rest has relaxed; of small motions all or nothing has",
         "finger.rod.spirob.units": "the taper is the same, however it is cut",
         **Consumer.LIMITS_OF_COMMANDS,
         **{

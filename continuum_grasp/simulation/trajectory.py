@@ -59,7 +59,7 @@ class Trajectory(MotionResult):
         Stored("u", "(time, input)", "", "inputs"),
         Stored("w", "(time, force_component)", "", "forces at contacts, tip and loads"),
         Stored("tip", "(time, xy)", "m", "world position of the tip"),
-        Stored("kinetic", "(time,)", "J", "kinetic energy, with that of the object"),
+        Stored("kinetic", "(time,)", "J", "kinetic energy, with the object's"),
         Stored("potential", "(time,)", "J", "elastic energy and potential of the weight"),
         Stored(
             "object_pose",

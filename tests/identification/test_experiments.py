@@ -79,7 +79,7 @@ def test_what_is_measured_already_is_added():
     scattered = design_experiments(unstated, Poses([Reading("angle", data.measured[0].values)], data.conditions))
     left = fit.residuals
     assert scattered.before[0] == pytest.approx(plan.before[0] * np.sqrt(left @ left / 3.0) / SIGMA, rel=1e-3)
-    with pytest.raises(InputError, match=r"deviations cannot be predicted .* \(--data\)") as error:
+    with pytest.raises(InputError, match=r"predicted deviations need .* \(--data\)") as error:
         design_experiments(unstated)
     assert error.value.key == "data[0].measured[0].sigma"
 

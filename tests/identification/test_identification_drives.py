@@ -233,7 +233,7 @@ def test_commands_say_what_they_cannot_show():
 
 def test_a_design_needs_readings_of_known_scatter():
     scene = loop(WINCHES, ["tendon_friction"], [{"quantity": "tension", "column": "T"}])
-    with pytest.raises(InputError, match="deviations cannot be predicted") as error:
+    with pytest.raises(InputError, match="predicted deviations need") as error:
         design_experiments(scene)
     assert error.value.key == "data[0].measured[0].sigma"
 

@@ -72,7 +72,7 @@ def test_a_folder_holds_what_is_declared(tmp_path: Path) -> None:
 
 def test_a_run_of_another_kind_is_refused(tmp_path: Path) -> None:
     Case(np.zeros(1)).save(tmp_path)
-    with pytest.raises(InputError, match="expected the folder of a run of plan, got that of case"):
+    with pytest.raises(InputError, match="expected the folder of a run of plan, got a run of case"):
         MotionPlan.load(tmp_path)
 
 
@@ -281,7 +281,7 @@ def test_a_motion_as_a_data_set(motion: Trajectory) -> None:
     found = motion.to_xarray()
     np.testing.assert_array_equal(found["tip"].sel(xy="y", time=0.02), motion.tip[20, 1])
     np.testing.assert_array_equal(found["x"].sel(state="kappa_1"), motion.x[:, 1])
-    assert found["kinetic"].attrs == {"units": "J", "long_name": "kinetic energy, with that of the object"}
+    assert found["kinetic"].attrs == {"units": "J", "long_name": "kinetic energy, with the object's"}
     assert found["time"].attrs["units"] == "s"
     assert found["state_unit"].values.tolist() == ["1/m", "1/m", "1/m/s", "1/m/s"]
     assert found.attrs["name"] == motion.name

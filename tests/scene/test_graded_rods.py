@@ -179,7 +179,7 @@ WRONG = {
     ),
     "a point": (
         "SOFT sections: [{to: 0.25, diameter: [0.02, 1e-6]}]",
-        "finger.rod.sections[0]: a thickness of 1e-06 m is less than 0.001 of that of the base",
+        "finger.rod.sections[0]: a thickness of 1e-06 m is less than 0.001 of the base's",
     ),
     "stiffness of a point": (
         "sections: [{to: 0.25, bending_stiffness: [1, 1e-13], linear_density: 1}]",

@@ -11,7 +11,7 @@ from tests.rods import ROOT
 from tests.similarity.similar import larger, power
 
 SIZES = {"L": -6, "M": -17, "T": -4}
-pytestmark = pytest.mark.filterwarnings("ignore:.*is that of no fingertip:UserWarning")
+pytestmark = pytest.mark.filterwarnings("ignore:.*fits no fingertip:UserWarning")
 OPEN = {"estimator.acceleration_std": None, "estimator.object_acceleration_std": None}
 HAND = {"estimator.acceleration_std": 10.0, "estimator.object_acceleration_std": 0.1}
 

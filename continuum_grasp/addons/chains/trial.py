@@ -240,7 +240,7 @@ def _tried(hand: HandInMujoco, say: Callable[[str], None]) -> dict[str, Any]:
         pushes[name] |= {"moved": under[0], "turned": under[1], "moved_after": after[0], "turned_after": after[1]}
     if pushes:
         count = sum(push["held"] for push in pushes.values())
-        words.append(f"{count} of {len(pushes)} pushes of {SHARE:.0%} of what is promised held")
+        words.append(f"{count} of {len(pushes)} pushes of {SHARE:.0%} of the promise held")
         wrong += [
             f"a push of {push['force']:.3g} N along {n} is not held" for n, push in pushes.items() if not push["held"]
         ]

@@ -59,7 +59,7 @@ _CHAIN = Consumer(
         **Consumer.LIMITS_OF_BENDING,
         "name": "the title of the file alone",
         "contacts": "all links of the finger touch",
-        "fidelity": "the chain has hinges of its own; an initial pose and damping per arc are those of the model",
+        "fidelity": "the chain has hinges of its own; an initial pose and damping per arc belong to the model",
         "finger.damping.friction_cells": "of dry friction in bending",
         **{f"finger.tendons.{key}": "of tendon friction" for key in ("friction_cells", "presliding", "conduit_bend")},
         "loads.input": "for the chain every moment is an input",

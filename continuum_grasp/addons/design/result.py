@@ -267,7 +267,7 @@ class DesignResult(Result):
                 words = "others than" if first.get(case) != last.get(case) else "the same as"
                 kinks.append(
                     f"{case}: {count} different sets of errors or friction states decide the grasps of the designs "
-                    f"tried, {words} at the start those of the best; the cost has kinks between them"
+                    f"tried, {words} at the start decide the best; the cost has kinks between them"
                 )
         return tuple(kinks)
 

@@ -128,5 +128,5 @@ def _of_mission(mission: Mapping[str, Any]) -> _Own:
         "forces": "at the contacts: 0 unknown, 1 enough to lift, 2 too little, 3 enough by what sensors contradict, "
         "4 blind, so that it lets go",
     }
-    states |= {"grip": "of what is held: 0 as planned, 1 squeezed, 2 set down"} if watches else {}
+    states |= {"grip": "of the held object: 0 as planned, 1 squeezed, 2 set down"} if watches else {}
     return groups, states, {"events": [*enumerate(events)], "watches": watches}

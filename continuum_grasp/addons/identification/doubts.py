@@ -287,9 +287,9 @@ the fault if the number comes out greater, and less."""
 
 def _words(problem: FitProblem, further: Unknown, step: float, deviation: float) -> str:
     if further.target in _SLIPS:
-        cause = "their times or conditions are not those of the scene"
+        cause = "their times or conditions differ from the scene's"
         if further.target == _ORIGIN:
-            cause = "their origin is not that of the scene, or finger.base.position is elsewhere"
+            cause = "their origin differs from the scene's, or finger.base.position is elsewhere"
             if any(block.scene.finger.gyration_radius and any(block.scene.gravity) for block in problem.blocks):
                 cause += ", or its weight lengthens a soft finger, which the model leaves out"
         return f"{further.name} by {step:.3g} +/- {deviation:.2g} {further.unit}: {cause}"
@@ -377,8 +377,8 @@ def _slips(problem: FitProblem, predictions: Array) -> list[Further]:
     along = [np.array([float(column.quantity == axis) for column in problem.described]) for axis in "xy"]
     slips = [
         (Unknown("rows of motions are late", "samples", _LATE), motions),
-        (Unknown("readings are those of the row before their conditions,", "rows", _BEFORE), before),
-        (Unknown("readings are those of the row behind their conditions,", "rows", _BEFORE), behind),
+        (Unknown("readings belong to the row before their conditions,", "rows", _BEFORE), before),
+        (Unknown("readings belong to the row behind their conditions,", "rows", _BEFORE), behind),
         *((Unknown(f"positions are off along {k}", "m", _ORIGIN), of) for k, of in zip("xy", along, strict=True)),
     ]
     return [(unknown, slope) for unknown, slope in slips if slope.any()]

@@ -61,7 +61,7 @@ class ExperimentPlan(Result):
     dimensions: ClassVar[tuple[Dimension, ...]] = (
         Dimension("time", "instants", "t", "s"),
         Dimension("command", "commands of the drives", "command_names"),
-        Dimension("unknown", "what is to be estimated", "unknown_names"),
+        Dimension("unknown", "unknowns to estimate", "unknown_names"),
         Dimension("experiment", "poses, and segments of the commands", "experiment_names"),
     )
     texts: ClassVar[tuple[File, ...]] = (

@@ -246,7 +246,7 @@ class _Known:
         for k, column in enumerate(part.block.measured.columns):
             deviation = self._scales.get(column.group) if column.sigma is None else column.sigma
             if deviation is None:
-                why = "deviations cannot be predicted without that of every reading: state it"
+                why = "predicted deviations need the deviation of every reading: state it"
                 hint = "" if self._scales else ", or give data whose scatter shows it (--data)"
                 raise InputError(f"{why}{hint}", key=f"{key}.measured[{k}].sigma")
             sigma.append(deviation)

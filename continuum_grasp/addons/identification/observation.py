@@ -62,7 +62,7 @@ def _along(model: FingerModel, reading: Reading, q: ca.SX, u: ca.SX, p: ca.SX, o
 
 
 _OF_MOTORS = Consumer.refusals(
-    "data.measured.quantity={motor_angle,torque} without kind=motor: is that of a motor: this drive has another kind"
+    "data.measured.quantity={motor_angle,torque} without kind=motor: needs a motor: this drive has another kind"
 )
 
 

@@ -69,7 +69,7 @@ class Replay(Predicted):
     dimensions: ClassVar[tuple[Dimension, ...]] = (
         *Predicted.dimensions,
         Dimension("period", "instants of the controller", "t", "s"),
-        Dimension("compared", "what is compared with the model", "compared_names"),
+        Dimension("compared", "quantities that are compared with the model", "compared_names"),
         Dimension("input", "inputs of the finger", "u_names"),
         Dimension("model_state", "states of the controller's model", "estimated_names"),
         Dimension("estimated", "states, then disturbances", "estimated_names"),
@@ -130,7 +130,7 @@ class Replay(Predicted):
                 suspicion.what: f"disagreement {suspicion.before:.3g} becomes {suspicion.after:.3g}"
                 for suspicion in self.suspicions
             },
-            "commands": f"{off:.3g} {split_unit(self.u_names[0]).unit} off those of the log at most",
+            "commands": f"{off:.3g} {split_unit(self.u_names[0]).unit} off the log's at most",
             **{parameter.name: str(parameter) for parameter in self.retuned},
         }
 

@@ -105,10 +105,10 @@ class TrialsResult(Result, Sequence[Outcome]):
 
     kind: ClassVar[str] = "mpc"
     stored: ClassVar[tuple[Stored, ...]] = (
-        Stored("stiffness", "(plant,)", "1", "bending stiffness per that of the controller's finger"),
-        Stored("damping", "(plant,)", "1", "damping per that of the controller's finger"),
-        Stored("mass", "(plant,)", "1", "mass of the object per that of the mission"),
-        Stored("friction", "(plant,)", "1", "friction of the object per that of the mission"),
+        Stored("stiffness", "(plant,)", "1", "bending stiffness relative to the controller's finger"),
+        Stored("damping", "(plant,)", "1", "damping relative to the controller's finger"),
+        Stored("mass", "(plant,)", "1", "mass of the object relative to the mission's"),
+        Stored("friction", "(plant,)", "1", "friction of the object relative to the mission's"),
         Stored("shift_x", "(plant,)", "m", "how far the object stands from where it should, world x"),
         Stored("shift_y", "(plant,)", "m", "the same, world y"),
         Stored("succeeded", "(plant,)", "1", "whether the object was held and let go, without a trip"),

@@ -24,7 +24,7 @@ from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import ContactHistory, scene_under
 
 _PARTS = {
-    "values": "what is bounded",
+    "values": "bounded quantities",
     "lower": "its lower bound",
     "upper": "its upper bound",
     "multipliers": "by how much the objective falls per amount by which the bound is moved outwards",

@@ -116,7 +116,7 @@ def _values(stage: ca.Function, filtered: ca.Function, common: int) -> dict[str,
     sizes = [f.n_instructions() for f in (stage, filtered)]
     if both.n_instructions() > max(sizes) + min(sizes) / 2:
         return {}
-    text = "What is tracked and bounded, then what is compared with measurements, with their derivatives."
+    text = "Tracked and bounded quantities, then predicted measurements, with their derivatives."
     kernel = Kernel("values", both, text, called=True)
     asked = {name: f"res[{k}]" for k, name in enumerate(stage.name_out())} | {"seen": "0", "by_z": "0"}
     unused = dict.fromkeys(of_stage, "unused") | {"seen": "res[0]", "by_z": "res[1]"}

@@ -101,7 +101,7 @@ def statics(subject: Subject) -> PackagePart:
     unit = subject.model.structure.family.force_unit
     balance = Struct(
         "balance",
-        "Balance of the finger at rest: what is missing for equilibrium.",
+        "Balance of the finger at rest: the missing force for equilibrium.",
         (
             Field("residual", unit, "generalized force that is missing, by coordinate", shape=(n,)),
             Field("stiffness", f"{unit} per unit of the coordinate", "derivative of the residual", shape=(n, n)),
@@ -175,7 +175,7 @@ def linearization(subject: Subject) -> PackagePart:
     by = {name: entry for name, entry in by.items() if 0 not in entry[3]}
     struct = Struct(
         "linearization",
-        "Derivatives of the equation of motion and of the tip, each in its SI unit per that of what it is taken by.",
+        "Derivatives of the equation of motion and of the tip, each in its SI unit per unit of the variable.",
         tuple(Field(name, "SI", text, shape=shape) for name, (_, _, text, shape) in by.items()),
     )
     # CasADi is column-major, arrays of C are row-major.
@@ -205,7 +205,7 @@ def moment_note(subject: Subject) -> str:
         )
     if structure.inputs.rates:
         return (
-            "The input has rates and accelerations: give those of the middle of the step, and zero only where the "
+            "The input has rates and accelerations: give them for the middle of the step, and zero only where the "
             "moment is constant. The tip does not follow moments that jump."
         )
     return ""

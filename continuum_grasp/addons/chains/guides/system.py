@@ -346,7 +346,7 @@ _GUIDES = Consumer(
     },
 )
 _ON_AXIS = Consumer(
-    "plant.guides under what is aside",
+    "plant.guides under a body aside",
     {"finger.tip_body.center_of_mass": "a chain of guides takes a tip body only on its axis: expected 0 across it"},
     where=lambda s: s.finger.tip_body is not None and s.finger.tip_body.center_of_mass[0] != 0.0,
 )

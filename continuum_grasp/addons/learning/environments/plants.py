@@ -109,7 +109,7 @@ _LANES = Consumer(
         },
         "controller.cost.*.terminal": "rewards are running costs",
         **{
-            f"estimator.{key}": "of an estimator: observations are what is measured"
+            f"estimator.{key}": "of an estimator: observations are measurements"
             for key in (
                 *("disturbances", "spread", "adapt", "acceleration_std", "initial_std"),
                 *("object_acceleration_std", "outlier", "frozen"),

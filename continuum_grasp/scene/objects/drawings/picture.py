@@ -10,7 +10,7 @@ from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, d
 if TYPE_CHECKING:
     from continuum_grasp.scene.objects.outline import OutlineFile
 
-_ADVICE = "erase what is not the object, change the threshold, or choose one by path"
+_ADVICE = "erase everything but the object, change the threshold, or choose one by path"
 
 
 def read_png(given: OutlineFile) -> Drawing:

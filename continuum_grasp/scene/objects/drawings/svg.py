@@ -135,7 +135,7 @@ class _Plain:
                 svgelements.Path(shape.data)
             except ValueError:
                 return f"{shape.label}: d = {shape.data[:60]!r} is not read"
-        return "svgelements cannot place what is in it"
+        return "svgelements cannot place its content"
 
     def _fill(self, into: Element, source: Element, within: tuple[Element, ...], viewport: PlanePoint) -> None:
         """Append what the children of an element draw to a group of the plain document."""
