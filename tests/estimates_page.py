@@ -15,7 +15,7 @@ from continuum_grasp.scene import Finger
 
 PAGE = Path(__file__).parents[1] / "docs" / "real_rods.md"
 BEGIN = "<!-- What follows is written by `python -m tests.estimates_page`. -->\n"
-END = "<!-- What is above is written by `python -m tests.estimates_page`. -->\n"
+END = "<!-- The list above is written by `python -m tests.estimates_page`. -->\n"
 ROD = {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.005}
 FINGERS = [
     {"masses": [{"at": 0.1, "mass": 0.01}], "damping": {"relaxation": [{"share": 0.1, "time": 0.1}]}},
