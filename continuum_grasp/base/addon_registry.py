@@ -92,8 +92,8 @@ class Addon:
         Subclasses of ``continuum_grasp.closed_loop.PlantModel`` by the key of ``plant``, as ``module:name``.
     trials : mapping of str to str
         Functions (`continuum_grasp.grasp.HandResult`, progress) -> plain data with ``holds`` and ``words``, which try a
-        grasp in another program, by the word of ``grasp --try-in``, as ``module:name``. The word is the name of the
-        Python package that is needed.
+        grasp in another program, by the word of ``grasp --try-in``, as ``module:name``. The word names the Python
+        package that it needs.
 
     Examples
     --------

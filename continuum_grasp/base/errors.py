@@ -17,7 +17,7 @@ class InputError(ContinuumGraspError, ValueError):
     Parameters
     ----------
     message : str
-        What was wrong, what was expected, what was got.
+        The fault, the expected value, and the given one.
     file, line, column, key : optional
         Where: path of the file, position in it (from 1), dotted path of the key.
     """
@@ -41,7 +41,7 @@ class InputError(ContinuumGraspError, ValueError):
 
 
 class SolverError(ContinuumGraspError, RuntimeError):
-    """A solver did not reach what was asked of it.
+    """A solver did not reach its goal.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class SolverError(ContinuumGraspError, RuntimeError):
     advice : str
         A likely cause and what to try.
     result : object, optional
-        What was reached, for inspection.
+        The point it reached, for inspection.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class SolverError(ContinuumGraspError, RuntimeError):
 
 
 class NumericalError(ContinuumGraspError, ArithmeticError):
-    """A computation left the range in which its numbers mean something.
+    """A computation left the range in which its numbers are valid.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class NumericalError(ContinuumGraspError, ArithmeticError):
     state : array_like, optional
         The last finite state.
     result : object, optional
-        What was computed so far.
+        The result so far.
     """
 
     def __init__(self, message: str, *, time: float | None = None, state: Any = None, result: Any = None) -> None:
@@ -104,14 +104,14 @@ class NumericalError(ContinuumGraspError, ArithmeticError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a long computation; not an ``Exception``, so that only what means to catches it.
+    """Ctrl-C during a long computation; not an ``Exception``, so that ``except Exception`` does not catch it.
 
     Parameters
     ----------
     message : str
-        What was interrupted, and where.
+        The interrupted work, and where it stopped.
     result : object, optional
-        What was computed so far.
+        The result so far.
     """
 
     def __init__(self, message: str, *, result: Any = None) -> None:

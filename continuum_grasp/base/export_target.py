@@ -18,7 +18,7 @@ class ExportTarget(ABC):
     takes_loops : bool
         Whether closed loops and missions can be exported, or simulated scenes alone.
     takes_hands : bool
-        Whether hands can be, and the folders of their grasps.
+        Whether hands, and the folders of their grasps, can be exported.
     """
 
     suffix: ClassVar[str] = ""
@@ -32,7 +32,7 @@ class ExportTarget(ABC):
 
     @abstractmethod
     def report(self, written: Any, output: Any) -> None:
-        """Print what was written, by the `Output` of the command line."""
+        """Print the written files, by the `Output` of the command line."""
 
     def defaults(self, config: Path, scene: Any) -> dict[str, Any]:
         """Options of a configuration that are not given."""

@@ -80,7 +80,7 @@ class Summarized:
         return ""
 
     def pairs(self) -> Mapping[str, str]:
-        """The few values that matter, with their units, by name."""
+        """The main values, with their units, by name."""
         return {}
 
     def __repr__(self) -> str:

@@ -42,7 +42,7 @@ class Driver(Protocol):
         """Return the newest measurement in the order of ``measurement_names``, NaN for missing; None: none came."""
 
     def write(self, command: Command) -> object:
-        """Send a command: its ``u``, and whatever else a bench wants of ``status`` and ``health``."""
+        """Send a command: its ``u``, and any use that the bench makes of ``status`` and ``health``."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def run_hardware(
     spin: float = 0.0,
     realtime: RealTime | None = None,
 ) -> HardwareRun:
-    """Read, compute and write once per period of a controller, until the time is over or something is wrong.
+    """Read, compute and write once per period of a controller, until the time is over or a fault occurs.
 
     Cycles begin at fixed instants of the monotonic clock. A cycle that ends after the next one should have begun is an
     overrun, and the next begins at once; cycles that are missed altogether are ``Anomaly.MISSED_CALLS`` of the next
@@ -122,7 +122,7 @@ def run_hardware(
         [s]
     start : (nu,) array_like or Command, optional
         Hand-over without a jump: the input that acts at the start, under which the finger rests; or the last command of
-        the controller before, whose estimate this one continues. The input at rest where not given.
+        the controller before, whose estimate this one continues. By default the input at rest.
     soft_start : float
         Time in which the command fades in from the input at the start [s].
     watchdog : float
@@ -145,7 +145,7 @@ def run_hardware(
     Interrupted
         On Ctrl-C, after the ramp; ``result`` is the run until then.
     Exception
-        What the driver or a step raised, after the ramp, with the run as ``result``.
+        The error that the driver or a step raised, after the ramp, with the run as ``result``.
 
     Examples
     --------

@@ -21,7 +21,7 @@ from continuum_grasp.scene import ControlScene
 
 
 class Plant:
-    """A finger that differs from what its controller knows.
+    """A finger that differs from its controller's model.
 
     Commands hold for a period. Measurements are as old as ``sensors.delay``; between the integrator's steps the state
     is interpolated linearly. Measurements from before the start show the finger as it was at the start.
@@ -37,7 +37,7 @@ class Plant:
     model : PlantModel, optional
         Its equations, where they differ from the scene's plant.
     seed : int, optional
-        Of the measurement noise; ``plant.seed`` of the scene where not given.
+        Of the measurement noise; by default ``plant.seed`` of the scene.
 
     Attributes
     ----------

@@ -172,7 +172,7 @@ class Metrics:
     mismatch: float
 
     def rows(self) -> list[tuple[str, str, str, str]]:
-        """Return a table of four columns: what, and three values with their units."""
+        """Return a table of four columns: the quantity, and three values with their units."""
         rows = [("tracking error", "r.m.s.", "max", "final")]
         rows += [(t.name, amount(t.rms, t.unit), amount(t.max, t.unit), amount(t.final, t.unit)) for t in self.tracking]
         rows.append(("bound", "worst", "exceeded", ""))
@@ -180,7 +180,7 @@ class Metrics:
         return rows + self.time_rows()
 
     def time_rows(self) -> list[tuple[str, str, str, str]]:
-        """Return the rows of that table which say how long the phases of a step and the whole step took."""
+        """Return the rows of this table with the times of the phases of a step and of the whole step."""
         rows = [(t.name, amount(t.median, "s"), amount(t.p99, "s"), amount(t.max, "s")) for t in self.times]
         return [("time", "median", "99 %", "max"), *rows] if rows else []
 

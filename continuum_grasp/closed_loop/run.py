@@ -77,14 +77,14 @@ def run_closed_loop(
     scene : ControlScene or path-like
         The scene, with a ``duration``, or its YAML file.
     controller : Controls, optional
-        A controller of that scene, which is reset first; where not given, a new ``Controller`` without a deadline, so
-        that a run does not depend on how busy the machine is. What would have been late is counted all the same.
+        A controller of that scene, which is reset first; by default a new ``Controller`` without a deadline, so
+        that a run does not depend on how busy the machine is. Late steps are counted all the same.
     plant : Plant, optional
         A plant at its start; by default the scene's.
     functions : mapping of str to callable, optional
         Functions of time in place of references of the scene; see ``setpoints``.
     progress : callable, optional
-        Called with the share that is done, 0 to 1.
+        Called with the share done so far, 0 to 1.
     times : bool
         True: optimize the controller's code, so that its steps take as long as in use. Else few
         steps run in code that is compiled quickly, and the metrics have no times.

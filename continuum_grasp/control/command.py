@@ -74,10 +74,10 @@ class Command(Summarized):
         finite, within the rate limit, and within the limits of the input unless ``Anomaly.BEYOND_LIMIT`` reports that
         ``change`` moved one past the last command, or that ``reset`` was given an input beyond one.
     status : Status
-        What the command comes from: a new plan, the previous one, or the safe ramp.
+        Origin of the command: a new plan, the previous one, or the safe ramp.
     health : Health
-        Whether sensors, model and call rate agree, and the tip reaches a setpoint that stands; ``suspect`` names what
-        does not, ``health_text`` explains it.
+        Whether sensors, model and call rate agree, and the tip reaches a setpoint that stands; ``suspect`` names the
+        part that does not, ``health_text`` explains it.
     """
 
     # Numbers stay where the C wrote them until they are read: a loop pays for what it looks at.

@@ -251,7 +251,7 @@ class CompiledController(Remade, Summarized):
         return self._c.code
 
     def save_state(self) -> bytes:
-        """Return all that the next command depends on, but for what ``change`` and ``reference`` have set."""
+        """Return all that the next command depends on, except settings by ``change`` and ``reference``."""
         return self._c.save(self._step, int(self._late))
 
     @check_arguments
@@ -297,7 +297,7 @@ class CompiledController(Remade, Summarized):
         **setpoints
             Numbers, constant from now on; a function of time since the last reset [s] that returns all entries; an
             array (count, entries) with a row per node from now on, a stage apart, linear between them, the last
-            row held; or None: what it was at first.
+            row held; or None: the first one again.
 
         Raises
         ------
@@ -307,8 +307,8 @@ class CompiledController(Remade, Summarized):
 
         Notes
         -----
-        Functions are asked in every step, for the instants of its horizon. ``current_setpoints`` shows what holds. A
-        step that is given its own ``reference`` follows that one alone.
+        Functions are asked in every step, for the instants of its horizon. ``current_setpoints`` shows the current
+        ones. A step that is given its own ``reference`` follows that one alone.
 
         Examples
         --------

@@ -23,7 +23,7 @@ from continuum_grasp.scene import ControlScene, scene_of
 class Controller(CompiledController):
     """Nonlinear model predictive control by real-time iterations, with an estimator, a supervisor and a fallback.
 
-    All of ``step`` runs in one C function that is compiled for the scene, without allocation.
+    ``step`` runs as one C function, compiled for the scene, without allocation.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Controller(CompiledController):
         Duration of ``step`` after which its command counts as late [s], so that the next one is of the previous plan;
         by default the scene's, else its period. ``math.inf``: never.
     steps : float
-        Steps that are expected. The code is optimized where they pay for compiling it, and compiled quickly else.
+        Expected number of steps. With many, the compiler optimizes the code; otherwise it compiles quickly.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Controller(CompiledController):
 
     Notes
     -----
-    Where an argument of ``step`` cannot be used, an iteration fails, or the last command was late, the controller
+    Where an argument of ``step`` is unusable, an iteration fails, or the last command was late, the controller
     follows the previous plan to its end (N stages). After that, and where nothing was measured for as long, the command
     ramps to the least tensions (the moment to zero): the whole range in 6.5 natural times of the finger, 0.5 s of a
     hand's, or slower by ``input.rate_max``. A command is always finite and within the scene's limits of the input and
@@ -135,9 +135,9 @@ class Controller(CompiledController):
         Parameters
         ----------
         state : (nx,) array_like, optional
-            State of the prediction from which the estimator starts; the scene's initial pose where not given.
+            State of the prediction from which the estimator starts; by default the scene's initial pose.
         u : (nu,) array_like, optional
-            Input that was applied before; least tensions or no moment where not given. Beyond the limits of commands it
+            Input that was applied before; by default least tensions or no moment. Beyond the limits of commands it
             may be as far as drives can be.
 
         Raises
@@ -225,12 +225,12 @@ class Controller(CompiledController):
         Returns
         -------
         Setpoints
-            ``rows(times)`` are those at instants (K,) [s]: (K, nr), as ``step`` takes them.
+            ``rows(times)`` are the setpoints at instants (K,) [s]: (K, nr), as ``step`` takes them.
 
         Raises
         ------
         InputError
-            If no cost term tracks what a function is for.
+            If no cost term tracks the quantity of a function.
 
         Examples
         --------

@@ -26,7 +26,7 @@ class ControlLog:
     u_names, y_names : tuple of str
         Name and unit of each.
     name : str
-        By which reports call it.
+        Name in reports.
 
     Raises
     ------

@@ -287,7 +287,7 @@ class Prediction(Remade):
     ) -> Array:
         """Build the state at rest with coordinates q (n) and drives settled at the input u (nu).
 
-        ``friction`` has the state of each friction cell of the tendons; zero where not given, as of one that never
+        ``friction`` has the state of each friction cell of the tendons; by default zero, as of one that never
         slid. ``pulled``: winches not where u leaves them, but where (the first of) their tendons have this tension [N].
         """
         shape, inputs = np.asarray(q, dtype=float), np.asarray(u, dtype=float)

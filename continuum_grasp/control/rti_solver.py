@@ -45,9 +45,9 @@ class RtiSolver(CompiledController):
     precision : {"double", "float"}
         Floating-point type of the C.
     check_gaps : bool
-        Whether plans are checked for being motions of the model, as dynamics with contacts require: half a horizon
-        apart, and where one costs more than four times as much as any before. What fails is replaced, and reported as
-        ``Anomaly.PLAN_GAPS``. A check takes as long as a linearization.
+        Whether to check that plans are motions of the model, as dynamics with contacts require: half a horizon
+        apart, and where one costs more than four times as much as any before. A plan that fails is replaced, and
+        reported as ``Anomaly.PLAN_GAPS``. A check takes as long as a linearization.
     deadline : float
         Duration of a step after which its command counts as late [s]; never by default.
 
@@ -141,7 +141,7 @@ class RtiSolver(CompiledController):
         Parameters
         ----------
         u : (nu,) array_like or mapping of str to float, optional
-            Input before; the safe one where not given.
+            Input before; by default the safe one.
         guess : mapping of str to array_like, optional
             Plan from which the next step iterates, as often as from the last one (``sqp_iterations``), in place of one
             at rest: by name of a state N + 1 numbers, of an input N, or one number for all of them. Omitted names are
@@ -195,7 +195,7 @@ class RtiSolver(CompiledController):
             The state, in the order of the problem's states or by name.
         reference : mapping, (nr,) or (N + 1, nr) array_like, optional
             Setpoints of this step: by the names of the cost (numbers, a function of time, or a row per node from now
-            on), or of all residuals in the order of ``stages.r_names``; by default those set by ``reference``, else
+            on), or of all residuals in the order of ``stages.r_names``; by default as set by ``reference``, else
             zero.
         parameters : mapping of str to float or (np,) array_like, optional
             Parameters; nominal by default, and where a name is left out.

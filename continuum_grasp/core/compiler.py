@@ -100,7 +100,7 @@ class Compiler:
     def library(self, source: str, what: str = "code", *, quick: bool | None = None) -> Path:
         """The shared library of a C source, compiled unless it is in the cache; the log calls it ``what``.
 
-        ``quick``: without optimizing long functions; as the environment asks where not given.
+        ``quick``: without optimizing long functions; by default as the environment asks.
         CompileError if the compiler refuses the source, OSError if no folder can be written or the disk is full.
         """
         is_quick = quick_compile() if quick is None else quick

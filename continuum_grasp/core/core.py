@@ -252,7 +252,7 @@ class Core(Remade, Summarized):
             not given. With many states also (count, size), a constant row for each, or (count, rows, size), which
             alone is taken where count equals the number of rows.
         p : (np,) array_like, optional
-            Parameters; nominal where not given.
+            Parameters; by default nominal.
         substeps : int
             Steps of the method per step.
         method : str

@@ -31,9 +31,9 @@ def export_casadi(given: Given, folder: str | os.PathLike[str], *, what: Sequenc
     Parameters
     ----------
     given : FingerModel, Scene, ControlScene, AssignedMission, MissionRun, Controller, Estimator or path
-        What to export, or the path of its configuration.
+        The object to export, or the path of its configuration.
     folder : path-like
-        Where to. An earlier export there is replaced; files that are none of its own, or were changed, are not.
+        Target folder. An earlier export there is replaced; other files, and changed ones, are not.
     what : sequence of str, optional
         Names of functions of `FingerModel`, such as forward_dynamics and tip; all by default.
 

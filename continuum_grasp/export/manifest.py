@@ -199,7 +199,7 @@ class Package:
     files : tuple of str
         Paths in it.
     manifest : dict
-        What ``MANIFEST.json`` holds.
+        Content of ``MANIFEST.json``.
     """
 
     folder: Path

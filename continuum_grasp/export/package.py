@@ -76,11 +76,11 @@ def export_c(
     Parameters
     ----------
     given : FingerModel, Scene, ControlScene, AssignedMission, MissionRun, Controller, Estimator, RtiSolver or path
-        What to export, or the path of its configuration, but of a mission: that comes from `assign_mission`, or as a
+        The object to export, or the path of its configuration; a mission comes from `assign_mission`, or as a
         run; of a solver (``rti``), which takes any finite number, the part mpc alone. Parameters that it
         names stay fields of a struct.
     folder : path-like
-        Where to. An earlier package there is replaced; files that are none of its own, or were changed, are not.
+        Target folder. An earlier package there is replaced; other files, and changed ones, are not.
     real : {"float", "double"}, optional
         Number type; by default the target's.
     what : sequence of str
@@ -89,23 +89,23 @@ def export_c(
         mission of a mission, else dynamics, step, kinematics and statics. They may be mixed: the model is the one in
         the controller's prediction.
     prefix : str
-        Of all names, a C identifier.
+        Prefix of all names, a C identifier.
     target : {"host", "cortex-m4f", "cortex-m7", "wasm"}
-        Machine that it is for.
+        Target machine.
     ranges : mapping, optional
         Least and greatest values of run-time parameters, by name; of an object's contacts also ``contact_force`` [N].
     step : float, optional
-        Longest step that will be asked for [s]; by default the scene's, where it has one.
+        Longest step of any call [s]; by default the scene's, where it has one.
     substeps : int, optional
         Runge-Kutta steps within one; as many as the longest step needs by default.
     sections : int
-        Sections that shape and velocities give in one call, evenly spaced from base to tip.
+        Number of sections that shape and velocities return in one call, evenly spaced from base to tip.
     error : float, optional
         Greatest relative error of the functions within the bending range; 1e-2 in float by default.
     measured : bool
         Run the package on the emulated target and put sizes, stack and instruction counts into README and manifest.
     finger : str, optional
-        Name of the finger whose package it is, of a mission of several.
+        Name of the finger to export, for a mission with several.
     progress : callable, optional
         Called with the share of the work done, 0 to 1, and with the current work in words.
 
@@ -117,7 +117,7 @@ def export_c(
     ------
     InputError
         If an argument is wrong, the folder holds other files of the same names, the target does not compute in the
-        type, the scene is too stiff for the step, or the type cannot hold the asked error.
+        type, the scene is too stiff for the step, or the type cannot meet ``error``.
     NumericalError
         If the model is not finite within the ranges.
     SolverError

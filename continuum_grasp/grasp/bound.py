@@ -48,9 +48,9 @@ until an upper bound of h is its value at a place up to `SAME`."""
 def least_normal_force_bound(scene: GraspScene) -> float:
     """Compute a lower bound on the greatest normal force of any grasp of a scene.
 
-    It follows from the balance of the object, friction cones, and how far each finger reaches. Shapes of fingers,
-    tendons and clearance are left out, so it depends on no posture and no start. It is rigorous, and exact where the
-    contacts can be where balance wants them: for n equal contacts that only lift it is m g / (n mu).
+    It follows from the balance of the object, friction cones, and how far each finger reaches. It ignores shapes
+    of fingers, tendons and clearance, so it depends on no posture and no start. It is rigorous, and exact where the
+    contacts can be where balance needs them: for n equal contacts that only lift it is m g / (n mu).
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def least_normal_force_bound(scene: GraspScene) -> float:
     Returns
     -------
     float
-        The bound [N]; zero where nothing weighs.
+        The bound [N]; zero without weight.
 
     Examples
     --------

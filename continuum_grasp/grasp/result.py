@@ -48,7 +48,7 @@ class GraspResult(Result):
     Attributes
     ----------
     scene : GraspScene
-        What was asked.
+        The scene as given.
     status : Status
     message : str
         One sentence on how it ended.
@@ -58,27 +58,27 @@ class GraspResult(Result):
     certificate : Certificate, optional
         Independent verification of these numbers.
     violated : tuple of str
-        Broken constraints by name with their amounts, where there is no grasp.
+        Violated constraints by name with their amounts, where there is no grasp.
     reasons : tuple of Reason
-        Why there is none, each with the number that would repair it.
+        Reasons why there is none, each with the number that would repair it.
     advice : str
         What to try.
     statistics : dict
         Times, iterations, starts.
     sensitivity : tuple of Sensitivity
-        How the answer changes with friction, mass and pose; empty where the solver stopped early.
+        Changes of the answer with friction, mass and pose; empty where the solver stopped early.
     fine : Change, optional
-        What a fine model changes, where that was asked for.
+        Changes by a fine model, if requested.
     outline : OutlineError, optional
-        Error of the polygons that stand for drawings of the object, and what a finer one changes, where that was asked
-        for; None: the object is exact.
+        Error of the polygons that stand for drawings of the object, and changes by a finer one, if requested; None: the
+        object is exact.
     exploration : Exploration, optional
-        What the search looked at.
+        Extent of the search.
     lower_bound : float, optional
-        Where the objective is ``least_normal_force``: what the greatest normal force of any grasp is at least [N], by
+        Where the objective is ``least_normal_force``: lower bound of any grasp's greatest normal force [N], by
         `least_normal_force_bound`.
     robustness : Robustness, optional
-        How the grasp fares with errors of the object, where the scene has ``robust``.
+        Trials of the grasp with errors of the object, where the scene has ``robust``.
 
     Examples
     --------

@@ -81,12 +81,12 @@ def optimize_grasp(
     scene : GraspScene, HandScene or path-like
         The scene, in the plane or of a hand in space, or its YAML file. Where it has a ``fidelity.tolerance``, the
         cheapest model that satisfies it is found by comparison with a fine one, and the result's scene has it. Where it
-        has ``robust``, the grasp holds for all those errors, and ``robustness`` of the result says how it fares in
+        has ``robust``, the grasp holds for all those errors, and ``robustness`` of the result has its
         trials.
     raise_on_failure : bool, optional
         Raise where no verified grasp holds the object; False: return the result with its ``status``.
     fine : bool, optional
-        Solve once more with a fine model, and report in the result's ``fine`` what that changes; where the object is an
+        Solve once more with a fine model, and report the changes in the result's ``fine``; where the object is an
         outline, also with a polygon nearer to its drawing, in ``outline``. Takes some seconds each. Not for a scene
         with ``robust`` or tendons whose friction states must not matter.
     progress : callable, optional
@@ -95,17 +95,17 @@ def optimize_grasp(
     Returns
     -------
     GraspResult or HandResult
-        The best verified grasp that was found; its ``exploration`` says where it was looked for. ``optimal`` is the
+        The best verified grasp found; its ``exploration`` describes the search. ``optimal`` is the
         best local optimum next to all exact rods that hold the object, but for those that take clearly more tension,
         and none of them takes clearly less; or a bound proves it to be the least.
 
     Raises
     ------
     InputError
-        The scene does not make sense, or its file cannot be read.
+        The scene is inconsistent, or its file cannot be read.
     SolverError
-        There is no verified grasp, or an unstable one alone (``status`` unstable) where the scene requires a stable
-        one; ``result`` of the error holds what was found.
+        There is no verified grasp, or only an unstable one (``status`` unstable) where the scene requires a stable
+        one; ``result`` of the error holds the outcome.
     Interrupted
         Ctrl-C was pressed before any grasp was verified. With one, that is the result, and its message
         reports the interruption.

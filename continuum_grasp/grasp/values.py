@@ -81,7 +81,7 @@ class FingerPosture:
     tip_curvature : float
         Above the rest curvature [1/m].
     tensions : ndarray, shape (2,)
-        Of the tendon on the finger's left (-X side), which bends it positively, and of that on its right [N].
+        Tensions of the tendon on the finger's left (-X side), which bends it positively, and on its right [N].
     base : ndarray, shape (3,)
         World x, y [m] and angle [rad].
     backbone : ndarray, shape (K, 4)
@@ -114,7 +114,7 @@ class Contact:
     normal_force : float
         N >= 0 [N].
     friction_force : float
-        f along the normal turned by +90 degrees, on what touches the object [N].
+        f along the normal turned by +90 degrees, on the body that touches the object [N].
     lift : float
         Friction force out of the plane, on the object [N].
     friction_margin : float
@@ -144,7 +144,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Reason:
-    """Why there is no grasp: one limit, or several at once, and what they would have to be.
+    """Why there is no grasp: one limit, or several at once, and the values that would allow one.
 
     Attributes
     ----------
@@ -153,11 +153,11 @@ class Reason:
         The YAML key to change.
     unit : str
     limit, needed : float
-        The limit as given, and as it would have to be.
+        The limit as given, and the value needed.
     text : str
         The same as a sentence.
     repair : str
-        What to do about it.
+        The remedy.
     also : tuple of Reason
         Other limits that must be changed with it; ``text`` and ``repair`` are then about all of them.
     stable : bool

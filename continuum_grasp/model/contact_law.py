@@ -33,7 +33,9 @@ _DISPLACEMENTS = 1800.0
 
 @dataclass(frozen=True)
 class TouchLaw:
-    """Forces of surfaces that touch, by a contact law; what the law leaves open has the scale of a finger's rod."""
+    """Forces of surfaces that touch, by a contact law; parameters that the law omits have the scale of a finger's
+    rod.
+    """
 
     law: ContactLaw
     rod: Rod

@@ -202,7 +202,7 @@ class Family(ABC):
 
     @abstractmethod
     def work(self, element: int, lengths: Sequence[Scalar], moment: Curve | None = None) -> list[Scalar]:
-        """Integral over an element of a bending moment times the curvature shapes; one where not given.
+        """Integral over an element of a bending moment times the curvature shapes; the moment is one by default.
 
         Without a moment it is the derivative of the element's bending angle.
         """

@@ -260,7 +260,7 @@ class FingerModel(Model):
     def acting_input(self, x: Any, u: Any, p: Any = None) -> Any:
         """Inputs that act on shapes, of states and commands as columns, numbers or expressions.
 
-        Those that lag are states, which stand in for what u commands. Parameters ``p`` are nominal where not given.
+        Lagging inputs are states, which stand in for the commands in u. Parameters ``p`` are nominal where not given.
         """
         acting, made = copy(u), self.structure
         for source, place in made.lagging:
@@ -344,9 +344,9 @@ class FingerModel(Model):
         return places
 
     def sliding(self) -> ca.Function:
-        """``(q, u, p) -> slid``: what moves friction states, since the finger was straight [1].
+        """``(q, u, p) -> slid``: the sliding that moves friction states, since the finger was straight [1].
 
-        An entry per state: how far tendons have slid, per presliding, positive towards the base for those on the -X
+        An entry per state: how far tendons have slid, per presliding, positive towards the base on the -X
         side; of dry friction in bending the curvature above rest, per that at which the branch slides.
         """
         return self._sliding

@@ -123,7 +123,7 @@ class Model(Remade, Summarized):
     def rates_sprung_back(self, x: Array, u: Array, p: Array) -> Array:
         """Rates (n,) at which a finger springs back from the shape of a state, against inertia and quadratic damping.
 
-        They are those at which the work of the stiffness has gone into both. Zero without such damping: nothing else
+        At these rates the work of the stiffness has gone into both. Zero without such damping: nothing else
         that is fast about a finger depends on its rates.
         """
         n, state = self.n, np.asarray(x, dtype=float)

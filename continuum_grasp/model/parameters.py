@@ -161,7 +161,7 @@ class Parameters:
 
 
 class ModelOptions(TypedDict, total=False):
-    """Keywords of ``FingerModel`` and ``System``, described there; None is as good as absent."""
+    """Keywords of ``FingerModel`` and ``System``, described there; None counts as absent."""
 
     contacts: Sequence[float] | None
     gravity: Sequence[float] | None

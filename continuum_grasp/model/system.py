@@ -35,7 +35,7 @@ _OF_OBJECTS = (
 
 
 class System(Model):
-    """A finger, and where there is one the object that it touches, as one system xd = f(x, u, w, p).
+    """A finger and, if any, the object that it touches, as one system xd = f(x, u, w, p).
 
     All functions are SX functions of the whole state with named inputs and outputs; inputs that a system does not need
     are empty. Unlike functions of ``FingerModel``, they take the tip moment that acts, which is in x where the tendons
@@ -49,7 +49,7 @@ class System(Model):
     surroundings : Surroundings, optional
         Object, supports and contact law; by default the scene's.
     object_parameters : sequence of str, optional
-        What of the object stays a run-time argument, after the finger's in ``p``: ``object_mass`` [kg] of one that
+        Object parameters that stay run-time arguments, after the finger's in ``p``: ``object_mass`` [kg] of one that
         moves, ``friction_factor`` [1] of all its friction coefficients, ``object_x`` and ``object_y`` [m] of one that
         is fixed; ``contact_friction_1`` and so on, ``contact_friction_tip``: friction at a station as a share of its
         limit [1], as of ``touch``, which then follows no law.
@@ -64,7 +64,7 @@ class System(Model):
     p_nominal : list of float
         Nominal values of ``p``.
     touch_names : list of str
-        What may touch the object: ``finger.1`` and so on at the stations ``contacts``, ``finger.tip``, then the
+        Contacts that may occur: ``finger.1`` and so on at the stations ``contacts``, ``finger.tip``, then the
         supports by name (``<support>.1`` and so on per corner of a polygon, ``<edge>.start`` and ``<edge>.end``), then
         ``table``.
 
@@ -203,13 +203,13 @@ class System(Model):
         Parameters
         ----------
         q, qd : (n,) array_like, optional
-            Bending coordinates and their rates; zero where not given.
+            Bending coordinates and their rates; by default zero.
         u : (nu,) array_like, optional
-            Input that the drives have reached; zero where not given.
+            Input that the drives have reached; by default zero.
         pose : array_like, optional
             Pose of a moving object: x, y [m], angle [rad] (and z [m]); where it is in its surroundings if not given.
         friction : array_like, optional
-            Friction states of the tendons, one per cell; zero where not given.
+            Friction states of the tendons, one per cell; by default zero.
         pulled : float, optional
             Winches are not where u leaves them, but where (the first of) their tendons have this tension [N].
 

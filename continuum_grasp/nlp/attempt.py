@@ -165,7 +165,7 @@ class Start:
         return Approach(self.option_set, self.barrier, self.multipliers is not None)
 
     def stalling(self) -> Stalling | None:
-        """A rule that says of a run from here whether it stalls; None where it never does."""
+        """A rule that decides whether a run from here stalls; None where it never does."""
         if self.patience is None and self.standstill is None:
             return None
         return Stalling(self.patience, self.standstill)
@@ -236,7 +236,7 @@ class Attempt:
 
 @dataclass
 class Budget:
-    """Iterations that are left, shared by all solver runs of a search.
+    """Iterations left, shared by all solver runs of a search.
 
     Attributes
     ----------
@@ -245,7 +245,7 @@ class Budget:
     until : float
         ``time.monotonic()`` of the emergency stop [s].
     stopped : bool
-        Whether the emergency stop cut something short.
+        Whether the emergency stop cut a run short.
     listener : callable, optional
         Takes a line of text about the search now and then.
 
@@ -270,13 +270,13 @@ class Budget:
         return cls(options.max_total_iterations, time.monotonic() + options.time_limit, listener=listener)
 
     def tell(self, text: str) -> None:
-        """Say how the search stands to whoever listens."""
+        """Report the state of the search to the listener."""
         if self.listener is not None:
             self.listener(text)
 
     @contextmanager
     def share(self, iterations: int | None) -> Iterator[Budget]:
-        """Spend at most so many iterations (all that are left by default) on what runs in the block."""
+        """Spend at most so many iterations (by default all that are left) on the runs in the block."""
         granted = min(iterations or self.left, self.left)
         # The callback that counts also sees the start, before the first iteration.
         part = Budget(granted + 1, self.until)

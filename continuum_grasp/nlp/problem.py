@@ -30,7 +30,7 @@ class NLP:
     x, f, g, p : casadi.SX or casadi.MX
         Unknowns (n), objective, constraints (m) and parameters (np; none by default) as symbols and expressions.
     derivatives : mapping of str to casadi.Function
-        Those that are assembled by hand, in the form of CasADi; the others are found by automatic differentiation:
+        Derivatives assembled by hand, in the form of CasADi; the others come from automatic differentiation:
         ``grad_f`` (x, p) -> f, gradient; ``jac_g`` (x, p) -> g, Jacobian; ``hess_lag`` (x, p, lam_f, lam_g) -> upper
         triangle of the Hessian of lam_f f + lam_g' g, or what stands for it; ``slope`` as the attribute.
     semidefinite : bool
@@ -142,7 +142,7 @@ def _scale(slopes: Any) -> Any:
 
 @dataclass(frozen=True)
 class Violation:
-    """By how much a constraint is violated.
+    """Amount by which a constraint is violated.
 
     Attributes
     ----------
@@ -182,7 +182,7 @@ class Block:
     Attributes
     ----------
     name : str
-        What must hold, in words.
+        The condition, in words.
     key : str
         The YAML key that sets them.
     unit : str

@@ -81,7 +81,7 @@ class Settings:
 
 
 class Solver(ABC):
-    """Solves problems from starts; what it builds for a problem, it keeps.
+    """Solves problems from starts; it retains everything that it builds for a problem.
 
     Parameters
     ----------
@@ -107,7 +107,9 @@ class Solver(ABC):
         """
 
     def prepare(self, problem: NLP) -> None:
-        """Build what starts with and without multipliers need, which otherwise counts as time of the first run."""
+        """Build the functions for starts with and without multipliers; otherwise this counts as time of the first
+        run.
+        """
         for warm in (False, True):
             self._function(problem, Approach(warm=warm))
 

@@ -244,7 +244,7 @@ def plot_modes(
 ) -> list[Axes]:
     """Draw each mode shape at plus and minus an amplitude about the equilibrium, in axes of its own.
 
-    ``count`` modes from the lowest, as many as there are axes where not given, at most six in a new figure; the
+    ``count`` modes from the lowest, by default as many as there are axes, at most six in a new figure; the
     greatest displacement is ``amplitude`` lengths of the finger.
     """
     present = len(modes.frequencies_hz)

@@ -29,7 +29,7 @@ _ARROW = 0.12
 def plot_scene(scene: Value, *, ax: Axes | None = None) -> Axes:
     """Draw a scene of any kind, or a finger alone, before anything is solved.
 
-    Fingers are drawn unloaded, at their bases; dots along them are contacts that are asked for, or left free. The
+    Fingers are drawn unloaded, at their bases; dots along them are contacts, required or optional. The
     object is drawn where it starts, dashed frames are ranges in which positions are chosen, and an arrow above the
     picture, or a cross in a circle for one into the plane, is gravity.
 

@@ -131,12 +131,12 @@ _POINTS = 8.0
 def save_picture(
     drawn: Any | Sequence[Any], path: str | os.PathLike[str], *, dpi: float = _DPI, style: str = "screen"
 ) -> Path:
-    """Save the figure of what a plot returned.
+    """Save the figure of a plot's result.
 
     Parameters
     ----------
     drawn : matplotlib.axes.Axes, sequence of them, or matplotlib.figure.Figure
-        What a plot returned.
+        The result of a plot.
     path : path-like
         File; its suffix is the format (png, pdf, svg). It is replaced whole.
     dpi : float

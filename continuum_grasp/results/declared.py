@@ -23,7 +23,7 @@ class Stored:
         SI unit; ``""`` where entries differ, and then their names carry it, ``"text"`` for words.
     meaning : str
     source : str
-        The attribute of the result that it is, ``name`` where not given; dots lead into attributes. An array whose
+        The attribute of the result, by default ``name``; dots lead into attributes. An array whose
         source is None is not stored.
 
     The docstring of a result lists its stored arrays.
@@ -102,9 +102,9 @@ class File:
         In the run folder.
     maker : str
         ``"module:function"``, which is given the result and returns the text. It is a name
-        because results lie below what describes and draws them, and matplotlib is loaded late.
+        because results lie below the packages that describe and draw them, and matplotlib is loaded late.
     needs : str
-        Attribute of the result without which, or where it is empty, there is no such file; none where not given.
+        Attribute of the result without which, or where it is empty, there is no such file; by default none.
     """
 
     name: str
@@ -116,7 +116,7 @@ class File:
 class Picture(File):
     """A picture of a result, asked for by its name; the file is ``name.png``.
 
-    Its maker is given the result and, by name, ``ax`` and what else it takes; it returns axes, a list of them if it has
+    Its maker takes the result and, by name, ``ax`` and further options; it returns axes, a list of them if it has
     panels.
 
     Attributes

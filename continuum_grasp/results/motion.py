@@ -19,8 +19,8 @@ class MotionResult(Result):
     Attributes
     ----------
     frames : str
-        What draws its animation, as `File.maker`: given the result, the indices of the instants and the width [pixels],
-        it yields frames.
+        The function that draws its animation, as `File.maker`: given the result, the indices of the instants and the
+        width [pixels], it yields frames.
     fps : float
         Frames per second where none are asked for.
     """
@@ -58,10 +58,10 @@ class MotionResult(Result):
         return []
 
     def show(self) -> Any:
-        """Show the run as a page that plays it back, and goes on by its own computation from where one takes over.
+        """Show the run as a page that plays it back; you can take over, and the page computes on from there.
 
         Drag the object, the target or the finger, or move a slider, to take over: from the state of that instant the
-        page computes what follows, with the plant, the estimator and the controller of the scene as WebAssembly.
+        page computes the rest, with the plant, the estimator and the controller of the scene as WebAssembly.
 
         Returns
         -------

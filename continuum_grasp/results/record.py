@@ -136,7 +136,7 @@ def _write(folder: Path, record: dict[str, Any]) -> None:
 def swapped(target: Path, mark: str | None = None) -> Iterator[Path]:
     """A temporary name in the folder of a file, which gets the file's name where nothing is raised, and else goes.
 
-    ``mark`` is a part of that name, by which others know whose it is; of this process, and its own, where not given.
+    ``mark`` is a part of that name, by which others know whose it is; by default its own, by this process.
     """
     own = f"{os.getpid()}-{secrets.token_hex(6)}-" if mark is None else mark
     # In the same folder, since a rename is atomic within one file system only.

@@ -27,8 +27,8 @@ Style = Literal["screen", "paper"]
 class Result(Summarized):
     """A result: a frozen dataclass that says which of its attributes are stored, and which files and pictures it has.
 
-    Subclasses have ``scene``, ``status``, ``warnings`` and ``statistics``, as fields or properties. ``repr`` and what a
-    notebook shows are short: `headline`, `pairs`, and in a notebook the first picture.
+    Subclasses have ``scene``, ``status``, ``warnings`` and ``statistics``, as fields or properties. ``repr`` and the
+    view in a notebook are short: `headline`, `pairs`, and in a notebook the first picture.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Result(Summarized):
         The command that computes such results, as recorded in the run folder.
     stored : tuple of Stored
     dimensions : tuple of Dimension
-        What stored arrays extend along.
+        Dimensions that stored arrays extend along.
     texts : tuple of File
         Written by `save`, beside ``result.npz`` and ``meta.json``.
     pictures : tuple of Picture
@@ -44,7 +44,7 @@ class Result(Summarized):
     on_request : tuple of Picture
         Drawn by `plot` alone, since they need options.
     pages : tuple of File
-        Texts with pictures in them, written by `save_pictures`; their makers are given what was drawn, by picture, as
+        Texts with pictures in them, written by `save_pictures`; their makers take the drawn axes, by picture, as
         ``pictures``.
     page : str
         Kind of page that ``show`` gives: ``motion``, ``loop`` or ``hand``; empty where there is none.
@@ -187,9 +187,10 @@ class Result(Summarized):
             Where to draw, of a picture with panels some of them; axes in a new figure, unknown to pyplot, where not
             given.
         picture : str, optional
-            Its name, of `drawable`; the main one where not given.
+            Its name, of `drawable`; by default the main one.
         **options
-            What else the function that draws it takes, as ``times`` of snapshots; the error of a wrong one lists them.
+            Further options of the function that draws it, as ``times`` of snapshots; the error of a wrong one lists
+            them.
 
         Returns
         -------
@@ -312,7 +313,7 @@ class Result(Summarized):
         Parameters
         ----------
         dimension : str, optional
-            Name of a dimension; the first one of the first array where not given.
+            Name of a dimension; by default the first one of the first array.
 
         Returns
         -------

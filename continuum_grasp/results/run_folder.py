@@ -35,9 +35,9 @@ class Run(Summarized):
     folder : pathlib.Path
         Where it lies.
     arrays : dict of str to numpy.ndarray
-        What was computed, by name.
+        Results, by name.
     meta : dict
-        How it was computed: see `write_run`.
+        Origin of the results: see `write_run`.
     """
 
     folder: Path
@@ -59,12 +59,12 @@ class Run(Summarized):
 
     @staticmethod
     def pack(arrays: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -> bytes:
-        """The content of ``result.npz`` alone, for who writes many runs elsewhere, by `write_packed`."""
+        """The content of ``result.npz`` alone, to write many runs elsewhere by `write_packed`."""
         return _packed(arrays, json.dumps(_complete(meta or {}), separators=(",", ":"), allow_nan=False))
 
     @staticmethod
     def write_packed(folder: Path, content: bytes) -> None:
-        """Write what `pack` gave into a folder, without a record of its files; `read_run` reads it."""
+        """Write the bytes of `pack` into a folder, without a record of its files; `read_run` reads it."""
         target = folder / RESULT
         with naming(target):
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -87,10 +87,10 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
     folder : path-like
         Folder of the run; made where missing.
     arrays : mapping of str to array_like
-        What was computed. Numbers, booleans and strings of fixed length; no Python objects, nothing is
+        Results: numbers, booleans and strings of fixed length; no Python objects, nothing is
         pickled.
     meta : mapping, optional
-        How it was computed. Keys used by the package: ``kind`` (command that computes such runs), ``config``
+        Origin of the results. Keys used by the package: ``kind`` (command that computes such runs), ``config``
         (resolved configuration), ``seed``,
         ``status``, ``statistics``, ``warnings``; others are stored as given. Added here: ``format_version``,
         ``config_sha256`` (of the plain form of ``config``), ``versions``, ``platform``, ``created`` (UTC).

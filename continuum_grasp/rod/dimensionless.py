@@ -99,8 +99,8 @@ class RodProblem:
     ) -> RodProblem:
         """The problem in dimensionless numbers, of SI ones; weights of the finger's bodies are added.
 
-        ``base`` is the world position [m] and angle [rad] of the clamp, the finger's where not given; ``tensions`` [N]
-        belong to the finger's tendons and ``pressures`` [Pa] to its chambers, zero where not given, or ``wound`` is
+        ``base`` is the world position [m] and angle [rad] of the clamp, by default the finger's; ``tensions`` [N]
+        belong to the finger's tendons and ``pressures`` [Pa] to its chambers, by default zero, or ``wound`` is
         cable that is wound up [m]; with ``released`` tendons with friction slid back from further bends; ``marks`` are
         further places [m] at which panels are to end.
         """

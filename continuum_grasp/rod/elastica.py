@@ -41,7 +41,7 @@ class Elastica:
     ----------
     energy : float
         Elastic energy above the rest shape, less the work of weight, dead forces and couples (forces: from the world's
-        origin; couples and actuation: from the straight rod) [J]; what following forces or tendon friction do has no
+        origin; couples and actuation: from the straight rod) [J]; work of following forces or tendon friction has no
         potential and is not included.
     elastic_energy : float
         Elastic energy above the rest shape [J].

@@ -27,7 +27,7 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
     about : Elastica
         Equilibrium of that finger.
     count : int
-        How many frequencies.
+        Number of frequencies.
 
     Returns
     -------

@@ -162,7 +162,7 @@ class CommandedScene(FingerScene, Surroundings):
     initial: Annotated[Initial, begins("rest")] = Initial(pose="rest")
     """State at time zero."""
     reference: Reference = Reference()
-    """Setpoints of what the cost tracks."""
+    """Setpoints of the quantities that the cost tracks."""
 
     @property
     def limits(self) -> InputLimits:

@@ -91,12 +91,12 @@ class Cost(Value):
             raise ValueError("give effort or input_rate a weight greater than 0: without either inputs are not unique")
 
     def weights(self, term: str) -> tuple[float, float | None]:
-        """Running and terminal weight of a term; None: of what the end of the horizon does not have."""
+        """Running and terminal weight of a term; None: the end of the horizon lacks the term."""
         weight: Weight | float = getattr(self, term)
         return (weight.running, weight.terminal) if isinstance(weight, Weight) else (weight, None)
 
     def tracked_contacts(self, term: str, names: tuple[str, ...]) -> tuple[str, ...]:
-        """Names of the contacts that ``contact_force`` or ``gap`` tracks, among those there are."""
+        """Names of the contacts that ``contact_force`` or ``gap`` tracks, among the existing ones."""
         weight: ForceWeight | None = getattr(self, term)
         return () if weight is None else weight.of or names
 
@@ -148,12 +148,12 @@ AngleRow = Annotated[Row, BeforeValidator(_row, json_schema_input_type=float | R
 
 
 class Reference(Value):
-    """Setpoints of what the cost tracks."""
+    """Setpoints of the quantities that the cost tracks."""
 
     tip: Annotated[Vector2 | RowSamples | CircleReference, Unit("m")] | None = None
     """World position of the tip [m]."""
     bending: Annotated[Rows, Unit("rad")] | None = None
-    """Bending angle of each element of the controller's model [rad]; zero where not given."""
+    """Bending angle of each element of the controller's model [rad]; by default zero."""
     shape: Annotated[Rows, Unit("m")] | None = None
     """World positions x, y [m] of the sections of ``cost.shape.at``, one after the other."""
     tip_angle: Annotated[AngleRow | RowSamples, Unit("rad")] | None = None

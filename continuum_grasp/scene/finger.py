@@ -435,7 +435,7 @@ class Finger(Value):
     def check_family(self, key: str, family: str, runtime: str = "") -> None:
         """Refuse a curvature family, stated at ``key``, that cannot bend as the finger does.
 
-        ``runtime`` says what else it cannot carry, of what a model has as run-time arguments.
+        ``runtime`` names run-time arguments of a model that the family cannot carry.
         """
         if FAMILIES[family].matches_tip and (runtime or self.free_tip_reasons):
             free = " or ".join(name for name in reversed(FAMILIES) if not FAMILIES[name].matches_tip)

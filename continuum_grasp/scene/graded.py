@@ -42,7 +42,7 @@ class PiecewiseCurvature(Value):
 
 
 class RodFactors(Value):
-    """Factors on what a graded rod is given by: those that are identified, or by which another rod differs."""
+    """Factors on the numbers of a graded rod: identified ones, or the differences of another rod."""
 
     bending_stiffness: Annotated[Positive, Unit("1")] = 1.0
     """On the bending stiffness [1]."""
@@ -117,7 +117,7 @@ class RodSection(Section):
     to: Length
     """End of the section [m]; the last section ends at the rod's length."""
     rest_curvature: Varying[Curvature] | None = None
-    """Curvature of the unloaded section [1/m], positive towards -X; none where not given."""
+    """Curvature of the unloaded section [1/m], positive towards -X; by default none."""
 
     def _check(self) -> None:
         self.check_shape()
@@ -137,7 +137,7 @@ class RodSamples(Value):
     linear_density: ListOf[LinearDensity]
     """Mass per length rho A at each [kg/m]."""
     rotary_inertia: ListOf[RotaryInertia] | None = None
-    """Rotary inertia per length rho I at each [kg m]; none where not given."""
+    """Rotary inertia per length rho I at each [kg m]; by default none."""
     rest_curvature: ListOf[Curvature] | None = None
     """Curvature of the unloaded rod at each [1/m], positive towards -X."""
     thickness: ListOf[Extent] | None = None
@@ -173,7 +173,7 @@ class SpiRob(Value):
     core: Annotated[float, Field(ge=1e-3, le=1.0, examples=[0.12, "12 %"]), Unit("1")]
     """Thickness of the elastic layer per thickness [1]."""
     width: Varying[Extent] | None = None
-    """Width across the plane of bending [m]; as the thickness where not given."""
+    """Width across the plane of bending [m]; by default as the thickness."""
 
     def _check(self) -> None:
         self._check_below("tip_thickness", "base_thickness")

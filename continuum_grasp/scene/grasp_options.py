@@ -130,7 +130,7 @@ Aim = Literal["least_tension", "least_normal_force", "greatest_disturbance", "gr
 
 
 class ObjectiveWeights(Value):
-    """A weighted sum; every term is divided by what it could be at most, so that the weights compare."""
+    """A weighted sum; every term is divided by its greatest possible value, so that the weights compare."""
 
     least_tension: Ratio = 0.0
     """Weight of the sum of all tensions, per sum of the greatest tensions [1]."""

@@ -91,7 +91,7 @@ class ObjectLoad(Value):
 
 
 class Actuation(Value):
-    """The input of the finger: the tip moment, or what the drives of its tendons and its chambers take."""
+    """The input of the finger: the tip moment, or the inputs of its tendons' drives and its chambers."""
 
     tip_moment: Annotated[Real | Samples, Unit("N m")] | None = None
     """Tip moment [N m], for a finger without tendons and chambers."""

@@ -94,7 +94,7 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
     Raises
     ------
     InputError
-        With file, line, column and key of everything that is wrong.
+        With file, line, column and key of every fault.
 
     Examples
     --------

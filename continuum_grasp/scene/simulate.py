@@ -73,7 +73,7 @@ _SEVERAL_MODELS = Consumer("accuracy, fidelity.tolerance", {**_BEYOND_THE_ROD, "
 
 
 class Scene(LoadedFinger, Surroundings):
-    """One finger with gravity, contacts, loads and, for a simulation, what it can touch, initial state and time."""
+    """One finger with gravity, contacts, loads and, for a simulation, surroundings, initial state and time."""
 
     REFUSALS = Consumer.refusals(
         """
@@ -100,7 +100,7 @@ class Scene(LoadedFinger, Surroundings):
             self.check_for_several_models()
 
     def check_for_exact_rod(self) -> None:
-        """Refuse keys that the exact rod does not know."""
+        """Refuse keys that the exact rod does not support."""
         _EXACT_ROD.check(self)
 
     def check_for_several_models(self) -> None:

@@ -155,7 +155,7 @@ class VGroove(_Support):
     """World angle of the direction in which it opens [rad]."""
 
     def walls(self, name: str) -> tuple[Wall, ...]:
-        """The wall on the left and that on the right of the axis, seen from the apex."""
+        """The walls on the left and on the right of the axis, seen from the apex."""
         # Each wall's normal is a right angle from the wall, into the opening.
         half = 0.5 * self.opening_angle
         left, right = self.axis_angle + half - 0.5 * math.pi, self.axis_angle - half + 0.5 * math.pi

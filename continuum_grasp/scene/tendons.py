@@ -148,7 +148,7 @@ class Tendon(_Tensions):
         return (last - first) / self.end(length)
 
     def shape(self, length: float) -> Curve:
-        """Offset along a finger of a length [m], per that at the base; zero beyond the tendon's end."""
+        """Offset along a finger of a length [m], per offset at the base; zero beyond the tendon's end."""
         from continuum_grasp.scene.profile import Curve
 
         (first, last), to = ends(self.offset), self.end(length)
@@ -274,7 +274,7 @@ class Chamber(Value):
         return self.along(length, 1.0, 0.0)
 
     def channel(self, length: float, entry: int, inputs: int) -> Channel:
-        """By what its pressure, which is an entry of as many inputs, bends a finger of a length [m]."""
+        """The channel by which its pressure, one of so many inputs, bends a finger of a length [m]."""
         from continuum_grasp.scene.profile import Channel
 
         arms = tuple(float(k == entry) for k in range(inputs))

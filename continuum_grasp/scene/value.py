@@ -140,12 +140,12 @@ class Value(BaseModel):
         Returns
         -------
         same class
-            Validated as if it were made anew; what was left to its default stays so.
+            Validated as if it were made anew; defaults stay defaults.
 
         Raises
         ------
         InputError
-            With the key of everything that is wrong: unknown keys, wrong values, values that do not fit together.
+            With the key of every fault: unknown keys, wrong values, values that do not fit together.
 
         Examples
         --------
@@ -177,7 +177,7 @@ class Value(BaseModel):
         return reduce(child, undotted(path) if isinstance(path, str) else path, self)
 
     def stated(self, *without: str) -> dict[str, Any]:
-        """Return the fields that differ from their defaults, what a user would write, ``without`` some."""
+        """Return the fields that differ from their defaults, as a user would write them, ``without`` some."""
         fields = ((name, field) for name, field in type(self).model_fields.items() if name not in without)
         defaults = {name: field.get_default(call_default_factory=True, validated_data={}) for name, field in fields}
         return {name: getattr(self, name) for name, default in defaults.items() if getattr(self, name) != default}

@@ -21,7 +21,7 @@ def least_pull(tendon: Tendon) -> float:
 
 @dataclass(frozen=True)
 class SlackTime:
-    """A time in which a tendon is slack: nothing pulls there, and its friction forgets what was before.
+    """A time in which a tendon is slack: it does not pull, and its friction forgets its past.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ def slack_times(finger: Finger, t: ArrayLike, tensions: ArrayLike) -> list[Slack
 
 @dataclass(frozen=True)
 class TensionLimit:
-    """A tendon that an equilibrium leaves slack, or pulls harder than it may be pulled.
+    """A tendon that an equilibrium leaves slack, or pulls beyond its limit.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class TensionLimit:
     tendon : int
         Which one, from 1.
     tension, limit : float
-        At the drive, and what it may be [N]: at least, of one that is slack.
+        Tension at the drive, and its limit [N]: the least one of a slack tendon.
     """
 
     kind: Literal["slack", "max_tension"]

@@ -33,11 +33,11 @@ class Equilibrium(RestingShape, Result):
     residual : float
         Largest missing generalized force, relative to the largest of those that balance.
     history : (states + 1,) ndarray
-        Friction that it has, as functions of the model take it; empty without friction.
+        Its friction, as functions of the model take it; empty without friction.
     warnings : tuple of str
         Elements that are bent beyond their declared range or the strain limit; a buckling load that is near; `limits`.
     limits : tuple of TensionLimit
-        Tendons that are pulled harder than their ``max_tension``, and those that winches and motors leave slack.
+        Tendons pulled harder than their ``max_tension``, and tendons that winches and motors leave slack.
     """
 
     kind: ClassVar[str] = "equilibrium"

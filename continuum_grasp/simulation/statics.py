@@ -103,9 +103,9 @@ def equilibrium_under(
         Side to which it is left.
     reached_by : {"pulling", "releasing", "state"}
         How a finger with friction came to this shape: from straight, where tendons slid and dry friction was bent all
-        the way; from where it was bent further, with all that sliding back; or with ``friction_states``.
+        the way; from a further bend, with all of them sliding back; or with ``friction_states``.
     friction_states : array_like, optional
-        Which way friction acts, per cell, from -1 to 1, for ``state``.
+        Direction of friction, per cell, from -1 to 1, for ``state``.
 
     Examples
     --------

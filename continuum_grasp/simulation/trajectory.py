@@ -260,7 +260,7 @@ class Trajectory(MotionResult):
         return text if math.isnan(self.static_error) else f"{text} in motion, at rest {at_rest}"
 
     def details(self) -> dict[str, Any]:
-        """Errors of the steps in time and of the elements, and what the columns are."""
+        """Errors of the steps in time and of the elements, and the names of the columns."""
         return {
             "time_error": self.time_error,
             "space_error": self.space_error,

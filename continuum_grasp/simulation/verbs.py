@@ -40,9 +40,9 @@ def simulate(
     Trajectory
         T instants ``t`` (T,) [s], states ``x`` (T, nx), inputs ``u`` (T, nu), forces ``w`` (T, nw), tip positions
         ``tip`` (T, 2) [m] and energies ``kinetic`` and ``potential`` (T,) [J]; SI units, world frame. ``x_names``,
-        ``u_names`` and ``w_names`` have the unit of each entry, ``time_error`` estimates what the steps in time leave,
-        ``space_error`` what the elements leave (``time.space_error``, ``fidelity.tolerance``), ``static_error`` what
-        they leave at rest under the first and the last inputs where that is not asked for, ``warnings`` names elements
+        ``u_names`` and ``w_names`` have the unit of each entry, ``time_error`` estimates the error of the steps in
+        time, ``space_error`` the error of the elements (``time.space_error``, ``fidelity.tolerance``),
+        ``static_error`` their error at rest under the first and the last inputs otherwise, ``warnings`` names elements
         beyond their bending range or strain limit, and overlaps with the object between stations.
 
     Raises
@@ -96,7 +96,7 @@ def equilibrium(
     extra_loads : sequence of ForceLoad or MomentLoad
         Constant loads besides the scene's.
     guess : (n,) array_like, optional
-        Bending coordinates to start from, angles [rad] or nodal curvatures [1/m]; the unloaded shape where not given.
+        Bending coordinates to start from, angles [rad] or nodal curvatures [1/m]; by default the unloaded shape.
     stable : bool
         Whether to leave an unstable equilibrium. Where there is no stable one beside it (flutter under a following
         load), the result has ``stable=False``.
@@ -109,7 +109,7 @@ def equilibrium(
     -------
     Equilibrium
         Bending coordinates ``q`` (n,), ``tip`` (2,) [m] in the world, ``stable``, ``margin`` [rad2/s2], ``residual``,
-        and ``space_error`` [1], which estimates what the elements leave, per length.
+        and ``space_error`` [1], the estimated error by the elements, per length.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     scene : Scene or path-like
         The scene, or its YAML file. With ``fidelity.tolerance`` the cheapest model that satisfies it is found first.
     about : Equilibrium, optional
-        Equilibrium to linearize about; found where not given.
+        Equilibrium to linearize about; by default it is found first.
     points : int
         Number of points of the shapes.
 
@@ -146,8 +146,8 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     -------
     Modes
         ``frequencies_hz`` (m,) [Hz], ``damping_ratios`` (m,) [1], ``shapes`` (m, points, 2) [1] and the equilibrium's
-        ``backbone`` (points, 2) [m]; ``space_error`` (m,) estimates what the elements leave in the frequencies,
-        relative [1]; as many as there are bending coordinates. Under following loads or tendon friction
+        ``backbone`` (points, 2) [m]; ``space_error`` (m,) estimates the error of the frequencies by the
+        elements, relative [1]; as many as there are bending coordinates. Under following loads or tendon friction
         the stiffness is not symmetric; modes that flutter then come as two of one frequency, and ``stable`` is false.
 
     Raises

@@ -36,7 +36,7 @@ class Modes(Result):
     nothing slides or relaxes: branches of dry friction and relaxation add their stiffness, and a tendon in tension with
     friction and a winch elongates locally with the bend and adds E A e^2. A motion is between these two; larger ones
     slide.
-    Where motors turn, ``free_frequencies_hz`` are those with the motors free under their command, their inertia among
+    Where motors turn, ``free_frequencies_hz`` hold with the motors free under their command, their inertia among
     the modes, without their dry friction.
 
     Attributes

@@ -141,9 +141,9 @@ def export_mjcf(
         The scene, or its YAML file; of a hand also its grasp, or the folder of one: without, it is found first. The
         ``fidelity`` of a scene matters to an initial pose that is not straight, and to damping per arc.
     file : path-like, optional
-        Where to. Where controls vary in time, a table of them is written beside it, with suffix ``.csv``.
+        File to write. Where controls vary in time, a table of them is written beside it, with suffix ``.csv``.
     hinges : int, optional
-        From 1 to 1000; 40, of each finger of a hand 24, where not given.
+        From 1 to 1000; by default 40, in a hand 24 per finger.
 
     Returns
     -------
@@ -152,7 +152,7 @@ def export_mjcf(
     Raises
     ------
     InputError
-        If the scene has what the chain cannot have (tendon friction, a weight out of the plane), or there are too few
+        If the scene has features that a chain lacks (tendon friction, a weight out of the plane), or there are too few
         hinges for the places where the bending moment jumps, or so many that their inertia is none to MuJoCo.
     SolverError
         If no grasp of a hand is found.

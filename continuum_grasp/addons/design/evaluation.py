@@ -80,7 +80,7 @@ class CaseValues:
 
 @dataclass(frozen=True)
 class DesignNumber:
-    """A number that the optimizer deals with: value and derivatives (n + m,), of limits as parts of ``size``."""
+    """A number in the optimization: value and derivatives (n + m,), of limits as parts of ``size``."""
 
     name: str
     case: str

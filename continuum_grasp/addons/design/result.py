@@ -91,7 +91,7 @@ class DesignResult(Result):
     Attributes
     ----------
     scene : Design
-        What was asked.
+        The scene as given.
     status : Status
     message : str
         One sentence on how it ended.
@@ -100,12 +100,12 @@ class DesignResult(Result):
     worst_cases : tuple of WorstCase
         Combinations of errors of manufacture, the worst first; empty without tolerances.
     switches : tuple of str
-        Where a full search found better grasps than those that were followed.
+        Designs where a full search found better grasps than the ones followed.
     acting : dict of str to int
         Of cases whose grasps must hold for many errors or friction states: how many different sets of these decided
         the grasps of the designs tried.
     grasps, before : dict of str to GraspResult
-        The grasps of the best design, and those at the start, by case.
+        The grasps of the best design, and the grasps at the start, by case.
     statistics : dict
         Designs tried, full searches, runs of the solver.
 
@@ -289,7 +289,7 @@ class DesignResult(Result):
         return tuple(warnings)
 
     def pairs(self) -> dict[str, str]:
-        """Values of the variables, cost before and after, and what limits the design."""
+        """Values of the variables, cost before and after, and limits of the design."""
         if self.best is None:
             return {"message": self.message}
         rows = {}

@@ -33,7 +33,7 @@ _MOST_SYMBOLS = 200
 
 
 class DesignVariable(Value):
-    """A number of the scene that is to be chosen within bounds."""
+    """A number of the scene to choose within bounds."""
 
     min: Annotated[Real, Unit(None), Field(examples=[0.003, "3 mm"])]
     """Least value, in the unit of the key."""

@@ -114,7 +114,7 @@ def export_fmu(
     folder : path-like
         Where to; units ``NAME_plant_fmi2.fmu`` and the like there are replaced, files that no export wrote are not.
     what : sequence of {"plant", "controller"}, optional
-        Of a closed loop; by default all that there is.
+        Units to write of a closed loop; by default all.
     fmi : sequence of {"2", "3"}
         Versions of the standard: 2.0, 3.0.
     name : str, optional
@@ -126,7 +126,7 @@ def export_fmu(
     ranges : mapping, optional
         Least and greatest values of run-time parameters of a simulated scene, by name.
     preview : bool
-        Whether the controller is given setpoints of every stage of its horizon, instead of those that hold over it.
+        Whether the controller takes setpoints for every stage of its horizon, instead of one that holds over it.
     finger : str, optional
         Finger of a mission with several fingers; each has a unit of its own.
     binary : bool

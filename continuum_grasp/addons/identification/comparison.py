@@ -20,7 +20,7 @@ from continuum_grasp.scene import Scene
 
 @dataclass(frozen=True)
 class ComparedChannel:
-    """Prediction errors of one quantity at one place of one set, or of what shares a standard deviation.
+    """Prediction errors of one quantity at one place of one set, or of readings that share a standard deviation.
 
     Attributes
     ----------

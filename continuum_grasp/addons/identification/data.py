@@ -49,13 +49,13 @@ class Reading:
         "decay_rate" [1/s] of the amplitude of a free vibration that is damped.
     values : (R,) array_like
     at : float, optional
-        Position along the finger [m]; the tip where not given.
+        Position along the finger [m]; by default the tip.
     sigma : float, optional
         Standard deviation, where known.
     since : float, optional
-        Position from which a bend counts [m]; the base where not given.
+        Position from which a bend counts [m]; by default the base.
     of : int, optional
-        Number of the tendon, drive or mode, from 1; the first where not given.
+        Number of the tendon, drive or mode, from 1; by default the first.
     offset : float or (R,) array_like
         Distance of a marker from the backbone [m], along the section's X axis: to the right, seen from base to tip.
     """
@@ -124,7 +124,7 @@ class Poses:
         Where it differs from the scene of the identification.
     name : str
     sequence : bool
-        Whether the rows follow one another, so that the friction of each comes from those before it.
+        Whether the rows follow one another, so that the friction of each comes from the rows before it.
     plane : float, optional
         Direction in which the finger bends, about its straight axis [rad], for estimates ``per: plane``.
     signals : sequence of Signal
@@ -161,9 +161,9 @@ class TipPath:
     Attributes
     ----------
     t : (T,) array_like
-        Instants [s], increasing, from that at which the scene's motion starts.
+        Instants [s], increasing, counted from the start of the scene's motion.
     measured : sequence of Reading
-        What was measured, T values each.
+        Readings, T values each.
     start : {"scene", "estimated"}
         How the motion starts: at time zero as ``initial`` of the scene says, or at ``t[0]`` in a shape and rates that
         are estimated with the parameters, from the smoothest ones through the first samples on.

@@ -68,7 +68,7 @@ def files_in(paths: Sequence[Path], sets: Sequence[DataSet]) -> Iterator[Path]:
 
 @check_arguments
 def data_folder() -> Path | None:
-    """The folder that ``CONTINUUM_GRASP_DATA`` names, or ``../shared/data`` beside a checkout; None: there is none.
+    """The folder that ``CONTINUUM_GRASP_DATA`` names, or ``../shared/data`` next to a checkout; None: there is none.
 
     Examples
     --------

@@ -37,22 +37,22 @@ class ExperimentPlan(Result):
     experiment_names : tuple of str
         Poses and segments.
     rehearsal : Trajectory or None
-        The motion that the commands cause, at the values that are known.
+        The motion that the commands cause, at the known values.
     configuration : IdentifyScene or None
         Reads the table of poses, once it is filled in.
     scene : Scene
         With the commands in it, for `simulate`.
     status : {"designed", "not shown"}
-        The latter where an unknown is seen by none of the experiments that are possible.
+        ``not shown``: no possible experiment shows one of the unknowns.
     warnings : tuple of str
-        What these experiments cannot show, and where the motion goes beyond a limit.
+        Unknowns that these experiments cannot show, and limits that the motion exceeds.
     statistics : mapping
     """
 
     kind: ClassVar[str] = "experiments"
     stored: ClassVar[tuple[Stored, ...]] = (
         Stored("t", "(time,)", "s", "instants"),
-        Stored("commands", "(time, command)", "", "what the drives are commanded"),
+        Stored("commands", "(time, command)", "", "commands of the drives"),
         Stored("values", "(unknown,)", "", "unknowns at which the deviations are predicted: as known, or the start"),
         Stored("before", "(unknown,)", "", "standard deviations that they have without these experiments"),
         Stored("deviations", "(unknown,)", "", "standard deviations that they will have"),

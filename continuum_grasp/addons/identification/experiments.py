@@ -56,7 +56,7 @@ def design_experiments(
         Measurements so far: they are fitted first, and give the values at which the rest is designed, and standard
         deviations of readings that are not stated.
     progress : callable, optional
-        Called with the share of that fit that is done, 0 to 1.
+        Called with the share of this fit done so far, 0 to 1.
 
     Returns
     -------

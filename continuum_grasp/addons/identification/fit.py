@@ -29,20 +29,20 @@ class Fit(Predicted):
     freedom : int
         Degrees of freedom of the residuals' scatter; fewer where residuals are correlated in time.
     sets, predictions, drawn, scene
-        As of `Comparison`.
+        As in `Comparison`.
     targets : tuple of (str, float, bool)
-        Per parameter, what of the model it sets, the factor to that, and whether it is added to the scene's value.
+        Per parameter, the model's parameter that it sets, its factor, and whether it adds to the scene's value.
     set_names : tuple of str
-        Name, set and unit of what each set has of its own: parameters that are estimated per set, and estimated starts.
+        Name, set and unit of each set's own unknowns: parameters that are estimated per set, and estimated starts.
     status : {"converged", "implausible"}
         ``implausible``: this finger cannot have the measurements: they lie beyond its length, or the best
         parameters miss them by far. Failures of the search raise ``SolverError``.
     reason : str
         Why the measurements are implausible; empty where they are not.
     causes : tuple of str
-        Slips in the data that were tried and explain them, with the misfit that is left.
+        Slips in the data that explain them, with the remaining misfit.
     laws : tuple of LawTrial
-        Laws that were tried, with their errors of what was fitted and held out; none where there is one alone.
+        Laws that were tried, with their errors of fitted and held-out data; none where there is only one.
     accepted : bool
         Whether estimates may be used although they are implausible.
     warnings : tuple of str
@@ -69,7 +69,7 @@ class Fit(Predicted):
         Stored(
             "sigma", "(measurement,)", "", "standard deviations of the measured numbers, known or from the residuals"
         ),
-        Stored("set_values", "(set_parameter,)", "", "estimates of what each set has of its own"),
+        Stored("set_values", "(set_parameter,)", "", "estimates of each set's own unknowns"),
         Stored("set_deviations", "(set_parameter,)", "", "their standard deviations"),
         *Predicted.stored,
     )
@@ -77,7 +77,7 @@ class Fit(Predicted):
         Dimension("parameter", "estimated parameters", "parameter_names"),
         Dimension("other", "the same", "parameter_names"),
         Dimension("interval", "ends of an interval", ("low", "high")),
-        Dimension("set_parameter", "what each set has of its own", "set_names"),
+        Dimension("set_parameter", "each set's own unknowns", "set_names"),
         *Predicted.dimensions,
     )
     texts: ClassVar[tuple[File, ...]] = (
@@ -132,7 +132,7 @@ class Fit(Predicted):
         return tuple(f"{name} [{unit}]" for name, unit in zip(self.names, self.units, strict=True))
 
     def pairs(self) -> dict[str, str]:
-        """Estimates with their standard deviations, and the errors of what was fitted."""
+        """Estimates with their standard deviations, and the errors of fitted data."""
         errors = [f"{of.name}: {of.rms:.3g} {of.unit} r.m.s. of {of.count}" for of in self.errors]
         return {**dict(list(estimate_texts(self, 6).items())[:5]), "errors": "; ".join(errors)}
 

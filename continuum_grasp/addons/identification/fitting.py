@@ -57,17 +57,17 @@ def identify(
     Parameters
     ----------
     scene : Scene or path-like
-        The scene, or its YAML file; ``estimate`` and ``data`` of an `IdentifyScene` are what to
-        estimate and how to read files.
+        The scene, or its YAML file; ``estimate`` and ``data`` of an `IdentifyScene` name parameters and
+        files.
     data : path-like, Poses, TipPath, or a sequence of these
-        Measurements: CSV files, folders of them, or arrays; where not given, the files that the configuration names,
+        Measurements: CSV files, folders of them, or arrays; by default the files that the configuration names,
         beside it or in the data folder.
     parameters : sequence of Estimate or str, optional
-        What to estimate; the scene's ``estimate`` where not given.
+        Parameters to estimate; by default the scene's ``estimate``.
     accept_implausible : bool
         Whether the estimates may be used although the finger cannot have these measurements.
     progress : callable, optional
-        Called with the share that is done, 0 to 1.
+        Called with the share done so far, 0 to 1.
 
     Returns
     -------
@@ -149,9 +149,9 @@ def compare(
     *,
     progress: Callable[[float], None] | None = None,
 ) -> Comparison:
-    """Simulate what was measured, and compare: shapes at rest, paths, frequencies, forces of drives.
+    """Simulate the measured experiments, and compare: shapes at rest, paths, frequencies, forces of drives.
 
-    Nothing is estimated, but for starts of motions that are read from their first samples.
+    It estimates nothing except starts of motions, from their first samples.
 
     Parameters
     ----------
@@ -159,10 +159,10 @@ def compare(
         The scene, or its YAML file. Where its ``data`` do not say how files are read, their headings do: ``t``, ``x``,
         ``y``, ``angle``, ``at``, ``frequency``, ``mode``, and names of inputs and loads of the model, with units.
     data : path-like, Poses, TipPath, or a sequence of these
-        Measurements: tables, folders of them, or arrays; where not given, the files that the configuration names,
+        Measurements: tables, folders of them, or arrays; by default the files that the configuration names,
         beside it or in the data folder.
     progress : callable, optional
-        Called with the share that is done, 0 to 1.
+        Called with the share done so far, 0 to 1.
 
     Returns
     -------
@@ -171,9 +171,9 @@ def compare(
     Raises
     ------
     InputError
-        If scene and data are wrong, or do not fit together.
+        If scene or data are wrong, or do not fit together.
     SolverError, NumericalError
-        If the scene has no equilibrium or motion under what the data say.
+        If the scene has no equilibrium or motion under the conditions of the data.
 
     Examples
     --------

@@ -45,16 +45,16 @@ def read_data(scene: Scene, paths: Sequence[Path] = (), *, beside: Path | None =
     Parameters
     ----------
     scene : Scene
-        Where it is an `IdentifyScene` with ``data``, these say how files are read.
+        Where it is an `IdentifyScene` with ``data``, these define how files are read.
     paths : sequence of path
-        Files, or folders that hold them; relative ones may lie in the data folder. None: those that the data name.
+        Files, or folders that hold them; relative ones may lie in the data folder. None: the files that the data name.
     beside : path, optional
         Folder in which files that the data name are looked for first.
 
     Raises
     ------
     InputError
-        If a set has no file, a file no set, or something in a file is wrong.
+        If a set has no file, a file no set, or a file has a fault.
 
     Examples
     --------

@@ -38,18 +38,18 @@ class Suspicion(NamedTuple):
 
 @dataclass(frozen=True)
 class Replay(Predicted):
-    """K periods of a log as a controller would have lived them: believed is what it expected to measure.
+    """K periods of a log as a controller would have seen them; its predictions are the expected measurements.
 
     Attributes
     ----------
     frozen : tuple of str
-        Channels that repeat one reading, where ``estimator.frozen`` has that looked for.
+        Channels that repeat one reading, where ``estimator.frozen`` looks for them.
     suspicions : tuple of Suspicion
         Each channel left out, and channels of a sensor swapped, the most likely one first.
     retuned : tuple of Retuned
         Noise of each channel, delay of measurements, lag of the drives.
     health : tuple of str
-        As of `ControlRun`.
+        As in `ControlRun`.
     status : {"consistent", "sensor", "mismatch"}
         Sensors and model agree; or all but one do, named by ``suspects``; or no sensor alone explains it.
     """
@@ -152,20 +152,20 @@ def replay(
     *,
     progress: Callable[[float], None] | None = None,
 ) -> Replay:
-    """Run a log through estimator, supervisor and controller of a scene, as if it happened now.
+    """Run a log through estimator, supervisor and controller of a scene, as if it were live.
 
     Each period takes the last sample of each channel since the period before; a channel that has none is absent. The
-    finger gets the commands of the log, or where that has none those that are replayed.
+    finger gets the commands of the log, or the replayed ones where the log has none.
 
     Parameters
     ----------
     scene : ControlScene or path-like
         The scene, with an estimator, or its YAML file. Setpoints are its own, from the first instant of the log on.
     log : ControlLog or path-like
-        What was measured: a `ControlLog`, or a table with a column ``t``, measurements by their names, and commands by
+        Measurements: a `ControlLog`, or a table with a column ``t``, measurements by their names, and commands by
         the names of inputs behind ``commanded_``; instants may be uneven, cells empty.
     progress : callable, optional
-        Called with the share that is done, 0 to 1.
+        Called with the share done so far, 0 to 1.
 
     Returns
     -------
@@ -174,7 +174,7 @@ def replay(
     Raises
     ------
     InputError
-        If the scene has no estimator, or the log nothing that is measured.
+        If the scene has no estimator, or the log has none of its measurements.
 
     Examples
     --------

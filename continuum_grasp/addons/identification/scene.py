@@ -111,7 +111,7 @@ class RowsEqual(Value):
 
 class _Data(Value):
     name: str | None = None
-    """Name of this set in reports; the file's name where not given."""
+    """Name of this set in reports; by default the file's name."""
     file: str | None = None
     """Name of the file with wildcards, torque_*.csv, with its folder where names are not enough; None: every file that
     is given."""
@@ -191,7 +191,7 @@ class TipTrajectory(_Data):
         ReadingColumn(quantity="x", column="x"),
         ReadingColumn(quantity="y", column="y"),
     )
-    """Columns with what was measured; the path of the tip, in columns x and y, where not given. Instants at which one
+    """Columns with what was measured; by default the path of the tip, in columns x and y. Instants at which one
     of the cells is empty are left out."""
     start: Literal["scene", "estimated"] = "scene"
     """Start of the motion. scene: at time zero as ``initial`` says; estimated: at the first sample, in a shape and
@@ -289,7 +289,7 @@ _FIT = Consumer(
 
 
 class IdentifyScene(Scene):
-    """A scene, the parameters of it that are unknown, and the measurements that are to determine them."""
+    """A scene, its unknown parameters, and the measurements that determine them."""
 
     REFUSALS = (_FIT,)
 

@@ -46,14 +46,14 @@ def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> Da
         Instants, increasing [s].
     signal : (T,) array_like
     name : str
-        What messages call it.
+        Name in messages.
 
     Raises
     ------
     InputError
         If there are too few samples, or they do not fit.
     SolverError
-        If there is no vibration to be found.
+        If the signal has no vibration.
 
     Examples
     --------

@@ -29,7 +29,7 @@ _REPORTED = {
 
 @dataclass(frozen=True)
 class AssignedMission(Summarized):
-    """A mission whose grasp is found, with the tasks of its fingers, before anything moves: what exports take.
+    """A mission with its grasp and the tasks of its fingers, before anything moves: the input of exports.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class AssignedMission(Summarized):
 
     @staticmethod
     def of(given: MissionScene | AssignedMission | MissionRun) -> AssignedMission:
-        """Assigned mission of a run; InputError of a mission whose grasp is not found yet."""
+        """Assigned mission of a run; InputError for a mission without its grasp."""
         if isinstance(given, MissionScene):
             raise InputError(
                 "the grasp of this mission is not optimized yet: pass the result of assign_mission(mission) or "
@@ -91,14 +91,14 @@ class AssignedMission(Summarized):
 @check_arguments
 @interruptible()
 def assign_mission(scene: MissionScene | str | PathLike[str], *, grasp: GraspResult | None = None) -> AssignedMission:
-    """Optimize the grasp of a mission, and say what each of its controllers has to do.
+    """Optimize the grasp of a mission, and assign each of its controllers its task.
 
     Parameters
     ----------
     scene : MissionScene or path-like
         The mission, or its YAML file.
     grasp : GraspResult, optional
-        The grasp, where it has been found already.
+        The grasp, if you have it already.
 
     Returns
     -------
@@ -109,7 +109,7 @@ def assign_mission(scene: MissionScene | str | PathLike[str], *, grasp: GraspRes
     SolverError
         If there is no verified grasp, or its contacts bear too little on the mission's compliant pads.
     InputError
-        If the mission does not make sense.
+        If the mission is inconsistent.
     Interrupted
         On Ctrl-C.
 

@@ -34,13 +34,13 @@ class Shortfall:
     contact : str
         Name on the plant: ``finger.1``, ``finger.tip``, of several fingers with each one's name in place of ``finger``.
     normal_force : float
-        What it bears [N].
+        Force that it bears [N].
     std : float
         Standard deviation of an estimated force [N]; zero where it is computed.
     certified : float
         Normal force of the certified grasp [N].
     needed : float
-        What it has to bear at least: ``phases.lift_share`` of that [N].
+        Least force that it has to bear: ``phases.lift_share`` of it [N].
     """
 
     contact: str
@@ -78,18 +78,18 @@ def shortfalls(
 
 @dataclass(frozen=True)
 class NotLifted:
-    """Why an object was let go without a lift.
+    """Reason for which an object was released without a lift.
 
     Attributes
     ----------
     time : float
-        When that was decided [s].
+        Time of the decision [s].
     shortfalls : tuple of Shortfall
         Contacts that bear too little, by their estimated forces.
     cause : str
-        What keeps the fingers from squeezing harder.
+        Cause that keeps the fingers from squeezing harder.
     known : bool
-        Whether sensors tell what the contacts bear; not where one is silent or contradicts the model.
+        Whether sensors show the contacts' forces; not where one is silent or contradicts the model.
     """
 
     time: float

@@ -28,7 +28,7 @@ from continuum_grasp.scene import scene_of
 
 
 class BeyondCertificate(UserWarning):
-    """A mission asks for more than the certificate of its grasp promises; said before it runs."""
+    """A mission asks for more than the certificate of its grasp promises; raised before it runs."""
 
 
 @dataclass(frozen=True)
@@ -43,13 +43,13 @@ class Exceeded:
         The YAML key to change.
     unit : str
     given : float
-        What the mission asks for; of friction, the coefficient at the contact that lacks most; of sinking, how far the
-        pull lowers the object with the mission's drives and pads.
+        Demand of the mission; of friction, the coefficient at the contact that lacks most; of sinking, how far the pull
+        lowers the object with the mission's drives and pads.
     certified : float
-        What the grasp is certified for; of sinking, the same with drives that keep their position.
+        Value that the grasp is certified for; of sinking, the same with drives that keep their position.
     resisted : float
-        What the grasp's contact forces bear on this plant, all else as it is there; of sinking, how far the object may
-        sink until it counts as dropped.
+        Value that the grasp's contact forces bear on this plant, all else as it is there; of sinking, how far the
+        object may sink until it counts as dropped.
     certain : bool
         Whether the object is dropped for certain: these contact forces cannot carry it, however they share its weight.
     text : str
@@ -80,14 +80,14 @@ def check_mission(
     scene : MissionScene or path-like
         The mission, or its YAML file.
     grasp : GraspResult, optional
-        The grasp, where it has been found already.
+        The grasp, if you have it already.
     variation : Variation, optional
         How the plant differs from the mission's own.
 
     Returns
     -------
     tuple of Exceeded
-        What goes beyond the certificate: mass [kg], friction [1], drive [N], pulls [N or N m]; empty where it covers
+        Demands beyond the certificate: mass [kg], friction [1], drive [N], pulls [N or N m]; empty where it covers
         everything.
 
     Raises
@@ -95,7 +95,7 @@ def check_mission(
     SolverError
         If there is no verified grasp, or its contacts bear too little on the mission's compliant pads.
     InputError
-        If the mission does not make sense.
+        If the mission is inconsistent.
 
     Examples
     --------

@@ -42,7 +42,7 @@ _HEAD = """\
 
 @dataclass(frozen=True)
 class MissionRun(MissionRecord, MotionResult):
-    """A mission that was carried out; the closed loop of each finger is stored in a folder of its name."""
+    """A finished mission; the closed loop of each finger is stored in a folder of its name."""
 
     kind: ClassVar[str] = "mpc"
     stored: ClassVar[tuple[Stored, ...]] = (
@@ -254,7 +254,7 @@ class MissionRun(MissionRecord, MotionResult):
         return tuple(known)
 
     def rows(self) -> list[tuple[str, str, str, str, str]]:
-        """Table of the phases: name, begin, end, what was pulled with, furthest displacement since the lift."""
+        """Table of the phases: name, begin, end, pull, furthest displacement since the lift."""
         t = self.t
         pose = self.object_pose
         lift = self.timetable.span("lift")
@@ -296,7 +296,7 @@ class MissionRun(MissionRecord, MotionResult):
         return {**self.findings(), "variation": asdict(self.variation)}
 
     def findings(self) -> dict[str, Any]:
-        """Verdict with the reason of a drop, what went beyond the certificate, and the phases, as plain data."""
+        """Verdict with the reason of a drop, demands beyond the certificate, and the phases, as plain data."""
         return {
             "verdict": verdict_data(self.verdict),
             "exceeded": [asdict(number) for number in self.exceeded],

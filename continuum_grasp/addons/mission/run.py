@@ -52,11 +52,11 @@ def run_mission(
     scene : MissionScene or path-like
         The mission, or its YAML file.
     grasp : GraspResult, optional
-        The grasp, where it has been found already.
+        The grasp, if you have it already.
     variation : Variation, optional
         How the plant differs from the mission's own.
     progress : callable, optional
-        Called with the share that is done, 0 to 1.
+        Called with the share done so far, 0 to 1.
     times : bool
         Whether to optimize the controllers' code and measure the times of their steps, as in ``run_closed_loop``.
 
@@ -69,7 +69,7 @@ def run_mission(
     SolverError
         If there is no verified grasp, or its contacts bear too little on the mission's compliant pads.
     InputError
-        If the mission does not make sense.
+        If the mission is inconsistent.
     NumericalError
         If the plant's motion does not stay finite; ``result`` is the mission until then.
     Interrupted
@@ -176,11 +176,11 @@ def run_trials(
     scene : MissionScene or path-like
         The mission, or its YAML file.
     grasp : GraspResult, optional
-        The grasp, where it has been found already.
+        The grasp, if you have it already.
     jobs : int, optional
-        Processes; one per core where not given.
+        Processes; by default one per core.
     progress : callable, optional
-        Called with the share that is done, 0 to 1.
+        Called with the share done so far, 0 to 1.
 
     Returns
     -------
@@ -192,9 +192,9 @@ def run_trials(
     SolverError
         If there is no verified grasp, or its contacts bear too little on the mission's compliant pads.
     InputError
-        If the mission does not make sense.
+        If the mission is inconsistent.
     Interrupted
-        On Ctrl-C; ``result`` has those that were done.
+        On Ctrl-C; ``result`` has the plants done so far.
 
     Examples
     --------

@@ -27,7 +27,7 @@ _PARTS = {
     "values": "bounded quantities",
     "lower": "its lower bound",
     "upper": "its upper bound",
-    "multipliers": "by how much the objective falls per amount by which the bound is moved outwards",
+    "multipliers": "decrease of the objective per outward shift of the bound",
 }
 """Arrays of a constraint, and what they are."""
 
@@ -63,7 +63,7 @@ class Constraint:
     values, lower, upper : (count, size) ndarray
         One line per node or interval, in ``unit``.
     multipliers : (count, size) ndarray
-        By how much the objective falls per amount by which the bound is moved outwards, if little; negative at lower
+        Decrease of the objective per small outward shift of the bound; negative at lower
         bounds.
     """
 
@@ -121,12 +121,12 @@ class MotionPlan(MotionResult):
         See the stored arrays. Inputs are constant from their node to the next one, or linear in between
         (``input.form``); the last one holds after the end.
     objective : float
-        The duration [s], the integral of the squared input or input rate (``objective_unit``), or what ``cost`` says;
+        The duration [s], the integral of the squared input or input rate (``objective_unit``), or the sum of ``cost``;
         without weighted goals, penalties of soft bounds, and ``smoothing``.
     constraints : mapping of str to Constraint
         All constraints by name, with their values and multipliers.
     iterations : int
-        Of the start that gave this plan.
+        Iterations of the start that gave this plan.
     times : mapping of str to float
         Build, search, check, total [s].
     violated : tuple of str
@@ -134,7 +134,7 @@ class MotionPlan(MotionResult):
     advice : str
         Likely cause, and what to try.
     deviation, finer : Deviation or None
-        What a fine simulation of the inputs says, and one on the finer model of ``check.finer``.
+        Result of a fine simulation of the inputs, and of one on the finer model of ``check.finer``.
     warnings : tuple of str
     statistics : mapping
         Starts with their outcomes, unknowns, constraints, sub-steps.

@@ -108,7 +108,7 @@ class Goal(Value):
 
 
 class DurationRange(Value):
-    """A duration that is to be found."""
+    """A duration to optimize."""
 
     least: Annotated[Duration, Field(examples=[0.05, "50 ms"])]
     """Shortest duration [s]."""
@@ -140,7 +140,7 @@ class PlanBounds(Bounds):
 
 
 class PlanSolver(SolverOptions):
-    """The solver, and what it is given."""
+    """The solver and its options."""
 
     REFUSALS = Consumer.refusals(
         "hessian=exact with method=sqp: needs gauss_newton for method: sqp, since its QPs have to be convex"
@@ -179,7 +179,7 @@ class FineCheck(Value):
 
 
 class PlanScene(CommandedScene):
-    """A finger that is to move from an initial state to a goal, and what it can touch."""
+    """A finger to move from an initial state to a goal, and its surroundings."""
 
     AT = "input"
     REFUSALS = (

@@ -46,9 +46,9 @@ def plan(
     warm : Plan or path-like, optional
         A plan of a similar scene, or its run folder, from which the search begins.
     grasp : GraspResult or path-like, optional
-        The grasp that the scene names, or its run folder, where it was found already.
+        The grasp that the scene names, or its run folder, if you have it already.
     raise_on_failure : bool
-        Whether to raise where there is no plan; where not, its ``status`` says so.
+        Raise where there is no plan; False: return the result with its ``status``.
 
     Returns
     -------

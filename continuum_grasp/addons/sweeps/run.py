@@ -60,7 +60,7 @@ def sweep(
     """Find the grasps of many scenes: a grid or random draws of any keys of one scene.
 
     Every scene gives one row of the table ``table.jsonl`` in the folder, also where there is no grasp, where the scene
-    makes no sense, and where it took its worker with it. A sweep that was stopped, in whatever way, resumes
+    is invalid, and where its worker died. A sweep that was stopped, in whatever way, resumes
     when it is called again with the same configuration and folder.
 
     Parameters
@@ -68,9 +68,9 @@ def sweep(
     config : Sweep, path-like or mapping
         A sweep, its YAML file, or the same as a mapping; paths in a mapping are relative to the working directory.
     folder : path-like, optional
-        Where the table and the runs go; ``runs/sweep/`` and the name of the file where not given.
+        Folder of the table and the runs; by default ``runs/sweep/`` and the name of the file.
     workers : int, optional
-        Processes on this machine; all cores where not given. With an executor: how many of its workers to count on.
+        Processes on this machine; by default all cores. With an executor: how many of its workers to count on.
     executor : concurrent.futures.Executor, optional
         Does the work in place of processes on this machine; it is not shut down.
     scheduler : str, optional
@@ -78,7 +78,7 @@ def sweep(
     keep : {"all", "failed", "none"}, optional
         Runs whose files to keep, in ``runs/``.
     evaluate : callable, optional
-        From a `GraspScene` to a `GraspResult`, importable by name; `optimize_grasp` where not given.
+        From a `GraspScene` to a `GraspResult`, importable by name; by default `optimize_grasp`.
     progress : callable, optional
         Called with the share that is done, 0 to 1, and rows so far by status in words.
     overrides : iterable of str, or mapping, optional
@@ -94,9 +94,9 @@ def sweep(
     InputError
         The configuration is wrong; the folder holds another sweep, or one that is running; no scheduler answers.
     SolverError
-        The workers are gone, or cannot do the work.
+        The workers are gone, or failed.
     Interrupted
-        Ctrl-C; what was computed is in the table.
+        Ctrl-C; the table has all finished rows.
 
     Examples
     --------

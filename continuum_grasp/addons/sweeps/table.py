@@ -136,14 +136,14 @@ class SweepTable(Result):
     def map(
         self, x: str, y: str, color: str, reduce: Literal["median", "mean", "least", "greatest"] = "median"
     ) -> tuple[NDArray[Any], NDArray[Any], Array, NDArray[np.str_]]:
-        """Work out a map of a quantity: over the grid where both columns are keys of it, else row by row.
+        """Compute a map of a quantity: over the grid where both columns are keys of it, else row by row.
 
         Parameters
         ----------
         x, y, color : str
             Columns across, upwards and in color.
         reduce : {"median", "mean", "least", "greatest"}
-            What a place of the grid shows that several grasps share.
+            Value that a place of the grid shows for several grasps.
 
         Returns
         -------

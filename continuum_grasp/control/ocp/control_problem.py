@@ -42,7 +42,7 @@ class ControlProblem(Summarized):
     stage : float
         Length of a stage [s].
     parameters : casadi.SX or sequence of casadi.SX
-        Symbols of what may differ from call to call.
+        Symbols of values that may differ from call to call.
     nominal : mapping of str to float
         Nominal value of each parameter.
     previous : casadi.SX or sequence of casadi.SX
@@ -58,7 +58,7 @@ class ControlProblem(Summarized):
     substeps : int
         Its steps per stage.
     name : str
-        Of the problem, for texts.
+        Name of the problem, for texts.
 
     Attributes
     ----------

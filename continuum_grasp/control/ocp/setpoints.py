@@ -75,7 +75,7 @@ class Setpoints:
     def of(outputs: Outputs, reference: Reference, functions: Mapping[str, Function] | None = None) -> Setpoints:
         """Collect the setpoints of tracked quantities; see ``Controller.setpoints``.
 
-        What a reference does not have is zero, and for inputs ``rest_input`` of the scene. InputError if a reference
+        Entries without a reference are zero, for inputs ``rest_input`` of the scene. InputError if a reference
         has another number of entries than its cost term or is out of reach, or if no term tracks it.
         """
         references: dict[str, _Given | None] = {name: getattr(reference, name) for name in SETPOINTS}
@@ -135,7 +135,7 @@ class Setpoints:
     def rows(self, times: ArrayLike, *, check: bool = True) -> Array:
         """Evaluate setpoints (len(times), nr) at instants [s].
 
-        What functions of time return must fit, and with ``check`` be finite.
+        Values of functions of time must fit, and with ``check`` be finite.
         """
         instants = np.atleast_1d(CheckedArgument("times", times).array())
         return np.hstack([_rows(setpoint, width, instants, check) for width, setpoint in self._blocks])

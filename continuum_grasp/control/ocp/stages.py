@@ -51,7 +51,7 @@ class Stages:
     terminal : casadi.Function
         (x, p, r, T) -> l, g (nx), H (nx, nx), c (ns), C (ns, nx): the same at the last node.
     outputs : casadi.Function
-        (x, u, p) -> y (nr): what the cost tracks.
+        (x, u, p) -> y (nr): the tracked quantities.
     dynamics : casadi.Function
         (x, u, p) -> xd (nd): time derivative of the continuous states, the first ``nd``.
     rows : casadi.Function

@@ -48,7 +48,7 @@ class Certificate(Summarized):
         1 - |friction force| / (friction coefficient * normal force) of each contact that has friction; positive:
         it is not about to slip; 0 where nothing presses.
     grasp : RecomputedGrasp or None
-        What was recomputed; None where the stored numbers are no grasp.
+        The recomputed grasp; None where the stored numbers are no grasp.
     states : int
         Number of sets of friction states with which it was verified.
 

@@ -42,9 +42,9 @@ class Check:
     name : str
         Name of the check.
     value, limit : float
-        What was found and the most that passes [1].
+        The value found and the greatest that passes [1].
     relative_to : str
-        What the value was divided by.
+        The quantity that the value was divided by.
     """
 
     name: str

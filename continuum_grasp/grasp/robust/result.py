@@ -62,7 +62,7 @@ class GraspTrials:
 
 @dataclass(frozen=True)
 class Robustness(Summarized):
-    """Errors that a grasp bears which was sought for errors of its object, and those that the best one without errors
+    """Errors that a grasp sought for errors of its object bears, and errors that the best one without errors
     bears.
 
     Attributes

@@ -66,7 +66,7 @@ def side_path(side: Tendon | Chamber, backbone: Array, finger: Finger) -> Array:
 
 
 def _placed(backbone: Array, finger: Finger) -> tuple[Array, Array, Array]:
-    """Points of a backbone, positions along it [m], and angles of the X axes [rad]; by differences where not given."""
+    """Points of a backbone, positions along it [m], and angles of the X axes [rad]; by default by differences."""
     line = np.asarray(backbone)
     if line.shape[1] == 4:
         return line[:, 1:3], line[:, 0], line[:, 3]

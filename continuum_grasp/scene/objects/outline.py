@@ -179,7 +179,7 @@ class OutlineFile(MaybeDrawn):
 
 
 class Outline(OutlineFile, ObjectBody):
-    """Any closed curve that a file has: a drawing, or a silhouette."""
+    """A closed curve from a file: a drawing, or a silhouette."""
 
 
 def put_in_outlines(

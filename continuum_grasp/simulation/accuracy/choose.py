@@ -42,7 +42,7 @@ class Chosen(Summarized):
         return quoted(self.best.choice.scene.name, str(self.best.choice))
 
     def pairs(self) -> dict[str, str]:
-        """Errors, cost, and what it was chosen from."""
+        """Errors, cost, and the choices that it was chosen from."""
         best = self.best
         return {
             "shape": f"{best.shape:.2g} of the length (tip {best.tip:.2g})",
@@ -70,15 +70,15 @@ def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None 
     """Find the cheapest family, elements and terms with which a scene meets a tolerance.
 
     Every choice is measured against the exact elastic rod in the scene's own static load cases and, where the scene
-    moves, by its natural frequencies. What ``fidelity`` fixes stays as it is. Costs are counted instructions, per
-    evaluation, or, where the scene moves, per second of explicit simulation, whose step the stiffest mode limits.
+    moves, by its natural frequencies. Keys that ``fidelity`` fixes stay as they are. Costs are counted instructions,
+    per evaluation, or, where the scene moves, per second of explicit simulation, whose step the stiffest mode limits.
 
     Parameters
     ----------
     scene : Scene or path-like
         The scene, or its YAML file.
     tolerance : float, optional
-        Greatest error of position per length, and of frequency where the scene moves; the scene's own where not given.
+        Greatest error of position per length, and of frequency where the scene moves; by default the scene's own.
 
     Returns
     -------
@@ -87,10 +87,10 @@ def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None 
     Raises
     ------
     InputError
-        If there is no tolerance or none that makes sense, or the scene gives its initial state in coordinates of a
+        If the tolerance is missing or out of range, or the scene gives its initial state in coordinates of a
         model yet to be chosen.
     SolverError
-        If the exact rod is not found, or no choice meets the tolerance; ``result`` is the best that was found.
+        If the exact rod is not found, or no choice meets the tolerance; ``result`` is the best choice found.
 
     Examples
     --------

@@ -211,11 +211,11 @@ def accuracy_report(
     Parameters
     ----------
     scene : Scene or path-like
-        The scene, or its YAML file; of its ``fidelity``, only ``bending_range`` matters.
+        The scene, or its YAML file; only ``bending_range`` of its ``fidelity`` matters.
     counts : sequence of int
         Numbers of elements.
     progress : callable, optional
-        Called with the share that is done, 0 to 1.
+        Called with the share done so far, 0 to 1.
 
     Returns
     -------

@@ -51,9 +51,9 @@ def commission(
 ) -> Commissioning:
     """Find how a bench is mounted and connected, from a log of commands and readings as the bench counts them.
 
-    Found are position, angle, scale and handedness of the camera; order and signs of drives and load cells, and zeros
+    It finds position, angle, scale and handedness of the camera; order and signs of drives and load cells, and zeros
     of both; lag and delay; and stiffness and damping beside them. Connections are tried one by one, all numbers by
-    least squares. What the log does not tell is named in ``undetermined``, and a configuration that is not known is not
+    least squares. ``undetermined`` names facts that the log does not show, and an unknown configuration is not
     written.
 
     Parameters
@@ -65,11 +65,11 @@ def commission(
         The bench's numbers while the plan of `design_commissioning` was played, or any others that move all drives.
         None: the plan is played on the scene's simulated ``plant``.
     duration, reach : float
-        Of the plan that is played.
+        Duration [s] and reach of the plan that is played.
     plant : callable
-        Gives the plant of a scene, on which the plan is played.
+        Returns the plant of a scene, on which the plan is played.
     progress : callable, optional
-        Called with the share that is done, 0 to 1.
+        Called with the share done so far, 0 to 1.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def commission(
     Raises
     ------
     InputError
-        If the log lacks commands or the tip, or the scene is none that can be commissioned.
+        If the log lacks commands or the tip, or the scene cannot be commissioned.
     SolverError
         If no connection fits.
 

@@ -43,7 +43,7 @@ _BLIND = Consumer.beside(
 def design_commissioning(
     scene: ControlScene | str | PathLike[str], *, duration: float = 10.0, reach: float = 0.6
 ) -> ExperimentPlan:
-    """Plan commands that show how a bench is mounted, as a table that it plays: a row per period, held until the next.
+    """Plan commands that show how a bench is mounted, as a table for it to play: a row per period, held until the next.
 
     Whatever the order of the drives, and for a finger that is a fifth softer, commands, bends, curvature, speeds and
     zones of ``controller.bounds`` stay within their limits. Where a ``mounting`` is given, the commands are for
@@ -55,7 +55,7 @@ def design_commissioning(
     duration : float
         [s]
     reach : float
-        Greatest share of bending range and tensions that is used [1].
+        Greatest share of bending range and tensions to use [1].
 
     Returns
     -------

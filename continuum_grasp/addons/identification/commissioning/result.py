@@ -30,11 +30,11 @@ class Commissioning(Fit):
     ----------
     mounting : Mounting
     alternatives : tuple of Alternative
-        Connections that the log does not tell apart, the best one first; one alone where it does.
+        Connections that fit the log equally, the best one first; only one where the log decides.
     undetermined : tuple of str
-        What the log does not show, in sentences.
+        Facts that the log does not show, in sentences.
     log : ControlLog or None
-        What was played on a simulated plant.
+        The log of a simulated plant.
     status : {"identified", "undecided", "mismatch"}
         All connections are known; or several fit, or a drive moves nothing; or none fits this finger.
     """

@@ -25,7 +25,7 @@ class FingerEnv(gymnasium.Env[Array, Array]):
     Parameters
     ----------
     scene : ControlScene, Sweep, path-like or mapping
-        As of ``FingerVectorEnv``.
+        As in ``FingerVectorEnv``.
     sensors : str or sequence of str, optional
         Observed quantities, as there.
     substeps : int, optional
@@ -34,12 +34,12 @@ class FingerEnv(gymnasium.Env[Array, Array]):
     Attributes
     ----------
     lanes : FingerVectorEnv
-        What it runs in, with its attributes.
+        The environment that it runs in, with its attributes.
 
     Raises
     ------
     InputError
-        As of ``FingerVectorEnv``.
+        As in ``FingerVectorEnv``.
 
     Examples
     --------
@@ -66,7 +66,7 @@ class FingerEnv(gymnasium.Env[Array, Array]):
         self.metadata = {"render_modes": []}
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Begin a new episode: observation and info. ``options["scene"]`` is the number of a scene, else drawn."""
+        """Begin a new episode: observation and info. ``options["scene"]`` is a scene's number (drawn by default)."""
         super().reset(seed=seed)
         self.lanes.np_random = self.np_random
         observation, info = self.lanes.reset(options=options)

@@ -57,25 +57,25 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         Number of plants.
     sensors : str or sequence of str, optional
         Observed quantities: names in ``estimator.measured`` with the noise and delay of the plant, and ``state``,
-        the whole state without either. All of ``estimator.measured`` where not given, the state where there is none.
+        the whole state without either. By default all of ``estimator.measured``, or the state without an estimator.
     substeps : int, optional
-        Steps of RK4 per period; as many as the tolerance of ``simulate`` requires where not given.
+        Steps of RK4 per period; by default as many as the tolerance of ``simulate`` requires.
     autoreset_mode : gymnasium.vector.AutoresetMode
-        When plants whose episode ended are reset.
+        Time at which plants whose episode ended are reset.
 
     Attributes
     ----------
     observation_names, action_names : tuple of str
         Name and unit of each entry.
     scenes : tuple of ControlScene
-        Those that are drawn from; ``keys`` are the varied keys, ``values`` what each scene has there.
+        Scenes to draw from; ``keys`` are the varied keys, ``values`` each scene's values there.
     drawn : (num_envs,) ndarray of int
         Which scene each plant has.
     x : (num_envs, nx) ndarray
         States, named by ``x_names``.
     substeps : int
     time_error : float
-        Estimated error that these leave, per length of the finger [1]; NaN where ``substeps`` are given.
+        Estimated error of these steps, per length of the finger [1]; NaN where ``substeps`` are given.
     contact_names : tuple of str
         Contacts whose normal forces [N] are in ``info["contact_force"]``, (num_envs, contacts).
 
@@ -184,8 +184,8 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         seed : int, optional
             Of all draws and noise from now on.
         options : dict, optional
-            ``reset_mask``: which plants are reset, (num_envs,) of bool; all where not given. ``scene``: number of the
-            scene of these, one or (num_envs,); drawn where not given.
+            ``reset_mask``: which plants are reset, (num_envs,) of bool; by default all. ``scene``: number of the
+            scene of these, one or (num_envs,); by default drawn.
 
         Returns
         -------

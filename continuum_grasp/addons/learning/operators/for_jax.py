@@ -31,7 +31,7 @@ class JaxOperators(Operators):
     Parameters
     ----------
     model, nonfinite, compiled
-        As of `TorchOperators`, and so are the attributes.
+        As in `TorchOperators`, like the attributes.
 
     Raises
     ------

@@ -30,8 +30,8 @@ class TorchOperators(Operators):
     model : FingerModel or System
         The model.
     nonfinite : {"raise", "nan"}
-        What rollouts do with states or inputs that are not finite: NumericalError or InputError, or NaN from there on
-        in the rows concerned.
+        Response of rollouts to states or inputs that are not finite: NumericalError or InputError, or NaN from there on
+        in these rows.
     compiled : bool
         False: run on CasADi's virtual machine.
 

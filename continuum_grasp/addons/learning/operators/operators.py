@@ -148,9 +148,9 @@ class Operators(Remade, Summarized, ABC):
             Time between them [s].
         u, w : array, optional
             Inputs and forces: (size,) for all of the motion, or (..., rows, size) with rows that each hold equally
-            long, ``rows`` being a divisor of ``steps``; zero where not given.
+            long, ``rows`` being a divisor of ``steps``; by default zero.
         p : (..., np) array, optional
-            Parameters; nominal where not given.
+            Parameters; by default nominal.
         substeps : int
             Steps of the method per step.
         method : str
