@@ -588,7 +588,7 @@ def test_what_still_nears_its_setpoint_is_on_its_way(rate, moves):
     error, r = 2.0 * np.exp(-rate * t)[:, None], np.ones((101, 1))
     (found,) = missed_setpoints(("tip_angle [rad]",), r + error, r, t, Reference(tip_angle=1.0), HAND) or ("",)
     assert ("still on its way" in found) == moves
-    assert ("no posture" in found) != moves
+    assert ("no input within its bounds" in found) != moves
 
 
 # -- pictures ---------------------------------------------------------------------------------------------------------

@@ -110,7 +110,7 @@ def test_vectors_by_name_are_those_in_order():
         (lambda s: s.step(START, {"tip": 1.0}), r"\(position, pole, speed, force\)"),
         (lambda s: s.reference(pole=[1.0, math.nan]), "pole: expected finite"),
         (lambda s: s.step(START, None, [1.0, 2.0]), r"parameters: expected \(1,\)"),
-        (lambda s: s.reference(angle=0.0), "expected setpoints of what has a weight"),
+        (lambda s: s.reference(angle=0.0), "expected setpoints of weighted quantities"),
         (lambda s: s.reference(pole=lambda t: 1.0) or s.step(START), "expected 2 finite entries"),
     ],
 )

@@ -164,7 +164,7 @@ def test_setpoints_go_by_name(controller):
     assert controller.current_setpoints["object_angle"] == pytest.approx(0.2)
     assert np.all(np.isfinite(controller.step(np.array([0.0, 0.18, 1.0, 1.0, 0.035, 0.2, 0.0])).u))
     controller.reference(object_angle=None, gap=None)
-    with pytest.raises(InputError, match=r"expected setpoints of what has a weight .*object_angle"):
+    with pytest.raises(InputError, match=r"expected setpoints of weighted quantities .*object_angle"):
         controller.reference(object_position=(0.0, 0.2))
     follows = load(BAR, ["controller.cost.object_position=1.0e3", "reference.object_position=[0.05, 0.2]"])
     names = stages_of(follows, controller.prediction).r_names

@@ -93,7 +93,7 @@ def test_a_reset_starts_the_course_again_and_a_copy_goes_on_with_it(two):
 @pytest.mark.parametrize(
     ("given", "match"),
     [
-        ({"top": TIP}, r"expected setpoints of what has a weight \(tip, input\), got 'top'"),
+        ({"top": TIP}, r"expected setpoints of weighted quantities \(tip, input\), got 'top'"),
         ({"bending": [0.0, 0.0]}, "bending"),
         ({"tip": 0.1}, r"tip: expected \(2,\)"),
         ({"tip": np.zeros((16, 3))}, r"got \(16, 3\)"),

@@ -109,14 +109,14 @@ def test_what_sensors_do_not_tell_apart_is_refused(disturbances, words):
     if not words:
         assert "tip_offset_error [m]" in Estimator(scene).names
         return
-    with pytest.raises(InputError, match=f"do not tell .*{words}.* apart.*tip_moment or bending_stiffness"):
+    with pytest.raises(InputError, match=f"cannot tell .*{words}.* apart.*tip_moment or bending_stiffness"):
         Estimator(scene)
 
 
 def test_disturbances_that_no_sensor_tells_apart_are_doubted_unless_motion_alone_teaches_them():
     """Two forces and a stiffness, by a tip of two coordinates: docs/control.md has the table of what sensors tell."""
     asked = ["parameters=[bending_stiffness]", "estimator.disturbances={tip_force: 0.1, bending_stiffness: 0.1}"]
-    with pytest.warns(UserWarning, match="do not tell unknown_tip_x, unknown_tip_y, bending_stiffness_error apart"):
+    with pytest.warns(UserWarning, match="cannot tell unknown_tip_x, unknown_tip_y, bending_stiffness_error apart"):
         Estimator(load(SCENE, asked))
     learned = ["estimator.disturbances={tip_force: 0.1}", "estimator.adapt={bending_stiffness: 0.1}"]
     with warnings.catch_warnings():

@@ -149,7 +149,7 @@ def test_the_return_is_the_cost_of_a_closed_loop():
         ("estimator.measured.tip", [1e-3, 1e-4], "same estimator"),
         ("plant.noise", [1.0, 2.0], "same plant.noise"),
         ("finger.half_thickness", [0.005, 0.006], None),
-        ("finger.masses", [[{"at": 0.18, "mass": 0.002}], [{"at": 0.1, "mass": 0.001}]], "moves otherwise"),
+        ("finger.masses", [[{"at": 0.18, "mass": 0.002}], [{"at": 0.1, "mass": 0.001}]], "moves differently"),
         ("finger.stiffness", [1.0], "finger.stiffness"),
         ("contact_law.stiffness", [1000.0, 2000.0], "the same surroundings but for friction"),
         ("object.angle", [0.0, 0.1], "the same surroundings but for friction"),
@@ -169,7 +169,7 @@ def test_what_is_no_parameter_is_refused(key, values, message):
 def test_what_acts_in_contact_alone_is_compared():
     """Each model is compared where it touches: half the thickness of the finger is no parameter."""
     sweep = {"scene": TOUCHING["scene"], "vary": {"finger.half_thickness": {"values": [0.006, 0.005]}}}
-    with pytest.raises(InputError, match=r"scene 1 .* moves otherwise than the model of scene 0"):
+    with pytest.raises(InputError, match=r"scene 1 .* moves differently than the model of scene 0"):
         FingerVectorEnv(sweep, 2, substeps=24)
 
 
@@ -179,7 +179,7 @@ def test_what_acts_in_contact_alone_is_compared():
 def test_a_factor_of_all_friction_sets_no_coefficient_alone(scene, values):
     """One that is zero stays so, and that of the table would change too."""
     sweep = {"scene": scene, "vary": {"contact_law.friction": {"values": values}}}
-    with pytest.raises(InputError, match="moves otherwise"):
+    with pytest.raises(InputError, match="moves differently"):
         FingerVectorEnv(sweep, 2, substeps=24)
 
 

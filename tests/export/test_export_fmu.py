@@ -399,7 +399,7 @@ def test_scenes_and_options_that_do_not_fit(tmp_path):
         (scene, {"name": "Not C"}, "C identifier"),
         (scene, {"step": 0.5, "substeps": 1}, "too long"),
         (scene, {"step": -1.0}, "above 0"),
-        (scene, {"ranges": {"mass": (1.0, 2.0)}}, "no run-time parameter"),
+        (scene, {"ranges": {"mass": (1.0, 2.0)}}, "not a run-time parameter"),
         (loop, {"step": 0.001}, "is for a simulated scene"),
         (loop, {"what": ["object"]}, "expected some of plant, controller"),
         (ROOT / "configs/grasp/mug.yaml", {}, r"expected a scene .* or a closed loop"),

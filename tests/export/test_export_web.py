@@ -286,7 +286,7 @@ def test_a_loop_is_played_back_with_what_its_controller_knew():
 
 def test_what_no_page_plays_back_says_why():
     run = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.01", "time.step=0.01"]))
-    with pytest.raises(InputError, match="there is no page of a Other"):
+    with pytest.raises(InputError, match="a Other has no page"):
         type("Other", (MotionResult,), {"t": run.t})().show()
     one = dataclasses.replace(run, **{name: getattr(run, name)[:1] for name in "txuw"})
     with pytest.raises(InputError, match="one instant only"):

@@ -366,7 +366,7 @@ def test_a_repair_says_that_its_grasp_is_unstable():
         limit = next(one for one in repairs.limits if one.name == "tension")
         reason = repairs._reason(Repair({limit: 0.5}, arrays, SimpleNamespace(optimal=True)))
         assert reason.stable == stable
-        assert reason.repair.endswith("where the grasp found is unstable") == (not stable)
+        assert reason.repair.endswith("but the grasp found then is unstable") == (not stable)
     worse = replace(reason, limit=1.0, needed=1e3)
     assert ordered([replace(reason, stable=False), worse])[0] is worse
 

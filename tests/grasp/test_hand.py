@@ -266,7 +266,7 @@ def test_every_reason_repairs():
             "edge_radius = 0.04 m: expected",
         ),
         ({"contacts.middle": "off", "contacts.tip": "off"}, "at least one of middle and tip"),
-        ({"contacts.friction": 0.0}, "contacts.friction: 0 for finger_1: expected 0.001 or more"),
+        ({"contacts.friction": 0.0}, "contacts.friction: 0 for finger_1: expected at least 0.001"),
         ({"hand.finger.contacts": {"friction": 0.0}}, "contacts.friction: 0 for finger_1"),
         ({"hand.finger.masses": [{"at": 0.06, "mass": 0.01}]}, "masses at their tips"),
         ({"contacts.torsional_friction": 3.0}, "torsional_friction: 3 m is more than .* 0.018 m: is it in meters"),

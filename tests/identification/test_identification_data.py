@@ -196,7 +196,7 @@ RING_DOWN = {"kind": "ring_down", "t": {"column": "weight", "unit": "s"}, "signa
         (changed(measured=[{**MEASURED, "at": 9.0}]), "data[0].measured[0].at: 9 m is not on the finger"),
         (changed(measured=[{**MEASURED, "sigma": 0.5}]), "data[0].measured[0].sigma: 0.5 m is more than the finger"),
         (changed(conditions=[{"name": "load_9", "column": "weight"}]), "data[0].conditions[0].name: no input or force"),
-        (changed(holdout_rows=[9]), "data[0].holdout_rows: row 9 of 4"),
+        (changed(holdout_rows=[9]), "data[0].holdout_rows: there is no row 9: the set has 4 rows"),
         (changed(file="nothing*.csv"), "data[0].file: no file nothing*.csv"),
         (changed(where=[{"column": "remark", "equals": ["rough"]}]), "no row in which remark is rough; it is fine"),
         (changed(set=["finger.rod.lenth=1"]), "data[0].set.finger.rod.lenth: unknown key; did you mean 'length'"),

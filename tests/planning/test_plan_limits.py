@@ -136,7 +136,7 @@ VERDICTS = [
      lambda a: (at(PARTS, 0, 0, 0, 0, 0.6 * a, 0.8 * a), {})),
     ("edge of an object that is turned off the plan [m]", TOLERANCE * LENGTH, "a fine simulation is up to 1 mm off",
      lambda a: (at(PARTS, 0, 0, 0, 0, 0, 0, 2.0 * np.arcsin(a / 2.0 / REACH)), {})),
-    ("goal missed at the end", 0.3, "a fine simulation misses goal row: off by", lambda a: (at(-1, 0, 0, a), ROW)),
+    ("goal missed at the end", 0.3, "a fine simulation misses goal row: violated by", lambda a: (at(-1, 0, 0, a), ROW)),
     ("goal missed after the end [1/s], in 0.1 s", 0.3 / 0.1, "0.1 s after its end a fine simulation misses goal row",
      lambda a: (off(0.0), {**ROW, "grows": a})),
     ("tip off on a finer model [m]", 0.01 * LENGTH, "on 1 elements (arc) the tip ends",

@@ -225,13 +225,13 @@ def test_a_folder_belongs_to_one_plan(tmp_path):
     other = masses(3, maps=[{"x": "object.mass", "y": "contacts", "color": "tension_max"}])
     assert with_threads(other, tmp_path).requested["maps"][0]["y"] == "contacts"  # pictures are no part of it
     (tmp_path / "sweep.json").unlink()
-    with pytest.raises(InputError, match=r"table.jsonl without its sweep.json"):
+    with pytest.raises(InputError, match=r"table.jsonl but no sweep.json"):
         with_threads(masses(3), tmp_path)
 
 
 def test_one_sweep_at_a_time_in_a_folder(tmp_path):
     def another(*_):
-        with pytest.raises(InputError, match="another sweep is at work"):
+        with pytest.raises(InputError, match="another sweep is using this folder"):
             with_threads(masses(3), tmp_path)
 
     assert sweep(masses(3), folder=tmp_path, executor=ThreadPoolExecutor(1), evaluate=held, progress=another).finished
@@ -254,7 +254,7 @@ def test_leftovers_of_a_killed_sweep_are_replaced(tmp_path):
 
 
 def test_a_number_that_grasps_do_not_have_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"quality.epsilom: .*'epsilom' is none of epsilon"):
+    with pytest.raises(InputError, match=r"quality.epsilom: .*'epsilom' is not one of epsilon"):
         with_threads(masses(3, record=["quality.epsilom"]), tmp_path)
 
 

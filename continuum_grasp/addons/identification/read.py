@@ -122,7 +122,7 @@ def _read(data_set: DataSet, table: DataTable, scene: Scene, name: str, key: str
         chosen = np.full(len(points.groups), fitted)
         for row in data_set.holdout_rows:
             if row > chosen.size:
-                raise InputError(f"there is no row {row}: the set has {chosen.size}", key=f"{key}.holdout_rows")
+                raise InputError(f"there is no row {row}: the set has {chosen.size} rows", key=f"{key}.holdout_rows")
             chosen[row - 1] = False
         conditions = {
             which: points.same(v, which) for which, v in _conditions(table, data_set.conditions, scene, key).items()

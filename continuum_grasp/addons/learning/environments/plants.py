@@ -256,21 +256,21 @@ def _check_plant(plants: Plants, k: int, separate: PlantModel) -> None:
     shared = plants.model
     why = None
     if separate.x_names != shared.x_names or separate.w_names != shared.w_names:
-        why = "its plant has states or forces"
+        why = "its plant has other states or forces"
     # 1e-8: greatest relative difference of starts [1]: folded constants round otherwise, by 1e-13
     elif not np.allclose(separate.start, plants.start[k], rtol=1e-8, atol=1e-12):
-        why = "its plant has a start"
+        why = "its plant starts elsewhere"
     elif (
         _friction_of(plants.scenes[k]) != _friction_of(plants.scenes[0]) and not _has_one_friction(plants.scenes[0])
     ) or _equations(separate, Prediction(plants.scenes[k])) != _equations(shared, plants.prediction):
-        why = "its plant has equations of motion"
+        why = "its plant moves differently"
     if why is not None:
         varied = ", ".join(f"{key} = {value}" for key, value in zip(plants.keys, plants.values[k], strict=True))
         known = ", ".join(sorted(_values(PlantModel.plant_scene(plants.scenes[0]))))
         raise InputError(
-            f"scene {k} ({varied}): {why} that the model of scene 0 cannot take by its run-time parameters ({known}; "
-            "of an object its mass and friction, or its position where it is fixed); vary keys that set these, the "
-            "start, constant loads or the reference",
+            f"scene {k} ({varied}): {why} than the model of scene 0, for any run-time parameters ({known}; of an "
+            "object its mass and friction, or its position where it is fixed); vary keys that set these, the start, "
+            "constant loads or the reference",
             key="sample",
         )
 
