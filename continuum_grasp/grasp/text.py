@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from continuum_grasp.base import Summarized, amount_text, prefixes
+from continuum_grasp.base import Array, Summarized, amount_text, prefixes
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.results import yaml_text
 
@@ -124,17 +124,7 @@ def _fingers(result: GraspResult) -> TextPart:
 
 def _drives(result: GraspResult, finger: str) -> list[str]:
     """States of the drives of a finger, in words; none where its tensions are commanded."""
-    lines = []
-    slack = [side for side, pull in zip(("left", "right"), result.fingers[finger].tensions, strict=True) if pull < 1e-3]
-    for drive in result.drives.get(finger, ()):
-        text = f"drive of {' and '.join(drive.tendons)} "
-        if np.isnan(drive.torque):
-            text += f"wound up by {1e3 * drive.position:.3f} mm"
-        else:
-            text += f"at {drive.position:.4f} rad, holds {1e3 * drive.torque:.4g} mN m, reached with "
-            text += f"{1e3 * drive.torque_to_reach:.4g} mN m"
-        loose = [side for side in drive.tendons if side in slack]
-        lines.append(text + (f"; {' and '.join(loose)} slack" if loose else ""))
+    lines = drive_lines(result.drives.get(finger, ()), result.fingers[finger].tensions)
     held = result.arrays.get(f"held.{finger}.tensions")
     if held is not None and np.ptp(held, axis=0).max() > 1e-3:
         ends = zip(("left", "right"), held.min(axis=0), held.max(axis=0), strict=True)
@@ -144,6 +134,22 @@ def _drives(result: GraspResult, finger: str) -> list[str]:
             for side, low, high in ends
         )
         lines.append(f"tensions by friction states: {', '.join(each)}")
+    return lines
+
+
+def drive_lines(drives: Iterable[RecomputedDrive], tensions: Array) -> list[str]:
+    """States of the drives of a finger with tensions (2,) [N]."""
+    lines = []
+    slack = [side for side, pull in zip(("left", "right"), tensions, strict=True) if pull < 1e-3]
+    for drive in drives:
+        text = f"drive of {' and '.join(drive.tendons)} "
+        if np.isnan(drive.torque):
+            text += f"wound up by {1e3 * drive.position:.3f} mm"
+        else:
+            text += f"at {drive.position:.4f} rad, holds {1e3 * drive.torque:.4g} mN m, reached with "
+            text += f"{1e3 * drive.torque_to_reach:.4g} mN m"
+        loose = [side for side in drive.tendons if side in slack]
+        lines.append(text + (f"; {' and '.join(loose)} slack" if loose else ""))
     return lines
 
 

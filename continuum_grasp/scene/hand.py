@@ -209,7 +209,7 @@ class HandScene(Configuration):
     fidelity: Fidelity = Fidelity()
     """Resolution of the fingers' models."""
     stability: Literal["require", "ignore"] = "require"
-    """require: small motions in space that the contacts allow must raise the energy clearly, at constant tensions;
+    """require: small motions in space that the contacts allow must raise the energy clearly, at tensions or drives that
     ignore: an equilibrium is enough."""
     solver: GraspSolver = GraspSolver()
     """Options of the search."""
@@ -306,8 +306,8 @@ class HandScene(Configuration):
                 f"contacts.friction: {setup.friction:g} for {setup.name}: expected at least {LEAST_FRICTION:g}; "
                 "contacts without friction hold nothing in space"
             )
-        if setup.drive is not None or setup.friction_states:
-            raise ValueError("hand.finger: a hand takes only tendons without friction and drives")
+        if setup.friction_states:
+            raise ValueError("hand.finger: a hand takes no friction in tendons or bending so far")
         if any(mass.at < setup.finger.rod.length for mass in setup.finger.masses):
             raise ValueError("hand.finger.masses: a hand takes only fingers with masses at their tips")
         away = math.dist(self.object.position, base.position)

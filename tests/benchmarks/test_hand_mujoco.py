@@ -202,6 +202,21 @@ def test_a_ball_stays_held_by_the_planned_forces_and_pushes(ball):
 
 
 @pytest.mark.deep
+@pytest.mark.parametrize("name", ["cones", "servos"])
+def test_cones_and_locked_drives_hold_in_mujoco_as_planned(name):
+    grasp = optimize_grasp(CONFIGS / f"{name}.yaml")
+    tried = try_in_mujoco(grasp)
+    assert tried["holds"], tried["words"]
+    assert tried["moved"] < 1e-4
+    assert tried["normal_force_error"] < 0.01
+    assert shift_error(grasp) < 1e-5
+    # A push moves the object as the response says: locked drives are stiffer.
+    push = tried["pushes"]["+x"]
+    response = grasp.certificate.response.pose[:3, 0] * push["force"]
+    assert push["moved"] == pytest.approx(float(np.linalg.norm(response)), rel=0.3)
+
+
+@pytest.mark.deep
 def test_a_ball_that_is_held_upright_drops_when_the_hand_turns(ball):
     axis, away = next(HandInMujoco(ball).turn(9.81))
     assert axis == "+x"

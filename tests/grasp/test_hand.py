@@ -244,6 +244,64 @@ def test_every_reason_repairs():
         optimize_grasp(heavy)
 
 
+MOTOR = {"kind": "motor", "winch_radius": 8e-3, "inertia": 2e-6, "coulomb_friction": 2e-3, "torque_max": 0.5}
+SERVO = {**MOTOR, "position_gain": 2.0, "rate_gain": 4e-3}
+WINCH = {"kind": "length", "time_constant": 0.03}
+
+
+def driven(drive, **more):
+    tendons = {"offset": OFFSET, "max_tension": 60.0, "axial_stiffness": 1e4, "series_stiffness": 3e4, "drive": drive}
+    return hand("ball", {"hand.finger.tendons": tendons, **more})
+
+
+OFFSET = 6e-3
+
+
+@pytest.mark.parametrize(
+    "drive",
+    [
+        MOTOR,
+        SERVO,
+        WINCH,
+        pytest.param({**WINCH, "arrangement": "one_pulley", "pretension": 5.0}, marks=pytest.mark.deep),
+        pytest.param({**MOTOR, "arrangement": "one_pulley", "pretension": 5.0}, marks=pytest.mark.deep),
+    ],
+    ids=["motors", "servos", "winches", "winches on one pulley", "motors on one pulley"],
+)
+def test_drives_wind_up_what_the_bend_draws_in_and_tendons_yield(drive, ball):
+    """Of tendons beside the line at constant distance the path is the distance times the turn of the tip."""
+    found = optimize_grasp(driven(drive))
+    compliance = 1.0 / 3e4 + 0.12 / 1e4
+    for name, (left, right) in found.tensions.items():
+        turn = found.arrays[f"{name}.backbone"][-1, 3]
+        wound = OFFSET * turn + left * compliance
+        state = found.drives[name][0]
+        if "pretension" in drive:
+            assert left + right == pytest.approx(2.0 * 5.0, rel=1e-3)
+            wound -= 5.0 * compliance
+        assert state.position * (8e-3 if "winch_radius" in drive else 1.0) == pytest.approx(wound, rel=1e-6)
+        if "winch_radius" in drive:
+            pull = left - right if "pretension" in drive else left
+            assert state.torque == pytest.approx(8e-3 * pull, rel=1e-5)
+    locks = drive["kind"] == "length" or "position_gain" in drive
+    assert ("locked drives" in found.table()) is locks
+    if "pretension" not in drive:
+        assert found.tension == pytest.approx(ball.tension, rel=1e-6)
+        # Springs of the tendons stiffen fingers in their planes alone.
+        stability = found.certificate.stability.eigenvalue, ball.certificate.stability.eigenvalue
+        assert stability[0] > 1.1 * stability[1] if locks else stability[0] == pytest.approx(stability[1], rel=1e-5)
+
+
+def test_the_torque_that_a_motor_lacks_is_named():
+    weak = driven({**SERVO, "torque_max": 0.03})
+    found = optimize_grasp(weak, raise_on_failure=False)
+    assert found.status is GraspStatus.INFEASIBLE
+    reason = next(reason for reason in found.reasons if reason.name == "tension")
+    assert (reason.key, reason.unit, reason.limit) == ("hand.finger.tendons.drive.torque_max", "N m", 0.03)
+    assert optimize_grasp(weak.changed({reason.key: reason.needed})).solved
+    assert not optimize_grasp(weak.changed({reason.key: 0.98 * reason.needed}), raise_on_failure=False).solved
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

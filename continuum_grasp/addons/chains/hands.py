@@ -58,8 +58,8 @@ class HandChain:
         Step that the model asks for [s].
     differences : tuple of str
         What the model does otherwise than the scene.
-    tensions : dict of str to float
-        Tensions of the grasp by actuator [N].
+    commands : dict of str to float
+        Commands of the grasp by actuator: tensions [N], or where drives lock, cable that they have wound up [m].
     files : tuple of pathlib.Path
         What was written: the model, and the table by which the hand closes.
     """
@@ -69,18 +69,18 @@ class HandChain:
     first_frequency: float
     timestep: float
     differences: tuple[str, ...]
-    tensions: dict[str, float]
+    commands: dict[str, float]
     files: tuple[Path, ...] = field(default=())
 
     @property
     def control_names(self) -> list[str]:
         """Names of the actuators, in their order."""
-        return list(self.tensions)
+        return list(self.commands)
 
     def controls(self, t: ArrayLike) -> Array:
-        """Tensions (T, nu) of a hand that closes, at instants (T,) [s]: the grasp's tensions from one second on."""
+        """Commands (T, nu) of a hand that closes, at instants (T,) [s]: the grasp's commands from one second on."""
         instants = np.atleast_1d(np.asarray(t, dtype=float))
-        return np.asarray(np.outer(np.clip(instants / CLOSES, 0.0, 1.0), list(self.tensions.values())))
+        return np.asarray(np.outer(np.clip(instants / CLOSES, 0.0, 1.0), list(self.commands.values())))
 
 
 def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
@@ -95,7 +95,7 @@ def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
     step = rounded_step(min(_PHASE * np.sqrt(inertia / chain.stiffness.max()) for chain, (inertia, _) in swings), None)
     parts, meshes, edge = solid_parts(result)
     controls = {chain.name: _controls(chain) for chain in chains}
-    tensions = {control.name: float(control.value) for of in controls.values() for control in of}
+    commands = {control.name: float(control.value) for of in controls.values() for control in of}
     length = max(chain.finger.rod.length for chain in chains)
     center = 0.5 * np.mean([chain.frame.base for chain in chains], axis=0) + 0.5 * np.array(solid.position)
     words: dict[str, object] = {
@@ -137,7 +137,7 @@ def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
         "controls": [control for of in controls.values() for control in of],
         "holder": True,
         "sensed": [f"tip_{chain.name}" for chain in chains],
-        "keyframes": _keyframes(result, chains, list(tensions.values())),
+        "keyframes": _keyframes(result, chains, list(commands.values())),
     }
     damped = [chain.finger.damping.material / chain.finger.profile.own_stiffness for chain in chains]
     slow = any(damping > own for own, (_, damping) in zip(damped, paces, strict=True))
@@ -150,7 +150,7 @@ def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
     about = {"version": __version__, "hinges": hinges}
     explanation = fill("mjcf/hand.txt", {**about, "differences": "".join(f"Differs: {d}.\n" for d in differences)})
     frequency = min(float(chain.links.pulsations()[0][0]) for chain in chains) / (2.0 * np.pi)
-    return HandChain(document(words, title_of(scene), explanation), hinges, frequency, step, differences, tensions)
+    return HandChain(document(words, title_of(scene), explanation), hinges, frequency, step, differences, commands)
 
 
 def _support(support: Any, length: float, edge: float) -> dict[str, str]:
@@ -177,14 +177,14 @@ def _inertial(result: Any) -> dict[str, str]:
     }
 
 
-def _keyframes(result: Any, chains: Sequence[HandFingerChain], tensions: Sequence[float]) -> list[Any]:
-    """The posture of the grasp with its tensions, and straight fingers without."""
+def _keyframes(result: Any, chains: Sequence[HandFingerChain], commands: Sequence[float]) -> list[Any]:
+    """The posture of the grasp with its commands, and straight fingers without."""
     solid = result.scene.object
     place = [float(v) for v in (*solid.position, *quaternion(solid.axes))]
     keys = []
     for name, share in (("grasp", 1.0), ("open", 0.0)):
         angles = np.concatenate([share * chain.in_order(chain.angles()) for chain in chains])
-        control = [share * tension for tension in tensions]
+        control = [share * command for command in commands]
         keys.append({"name": name, "qpos": numbers(*angles, *place), "ctrl": numbers(*control)}.items())
     return keys
 
@@ -202,11 +202,20 @@ def _pace(chain: HandFingerChain, load: float) -> tuple[float, float]:
 
 
 def _controls(chain: HandFingerChain) -> list[Control]:
-    """Actuators of a finger's tendons, with their tensions."""
-    controls = []
-    for side, tension, pull in zip(("left", "right"), chain.tensions, chain.finger.pulls, strict=True):
-        limits = (0.0, float(chain.setup.max_tension))
-        controls.append(Control.of(f"{chain.name}_{side}", float(tension), pull, lag=None, limits=limits))
+    """Actuators of a finger's tendons: tensions, or cable that locked drives have wound up."""
+    controls, wound = [], chain.wound
+    for k, (side, tension, pull) in enumerate(
+        zip(("left", "right"), chain.tensions.tolist(), chain.finger.pulls, strict=True)
+    ):
+        name = f"{chain.name}_{side}"
+        if wound is None or not wound.law.locks:
+            limits = (0.0, float(chain.setup.max_tension))
+            controls.append(Control.of(name, tension, pull, lag=None, limits=limits))
+            continue
+        # A slack tendon is on the edge of being in tension.
+        spring = wound.springs[k] or 1.0 / float(wound.compliances[k] + wound.law.servo)
+        drawn = float(np.array(Control.of(name, 0.0, pull).levers(chain.links.at)) @ chain.bends)
+        controls.append(Control.of(name, drawn + tension / spring, pull, lag=None, cable=spring))
     return controls
 
 

@@ -35,6 +35,7 @@ class HandFingerChain:
         self.gravity = np.array(scene.acceleration)
         self.contacts = [c for c in result.contacts if c.name.rpartition(".")[0] == self.name]
         self.tensions = result.tensions[self.name]
+        self.wound = result.wound.get(self.name)
         s, _, _, angle = result.arrays[f"{self.name}.backbone"].T
         self.bends = np.diff(np.interp(self.links.edges, s, angle))
 

@@ -12,6 +12,7 @@ A wall is the limit of a large peg: d2y = -a psi2 + n rho psi2. A pin is the lim
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -75,6 +76,14 @@ class Stability:
         return {**numbers, "in_space": None if self.in_space is None else self.in_space.data()}
 
 
+def held_by(fingers: Sequence[RecomputedFinger]) -> str:
+    """What stays while the object moves: tensions, or drives."""
+    locked = [f.name for f in fingers if f.wound is not None and f.wound.law.locks]
+    if not locked:
+        return TENSIONS
+    return LOCKED if len(locked) == len(fingers) else f"{LOCKED} ({', '.join(locked)}), {TENSIONS} elsewhere"
+
+
 def contact_stability(grasp: RecomputedGrasp, cells: int = CELLS) -> Stability:
     """Least eigenvalue of the energy's Hessian on the motions that the contacts leave.
 
@@ -85,9 +94,7 @@ def contact_stability(grasp: RecomputedGrasp, cells: int = CELLS) -> Stability:
     starts = np.cumsum([0, *(chain.nodes.size for chain in chains)])
     size = int(starts[-1]) + 3
     hessian = np.zeros((size, size))
-    locked = [f.name for f in grasp.fingers if f.wound is not None and f.wound.law.locks]
-    how = LOCKED if len(locked) == len(chains) else f"{LOCKED} ({', '.join(locked)}), {TENSIONS} elsewhere"
-    assumptions = f"{how if locked else TENSIONS}; {ASSUMPTIONS}"
+    assumptions = f"{held_by(grasp.fingers)}; {ASSUMPTIONS}"
     # Makes angles of nodes, shifts and turn of the object comparable, however many nodes there are.
     metric = np.concatenate([chain.ds(chain.length) / chain.length for chain in chains] + [[grasp.size**-2] * 2, [1.0]])
     for chain, start in zip(chains, starts, strict=False):

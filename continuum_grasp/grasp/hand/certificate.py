@@ -27,6 +27,7 @@ from continuum_grasp.grasp.certificate.certificate import (
 from continuum_grasp.grasp.certificate.check import CURLED, EXACT, GUARDED, Check, self_overlap, worst
 from continuum_grasp.grasp.certificate.recomputed import OF_FINGER
 from continuum_grasp.grasp.certificate.space import ASIDE, SpatialStability
+from continuum_grasp.grasp.certificate.stability import held_by
 from continuum_grasp.grasp.hand.recomputed import (
     HandTouch,
     ObjectTouch,
@@ -140,6 +141,11 @@ class HandCertificate(Summarized):
     def stability(self) -> SpatialStability:
         """Second-order test in space; computed when first asked for."""
         return SpatialStability(float("nan"), float("nan"), "") if self.hand is None else hand_stability(self.hand)
+
+    @property
+    def held_by(self) -> str:
+        """What stays while the object moves: tensions, or drives."""
+        return held_by(() if self.hand is None else [finger.plane for finger in self.hand.fingers])
 
     @cached_property
     def response(self) -> HandResponse | None:

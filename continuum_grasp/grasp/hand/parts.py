@@ -268,6 +268,8 @@ class FingerPart(HandPart):
             loads.append(EndLoad(touch.end, force, moment - half * ca.cross(axes.T @ touch.normal, force)))
         missing = finger.missing_force(finger.q, finger.u, finger.loads(forces, couples))
         require(f"finger equilibrium, {name}", share * length * missing, "N m", name)
+        if finger.spec.drive is not None:
+            require(f"drive, {name}", length * finger.drive_rows(), "m", f"{name}.tendons.drive")
         turns, shifts = self.placed.lean.rows(loads)
         require(f"turns to the side, {name}", turns, "rad", name)
         require(f"shifts to the side, {name}", length * shifts, "m", name)

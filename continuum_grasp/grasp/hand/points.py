@@ -22,7 +22,7 @@ from continuum_grasp.grasp.hand.numbers import (
 from continuum_grasp.grasp.hand.parts import RELAXED, SURFACE
 from continuum_grasp.grasp.hand.problem import HandProblem, grown_function
 from continuum_grasp.grasp.hand.starts import DEPTH, FingerPlane, TouchingPosture, postures
-from continuum_grasp.grasp.problem.points import bending_arrays, coordinates
+from continuum_grasp.grasp.problem.points import bending_arrays, coordinates, wound_start
 from continuum_grasp.grasp.problem.unknowns import FingerLayout
 from continuum_grasp.grasp.problem.values import Values, node_places
 from continuum_grasp.scene import HandScene
@@ -67,6 +67,11 @@ class HandPoints:
         x, p = self.at(problem, chosen)
         rows = ForceRows.of(self.scene, problem, x, p)
         _, x[rows.columns] = rows.best(self.scene)
+        for k, (plane, posture) in enumerate(zip(self.planes, chosen, strict=True)):
+            pulls = x[problem.x.at[f"{plane.setup.name}.pulls"]]
+            wound = wound_start(plane.setup, self._layout(problem, k), plane.bend(posture), pulls)
+            for name, value in wound.items():
+                x[problem.x.at[f"{plane.setup.name}.{name}"]] = value
         return with_shifts(problem, x, p), p
 
     def at(self, problem: HandProblem, chosen: Sequence[TouchingPosture]) -> tuple[Array, Array]:

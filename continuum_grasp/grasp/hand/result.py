@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from os import PathLike, fspath
 from pathlib import Path
@@ -18,6 +18,7 @@ from continuum_grasp.results import Dimension, File, Picture, Result, Stored, pl
 from continuum_grasp.scene import HandScene
 
 if TYPE_CHECKING:
+    from continuum_grasp.grasp.certificate.drives import RecomputedDrive, WoundTendons
     from continuum_grasp.grasp.hand.body import BodySurface
     from continuum_grasp.grasp.hand.certificate import HandCertificate
     from continuum_grasp.grasp.hand.frames import PlaneFrame
@@ -203,6 +204,20 @@ class HandResult(Result):
         """Sum of all tensions [N]."""
         return float(sum(tensions.sum() for tensions in self.tensions.values()))
 
+    @property
+    def drives(self) -> dict[str, tuple[RecomputedDrive, ...]]:
+        """States of the winches or motors of each finger; none of fingers whose tensions are commanded."""
+        return {name: wound.drives for name, wound in self.wound.items()}
+
+    @property
+    def wound(self) -> dict[str, WoundTendons]:
+        """Tendons that drives wind up, of each finger that has such."""
+        from continuum_grasp.grasp.certificate.drives import StoredFinger
+
+        setups = self.scene.setups if self.arrays else ()
+        stored = {setup.name: StoredFinger(setup, self.arrays).wound for setup in setups}
+        return {name: wound for name, wound in stored.items() if wound is not None}
+
     def words(self) -> dict[str, list[str]]:
         """Names of the fingers."""
         return {"finger": [setup.name for setup in self.scene.setups]}
@@ -240,10 +255,11 @@ class HandResult(Result):
             lines += [f"  {reason.text}: {reason.repair}" for reason in self.reasons]
         if self.arrays:
             lines += ["", "Tensions [N]", *(f"  {line}" for line in self._tension_rows())]
+            lines += [f"  {line}" for line in self._drive_rows()]
             lines += ["", "Contacts, as the hand sees them", *(f"  {line}" for line in self._contact_rows())]
         if self.certificate is not None:
             lines += ["", f"Certificate: {self.certificate.headline()}; {self.certificate.stability}"]
-            lines += ["", "Promised along each axis to first order, at constant tensions"]
+            lines += ["", f"Promised along each axis to first order, with {self.certificate.held_by}"]
             lines += [f"  {line}" for line in self._promise_rows()]
         if self.trial:
             lines += ["", f"Tried: {self.trial['words']}"]
@@ -257,6 +273,12 @@ class HandResult(Result):
             left, right = self.tensions[setup.name]
             rows.append((setup.name, f"{left:.3f}", f"{right:.3f}", f"{setup.max_tension:g}"))
         return Summarized.aligned(rows, {0})
+
+    def _drive_rows(self) -> list[str]:
+        from continuum_grasp.grasp.text import drive_lines
+
+        each = [(name, drive_lines(drives, self.tensions[name])) for name, drives in self.drives.items()]
+        return [f"{name}: {line}" for name, lines in each for line in lines]
 
     def _promise_rows(self) -> list[str]:
         promise = {} if self.certificate is None else self.certificate.promise
@@ -339,6 +361,8 @@ def result_yaml(result: HandResult, *, quality: bool = True) -> str:
     summary: dict[str, Any] = {"status": result.status.value, "message": result.message}
     if result.arrays:
         summary["tensions"] = {name: [round(float(t), 6) for t in pair] for name, pair in result.tensions.items()}
+        if drives := {name: [plain(asdict(drive)) for drive in each] for name, each in result.drives.items()}:
+            summary["drives"] = drives
         summary["contacts"] = {
             c.name: {
                 "position": [round(float(v), 7) for v in c.position],

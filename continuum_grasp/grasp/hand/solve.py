@@ -14,7 +14,7 @@ from continuum_grasp.grasp.hand.result import HandResult
 from continuum_grasp.grasp.hand.search import HandSearch, HandTried
 from continuum_grasp.grasp.hand.steady import steadied
 from continuum_grasp.grasp.hand.turning import turned_grasps
-from continuum_grasp.grasp.problem.relaxations import beyond_needed
+from continuum_grasp.grasp.problem.relaxations import beyond_needed, changed_numbers, stronger
 from continuum_grasp.grasp.values import NEAR, OPENED, GraspStatus, Reason
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import HandScene
@@ -40,10 +40,24 @@ class HandLimit:
 
     def reason(self, scene: HandScene, needed: float, held: HandTried, *, stable: bool) -> Reason:
         """The reason that a grasp with this limit confirms; one that is not stable says so."""
-        limit, unit = self.limit(scene), "" if self.unit == "1" else f" {self.unit}"
-        repair = f"{self.key} = {needed:.3g}{unit}" + ("" if stable else " (in balance, but not stable)")
+        changed, limit = self.changed(scene, needed), self.limit(scene)
         text = self.why.format(limit=limit, needed=needed)
-        return Reason(self.name, self.key, self.unit, limit, needed, text, repair, stable=stable, arrays=held.arrays)
+        # Fingers may have limits of their own, and motors torques, which go with it.
+        numbers = dict(changed_numbers(scene, changed)) or {self.key: needed}
+        key, *others = sorted(numbers, key=lambda each: each != self.key)
+        repair = " together with ".join(f"{each} = {self._text(each, numbers[each])}" for each in (key, *others))
+        repair += "" if stable else " (in balance, but not stable)"
+        unit = self._unit(key)
+        if unit != self.unit:
+            limit, needed = dict(changed_numbers(changed, scene))[key], numbers[key]
+        return Reason(self.name, key, unit, limit, needed, text, repair, stable=stable, arrays=held.arrays)
+
+    def _unit(self, key: str) -> str:
+        return "N m" if key.endswith("torque_max") else self.unit
+
+    def _text(self, key: str, number: float) -> str:
+        unit = self._unit(key)
+        return f"{number:.3g}" if unit == "1" else f"{number:.{4 if unit == 'N m' else 3}g} {unit}"
 
     def needed(self, scene: HandScene, amount: float) -> float:
         """The limit where it is relaxed by an amount (SI)."""
@@ -52,13 +66,14 @@ class HandLimit:
 
 
 def _stronger(scene: HandScene, tension: float) -> HandScene:
+    """Tendons, and motors that pull them, bear a tension; those that bear more stay."""
     hand = scene.hand
+    fingers = {id(setup.finger): stronger(setup, tension - setup.max_tension) for setup in scene.setups}
     bases = {
-        name: base if base.finger is None else base.replaced(finger=base.finger.with_tendons(max_tension=tension))
+        name: base if base.finger is None else base.replaced(finger=fingers[id(base.finger)])
         for name, base in (hand.bases or {}).items()
     }
-    finger = hand.finger.with_tendons(max_tension=tension)
-    return scene.replaced(hand=hand.replaced(finger=finger, bases=bases or None))
+    return scene.replaced(hand=hand.replaced(finger=fingers.get(id(hand.finger), hand.finger), bases=bases or None))
 
 
 LIMITS = (

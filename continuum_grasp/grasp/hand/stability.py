@@ -17,6 +17,7 @@ from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.chain import LINKS, skew
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.space import CREEPS, SpatialStability, SpatialSystem, held_directions, least_mode
+from continuum_grasp.grasp.certificate.stability import held_by
 from continuum_grasp.grasp.hand.recomputed import HandTouch, ObjectTouch, RecomputedHand
 
 TURNED = math.radians(1.0)
@@ -25,15 +26,15 @@ trials count it as lost beyond."""
 BESIDE = 1e-3
 """Distance from a contact, per size of the object, at which the surface's normals give its curvature [1]."""
 ASSUMPTIONS = (
-    "constant tensions; contacts that press stick as pins, those of fingers without rolling; others are left out; "
+    "contacts that press stick as pins, those of fingers without rolling; others are left out; "
     "bases are fixed; tendons do not stiffen the fingers against twist"
 )
 
 
 @dataclass(frozen=True)
 class HandResponse:
-    """Motion and contact forces, to first order, under a wrench on the object at constant tensions: force along x, y, z
-    and moment about the center of mass. Contacts are those that press.
+    """Motion and contact forces, to first order, under a wrench on the object (force along x, y, z and moment about the
+    center of mass) while tensions stay, or drives that lock. Contacts are those that press.
     """
 
     pose: Array  # (6, 6) shift [m] and turn [rad] of the object per wrench
@@ -51,14 +52,15 @@ class HandResponse:
 def hand_stability(hand: RecomputedHand, links: int = LINKS) -> SpatialStability:
     """Least eigenvalue of the energy's Hessian on the motions that the contacts leave."""
     system = steadying_system(hand, links)
+    assumptions = f"{held_by([finger.plane for finger in hand.fingers])}; {ASSUMPTIONS}"
     unit = hand.fingers[0].plane.stiffness / hand.fingers[0].length
     if not (np.isfinite(system.hessian).all() and np.isfinite(system.rows).all()):
-        return SpatialStability(float("nan"), float("nan"), assumptions=ASSUMPTIONS)
+        return SpatialStability(float("nan"), float("nan"), assumptions=assumptions)
     held = held_directions(system.rows)
     if held.shape[1] == len(system.hessian):
-        return SpatialStability(float("inf"), float("inf"), assumptions=ASSUMPTIONS)
+        return SpatialStability(float("inf"), float("inf"), assumptions=assumptions)
     least, vector = least_mode(system.hessian, held)
-    return SpatialStability(least / unit, least, system.describe(vector), vector[-6:], ASSUMPTIONS)
+    return SpatialStability(least / unit, least, system.describe(vector), vector[-6:], assumptions)
 
 
 def steadying_system(hand: RecomputedHand, links: int = LINKS) -> HandSystem:

@@ -112,6 +112,11 @@ class FingerPlane:
         at = np.union1d(places, fine)
         return at, np.interp(at, places, curvatures) * np.interp(at, fine, gives)
 
+    def bend(self, posture: TouchingPosture) -> float:
+        """Turn of the tip."""
+        places, curvatures = self.knots(posture)
+        return float(0.5 * (curvatures[1:] + curvatures[:-1]) @ np.diff(places))
+
     def place(self, posture: TouchingPosture, at: float) -> Array:
         """Position of a place of a posture, as the hand sees it (3,) [m]."""
         s = np.linspace(0.0, at, 401)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 
@@ -52,22 +54,27 @@ def _finger_start(setup: FingerSetup, finger: FingerLayout, whole: GraspStart, u
     curvatures = np.array([start.curvatures]) * length
     tensions = whole.tensions.get(setup.name, (tendons.min_tension,) * 2)
     pulls = [t * tendons.offset * length / stiffness for t in tensions]
-    wound: Values = {}
-    law = setup.drive
-    if finger.spec.drive is not None and law is not None:
-        path = tendons.offset / length * float(turning(knots, curvatures, ends[None, -1:])[0, -1])
-        stretched = [(law.series + law.axial) * stiffness / (length**2 * tendons.offset) * pull for pull in pulls]
-        each = [path + stretched[0], -path + stretched[1]]
-        wound = {"command": [each[0] - law.start / length] if finger.spec.drive.pulley else each}
-        if finger.spec.drive.winds:
-            wound = {"command": [pulls[0] - pulls[1]], "wound": [stretched[0] - law.start / length]}
     return {
-        **wound,
+        **wound_start(setup, finger, float(turning(knots, curvatures, ends[None, -1:])[0, -1]), pulls),
         "q": coordinates(setup, finger, lengths, knots, curvatures),
         "pulls": pulls,
         "base": units.pose(start.base),
         **{f"joint_{k}": s for k, s in enumerate(joints)},
     }
+
+
+def wound_start(setup: FingerSetup, finger: FingerLayout, turn: float, pulls: Sequence[float] | Array) -> Values:
+    """What drives have wound up at pulls (2,) where the tip has turned; nothing where tensions can be chosen."""
+    law, drive, length = setup.drive, finger.spec.drive, setup.finger.rod.length
+    if drive is None or law is None:
+        return {}
+    path = setup.tendons.offset / length * turn
+    give = (law.series + law.axial) * setup.stiffness / (length**2 * setup.tendons.offset)
+    stretched = [give * pull for pull in pulls]
+    if drive.winds:
+        return {"command": [pulls[0] - pulls[1]], "wound": [stretched[0] - law.start / length]}
+    each = [path + stretched[0], -path + stretched[1]]
+    return {"command": [each[0] - law.start / length] if drive.pulley else each}
 
 
 def coordinates(setup: FingerSetup, finger: FingerLayout, lengths: Array, knots: Array, curvatures: Array) -> Array:

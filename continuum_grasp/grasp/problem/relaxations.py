@@ -85,19 +85,20 @@ def _fingers(scene: GraspScene, change: Callable[[FingerSetup], GraspFinger]) ->
 
 
 def _tension(scene: GraspScene, amount: float) -> GraspScene:
-    def stronger(setup: FingerSetup) -> GraspFinger:
-        # Of tendons and motors those that are strong enough stay.
-        most = max(setup.tendons.max_tension, setup.max_tension + amount)
-        law = setup.drive
-        more = setup.finger.with_tendons(max_tension=most)
-        if law is None or not isinstance(law.drive, MotorDrive):
-            return more
-        # Motors of a pulley pull with a difference, which may need all of it.
-        pull = (law.greatest if law.pulley else setup.max_tension) + amount
-        torque = max(law.drive.torque_max, law.drive.coulomb_friction + law.radius * pull)
-        return more.with_tendons(drive=law.drive.replaced(torque_max=torque))
+    return _fingers(scene, lambda setup: stronger(setup, amount))
 
-    return _fingers(scene, stronger)
+
+def stronger(setup: FingerSetup, amount: float) -> GraspFinger:
+    """A finger whose tendons and motors pull by an amount [N] more; those that are strong enough stay."""
+    most = max(setup.tendons.max_tension, setup.max_tension + amount)
+    law = setup.drive
+    more = setup.finger.with_tendons(max_tension=most)
+    if law is None or not isinstance(law.drive, MotorDrive):
+        return more
+    # Motors of a pulley pull with a difference, which may need all of it.
+    pull = (law.greatest if law.pulley else setup.max_tension) + amount
+    torque = max(law.drive.torque_max, law.drive.coulomb_friction + law.radius * pull)
+    return more.with_tendons(drive=law.drive.replaced(torque_max=torque))
 
 
 def changed_numbers(old: object, new: object, path: str = "") -> Iterator[tuple[str, float]]:
