@@ -77,7 +77,7 @@ class Stability:
 
 
 def held_by(fingers: Sequence[RecomputedFinger]) -> str:
-    """What stays while the object moves: tensions, or drives."""
+    """Tensions or drives that stay while the object moves, in words."""
     locked = [f.name for f in fingers if f.wound is not None and f.wound.law.locks]
     if not locked:
         return TENSIONS

@@ -144,7 +144,7 @@ class HandCertificate(Summarized):
 
     @property
     def held_by(self) -> str:
-        """What stays while the object moves: tensions, or drives."""
+        """Tensions or drives that stay while the object moves, in words."""
         return held_by(() if self.hand is None else [finger.plane for finger in self.hand.fingers])
 
     @cached_property

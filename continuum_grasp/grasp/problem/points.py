@@ -64,7 +64,7 @@ def _finger_start(setup: FingerSetup, finger: FingerLayout, whole: GraspStart, u
 
 
 def wound_start(setup: FingerSetup, finger: FingerLayout, turn: float, pulls: Sequence[float] | Array) -> Values:
-    """What drives have wound up at pulls (2,) where the tip has turned; nothing where tensions can be chosen."""
+    """Cable that drives have wound up at pulls (2,) where the tip has turned; none where tensions can be chosen."""
     law, drive, length = setup.drive, finger.spec.drive, setup.finger.rod.length
     if drive is None or law is None:
         return {}
