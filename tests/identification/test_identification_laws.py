@@ -157,8 +157,8 @@ def test_rows_and_origins_of_shapes_at_rest(names, seeds):
     late, early = np.vstack([clean[:1], clean[:-1]]), np.vstack([clean[1:], clean[-1:]])
     for seed in range(min(seeds, 20)):
         for rows, words in (
-            (late, "those of the row before"),
-            (early, "those of the row behind"),
+            (late, "belong to the row before"),
+            (early, "belong to the row behind"),
             (clean + np.array([0.01, 0.0]), "off along x by 0.01"),
             (clean + np.array([0.0, 0.01]), "off along"),  # what the stiffness takes of it may leave an error of x
         ):

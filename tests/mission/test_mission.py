@@ -556,7 +556,7 @@ def test_a_page_plays_it_back_and_goes_on_with_its_weights(held):
     assert (weights[:, force].max(axis=1) > 0.0).tolist() == [False, True, True, False]
     with pytest.raises(InputError, match="one finger, not 2"):
         replace(held, runs=(loop, loop)).show()
-    with pytest.raises(InputError, match="friction does not change"):
+    with pytest.raises(InputError, match="constant friction"):
         replace(held, variation=PlantVariation(friction_fall=0.3)).show()
 
 
