@@ -49,7 +49,8 @@ def _one_line() -> Iterator[None]:
             raise
         text = error.format_message().rstrip(".")
         text += "".join(f": {instead}" for gone, instead in _GONE.items() if gone == getattr(error, "option_name", ""))
-        where = "" if error.ctx is None else f"; see {error.ctx.command_path} --help"
+        text = text.replace(". Did you mean", "; did you mean")
+        where = "" if error.ctx is None else f"{'' if text[-1] == '?' else ';'} see {error.ctx.command_path} --help"
         typer.echo(f"error: {text[0].lower()}{text[1:]}{where}", err=True)
         raise typer.Exit(ExitStatus.BAD_INPUT) from None
     except OSError as error:

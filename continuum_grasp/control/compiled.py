@@ -188,6 +188,6 @@ class Compiled:
         if magic != _MAGIC or size != len(saved) - _HEAD.size:
             raise InputError(f"expected a state from save_state, got {len(saved)} bytes of something else")
         if key != self._key or size != self.state.size:
-            raise InputError("the saved state is of another problem, version or precision")
+            raise InputError("the saved state belongs to another problem, version or precision")
         self.state[:] = np.frombuffer(saved, np.uint8, offset=_HEAD.size)
         return step, flags

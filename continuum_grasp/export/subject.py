@@ -245,7 +245,7 @@ class Subject:
 
 def _known(part: T | None) -> T:
     if part is None:
-        raise InputError("this needs the model of a finger; a solver of a problem has mpc alone", key="what")
+        raise InputError("this needs the model of a finger; a solver of a problem has only mpc", key="what")
     return part
 
 

@@ -76,7 +76,7 @@ class ControlScene(CommandedScene):
             estimator.measured.{angle,torque} without finger.tendons.drive.kind=motor
             controller.scenarios.{tendon_friction,presliding} without finger.tendons.friction:
                 needs finger.tendons.friction above 0: without, the controller's model has no state of friction
-            plant.time_constant with finger.tendons.drive: is that of commanded tensions
+            plant.time_constant with finger.tendons.drive: works only for commanded tensions
             plant.{presliding,fidelity} with plant.guides: a chain of guides has no use for it
             estimator.disturbances.object_position with object_moves: needs an object that stays
             estimator.adapt.bending_stiffness with estimator.disturbances.bending_stiffness:
@@ -88,7 +88,7 @@ class ControlScene(CommandedScene):
             estimator.measured.tension without lag finger.winches finger.tendons.time_constant:
                 needs a lag; without one the tension is the command itself
             plant.drive_order estimator.measured.tension with chambers_alone:
-                is of tendons: pressures follow by a lag of first order, and estimator.measured.pressure sees them
+                works only for tendons: pressures have a lag of first order, which estimator.measured.pressure sees
             estimator.measured.pressure without finger.lagging_pressures:
                 needs finger.pressure with a time_constant: a pressure without one is the command itself
             plant.axial_stiffness without finger.winches plant.guides: has no effect where the tension is commanded
@@ -101,9 +101,9 @@ class ControlScene(CommandedScene):
             controller.scenarios.damping without finger.damping.{material,per_arc}:
                 needs finger.damping.material above 0, of which it is a factor
             controller.scenarios.time_constant with finger.winches:
-                is that of commanded tensions: it needs finger.tendons.time_constant
+                works only for commanded tensions: it needs finger.tendons.time_constant
             controller.scenarios.time_constant without lag:
-                is that of commanded tensions: it needs finger.tendons.time_constant
+                works only for commanded tensions: it needs finger.tendons.time_constant
             controller.scenarios.{tendon_friction,presliding,axial_stiffness,series_stiffness,time_constant}
                 with unlike(NAME): needs tendons that have it alike
             """,

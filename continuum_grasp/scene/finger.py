@@ -132,7 +132,7 @@ class Finger(Value):
 
     REFUSALS = Consumer.refusals(
         """
-        stops.curvature with rod.spirob: is given already: its gaps close there
+        stops.curvature with rod.spirob: follows from the gaps of the spirob
         strain_limit without rod.profile.half_depth: needs rod.diameter, or a thickness of a graded rod
         rest_curvature with rod.own_rest_curvature: rod has it
         gyration_radius without tendons: needs tendons, whose tensions shorten the rod

@@ -54,6 +54,6 @@ class FingerSection(Value):
 
     def _check(self) -> None:
         if self.shape == "round" and (self.thickness is not None or self.width is not None):
-            raise ValueError("thickness and width are of an ellipse or a rectangle: leave them out of a round section")
+            raise ValueError("a round section has no thickness and width: leave them out")
         if self.shape != "round" and (self.thickness is None or self.width is None):
             raise ValueError(f"thickness and width are needed for shape: {self.shape}")

@@ -63,7 +63,7 @@ class Section(Value):
 
     REFUSALS: ClassVar[tuple[Consumer, ...]] = Consumer.refusals(
         """
-        {thickness,width} with diameter: has no place in a round section
+        {thickness,width} with diameter: is not allowed in a round section
         {width,youngs_modulus,density} with bending_stiffness:
             has no effect beside bending_stiffness and linear_density
         """

@@ -40,11 +40,11 @@ _TURNS = 360
 
 _FINGERS = Consumer.refusals(
     """
-    softening: grasps know a linear material alone: leave it out
-    gyration_radius: grasps hold by a rod of constant length: leave it out
-    stops: grasps do not know what this does to the finger: leave it out
-    pressure: a grasp holds by tensions of tendons: leave it out
-    tip_body: grasps do not know what this does to the finger: leave it out
+    softening: grasps support only linear materials: leave it out
+    gyration_radius: grasps need a rod of constant length: leave it out
+    stops: grasps do not support this: leave it out
+    pressure: grasps support only tendons: leave it out
+    tip_body: grasps do not support this: leave it out
     tendons.conduit_bend: must be zero here: tensions of a grasp are those that enter the finger
     fidelity.frequencies: is not for grasps, which do not move
     tendons with no_pair:

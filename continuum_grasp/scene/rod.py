@@ -113,7 +113,7 @@ class Rod(Section):
     REFUSALS = Consumer.refusals(
         """
         factors without graded: is for a graded rod
-        {thickness,width,diameter,linear_density,bending_stiffness} with parted: is of a rod of one section
+        {thickness,width,diameter,linear_density,bending_stiffness} with parted: works only for a rod of one section
         {youngs_modulus,density,rotary_inertia} with samples: samples have their own
         {samples,spirob} with sections: sections are given: give one of both
         spirob with samples: samples are given: give one of both

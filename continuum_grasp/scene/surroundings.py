@@ -35,7 +35,7 @@ class ContactLaw(Value):
     REFUSALS = Consumer.refusals(
         """
         presliding with slip_speed: has no effect beside slip_speed, which gives friction no state
-        law_numbers without law: are of a law of an add-on, without law
+        law_numbers without law: work only with the law of an add-on
         """
     )
 
@@ -79,7 +79,7 @@ class Table(Value):
 
     REFUSALS = Consumer.refusals(
         """
-        {stays,friction_radius} with point: is of a table parallel to the plane, without point and normal_angle
+        {stays,friction_radius} with point: works only for a table parallel to the plane, without point and normal_angle
         point without normal_angle: point and normal_angle belong together: a table in the plane has both
         normal_angle without point: point and normal_angle belong together: a table in the plane has both
         """
@@ -124,9 +124,9 @@ class Surroundings(Supported):
         """
         object.free: is for grasps; here the object starts where position and angle say
         {contact_law,object_moves,moment_of_inertia,out_of_plane_gravity,table,supports} without object:
-            has no meaning without an object
+            has no effect without an object
         {moment_of_inertia,out_of_plane_gravity,table,supports} without object_moves:
-            has no meaning for a fixed object: set object_moves
+            has no effect on a fixed object: set object_moves
         out_of_plane_gravity with table.wall:
             is carried by a table parallel to the plane, without point and normal_angle
         table without out_of_plane_gravity table.wall: needs out_of_plane_gravity, or without it point and normal_angle

@@ -51,7 +51,7 @@ class _Tensions(Value):
         drive without axial_stiffness: needs axial_stiffness: the tension follows from it
         drive without series_stiffness: needs series_stiffness: the tension follows from it
         min_tension with drive: must be zero: drives cannot maintain it; see drive.pretension
-        time_constant with drive: is that of commanded tensions: leave it out
+        time_constant with drive: works only for commanded tensions: leave it out
         drive_order without time_constant: has no effect without a lag
         """
     )

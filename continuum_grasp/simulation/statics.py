@@ -16,7 +16,7 @@ from continuum_grasp.simulation.static_shape import Equilibrium
 
 _STATICS = Consumer(
     "statics, modes",
-    refused={"object": "statics and modes know no contact: leave the object out"},
+    refused={"object": "statics and modes do not support contact: leave the object out"},
     unneeded={
         **Consumer.LIMITS_OF_BENDING,
         "name": "a title alone",

@@ -339,7 +339,7 @@ def test_clocks_that_cannot_be_are_refused(options, said):
         ("pinch", "c", "finger: expected one of"),
         ("pinch", "c --finger middle", "got 'middle'"),
         ("pinch", "fmu --finger middle", "got 'middle'"),
-        ("mug", "fmu --what plant", "what: a mission has a controller alone"),
+        ("mug", "fmu --what plant", "what: a mission has only a controller"),
         ("mug", "fmu --step 0.001", "step: is for a simulated scene"),
         ("mug", "fmu --preview", "preview: follows its phases"),
         ("mug", "casadi --what tips", "what: expected some of"),

@@ -138,7 +138,7 @@ def test_steps_resolve_the_contact(stiffness, horizon, expected):
         (["controller.cost.gap.of=[finger.9]"], "controller.cost.gap.of: expected some of finger.tip"),
         (["reference.gap=null"], "controller.cost.gap: needs reference.gap"),
         (["reference.object_position=[0.0, 0.2]"], "reference.object_position: nothing tracks it"),
-        (["table.point=[0.0, 0.0]", "table.normal_angle=0.0"], "stays: is of a table parallel to the plane"),
+        (["table.point=[0.0, 0.0]", "table.normal_angle=0.0"], "stays: works only for a table parallel to the plane"),
     ],
 )
 def test_scenes_that_make_no_sense_are_refused(changes, message):

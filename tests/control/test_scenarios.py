@@ -198,7 +198,7 @@ def test_scenarios_that_cannot_be_are_refused(scenarios, said):
 
 
 def test_what_a_finger_lacks_no_scenario_changes():
-    with pytest.raises(InputError, match="time_constant: is that of commanded tensions"):
+    with pytest.raises(InputError, match="time_constant: works only for commanded tensions"):
         swing_scene(controller={"scenarios": ({}, {"time_constant": 0.01})})
     undamped = HAND.replaced(damping={})
     with pytest.raises(InputError, match=r"finger\.damping\.material above 0"):

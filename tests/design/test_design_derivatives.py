@@ -264,7 +264,7 @@ def test_a_design_says_that_other_friction_states_decide_elsewhere():
 
 def test_the_payload_of_many_postures_is_refused():
     variables = {"finger.tendons.offset": {"min": 0.004, "max": 0.006}}
-    with pytest.raises(cg.InputError, match="friction_states: payload is that of one posture"):
+    with pytest.raises(cg.InputError, match="friction_states: payload belongs to one posture"):
         problem_of(scene="configs/grasp/mug_motor.yaml", variables=variables, minimize="-payload")
 
 

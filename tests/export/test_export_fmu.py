@@ -393,7 +393,7 @@ def test_loops_take_whole_multiples_alone(fmi, what, units, opened):
 def test_scenes_and_options_that_do_not_fit(tmp_path):
     scene, loop = plant_scene(), closed_loop()
     for given, options, words in (
-        (scene, {"what": ["controller"]}, "a simulated scene has a plant alone"),
+        (scene, {"what": ["controller"]}, "a simulated scene has only a plant"),
         (scene, {"preview": True}, "is for a controller"),
         (scene, {"fmi": ["1"]}, "expected some of 2, 3"),
         (scene, {"name": "Not C"}, "C identifier"),

@@ -119,12 +119,15 @@ def test_what_is_followed_changes_with_the_phase(table):
         (["turn.tolerance=40 deg"], "tolerance = 0.698132 rad is not less than the angle, 0.523599 rad"),
         (["turn.strokes=0"], "turn.strokes"),
         (["turn.stroke=2"], "turn.stroke"),
-        (["estimator.disturbances.object_position=0.004"], "has no meaning with a turn"),
+        (["estimator.disturbances.object_position=0.004"], "has no effect with a turn"),
         (
             ["grasp.gravity=[0.0, -9.81, 0.0]", "grasp.upright=false", "table_friction_radius=0"],
-            "turn: is of a table below",
+            "turn: works only for a table below",
         ),
-        (["grasp.gravity=[0.0, -9.81, 0.0]", "grasp.upright=false"], "table_friction_radius: is of a table below"),
+        (
+            ["grasp.gravity=[0.0, -9.81, 0.0]", "grasp.upright=false"],
+            "table_friction_radius: works only for a table below",
+        ),
     ],
 )
 def test_what_makes_no_turn_is_named(change, said):

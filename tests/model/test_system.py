@@ -212,12 +212,12 @@ def test_names_and_sizes_fit_together():
     ("around", "words"),
     [
         ({"contact_law": None}, "contact_law is missing"),
-        ({"object": None, "supports": {}}, "contact_law: has no meaning without an object"),
+        ({"object": None, "supports": {}}, "contact_law: has no effect without an object"),
         (
             {"supports": {"palm": Palm(point=(0.0, 0.0), normal_angle=0.0)}},
-            "supports: has no meaning for a fixed object",
+            "supports: has no effect on a fixed object",
         ),
-        ({"out_of_plane_gravity": 9.81}, "out_of_plane_gravity: has no meaning for a fixed object"),
+        ({"out_of_plane_gravity": 9.81}, "out_of_plane_gravity: has no effect on a fixed object"),
         ({"object": Circle(shape="circle", diameter=0.1, mass=0.0, position=(0.0, 0.0)), "object_moves": True}, "mass"),
     ],
 )

@@ -139,7 +139,7 @@ WRONG = {
     ),
     "two shapes": (
         "sections: [{to: 0.25, thickness: 0.01, width: 1, diameter: 0.01}]",
-        "finger.rod.sections[0].thickness: has no place in a round",
+        "finger.rod.sections[0].thickness: is not allowed in a round",
     ),
     "half a stiffness": (
         "sections: [{to: 0.25, bending_stiffness: 1}]",
@@ -195,7 +195,7 @@ WRONG = {
     ),
     "beside a uniform rod": (
         "diameter: 0.01\n    sections: [{to: 0.25, PLAIN}]",
-        "6:15: finger.rod.diameter: is of a rod of one section",
+        "6:15: finger.rod.diameter: works only for a rod of one section",
     ),
     "samples that do not increase": (
         "samples: {at: [0, 0.2, 0.1, 0.25], bending_stiffness: [1, 1, 1, 1], linear_density: [1, 1, 1, 1]}",

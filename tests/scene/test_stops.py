@@ -50,7 +50,7 @@ REFUSED = {
     "no curvature": ({"rod": ROD, "stops": {"stiffness_ratio": 50.0}}, "stops.curvature is needed"),
     "two curvatures": (
         {"rod": SPIROB, "stops": {"stiffness_ratio": 50.0, "curvature": 20.0}},
-        "Finger: stops.curvature: is given already",
+        "Finger: stops.curvature: follows from the gaps",
     ),
     "no stop": (
         {"rod": ROD, "stops": {"stiffness_ratio": 1.0, "curvature": 20.0}},

@@ -305,7 +305,7 @@ def test_a_finger_that_passes_through_between_its_stations_is_reported():
 
 @pytest.mark.parametrize("verb", [equilibrium, modes])
 def test_statics_with_an_object_are_refused(verb):
-    with pytest.raises(InputError, match="know no contact") as caught:
+    with pytest.raises(InputError, match="do not support contact") as caught:
         verb(pressing(1e3))
     assert caught.value.key == "object"
 

@@ -201,7 +201,7 @@ REFUSED = {
     "no axial stiffness": ({"axial_stiffness": None}, "drive: needs axial_stiffness"),
     "no series stiffness": ({"series_stiffness": None}, "drive: needs series_stiffness"),
     "least tension": ({"min_tension": 1.0}, "min_tension: must be zero"),
-    "lag of tensions": ({"time_constant": 0.02}, "time_constant: is that of commanded tensions"),
+    "lag of tensions": ({"time_constant": 0.02}, "time_constant: works only for commanded tensions"),
     "rate of a motor": ({"drive": {**MOTOR, "rate_max": 0.1}}, "rate_max"),
     "torque by a current": (
         {"drive": {**MOTOR, "torque_constant": 0.02}},

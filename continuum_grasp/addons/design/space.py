@@ -15,9 +15,9 @@ from continuum_grasp.scene import ConfigurationData, Consumer, Document, GraspSc
 
 _PAYLOADS = Consumer.refusals(
     """
-    robust: payload is that of one posture, not of a grasp that must hold for many; expected another cost and other
+    robust: payload belongs to one posture, not to a grasp that must hold for many; expected another cost and other
         limits, or friction_states: pulled without robust
-    friction_states=any with state_columns: payload is that of one posture, not of a grasp that must hold for many;
+    friction_states=any with state_columns: payload belongs to one posture, not to a grasp that must hold for many;
         expected another cost and other limits, or friction_states: pulled without robust
     """
 )

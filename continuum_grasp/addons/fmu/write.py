@@ -40,8 +40,8 @@ from continuum_grasp.scene import Consumer, ControlScene, Scene, scene_of
 WHAT = ("plant", "controller")
 """Parts of a closed loop that may be exported; of a simulated scene the first, of a mission the second."""
 VERSIONS = ("2", "3")
-_NO_LOOP = "a simulated scene has a plant alone; a controller needs a closed loop or a mission"
-_NO_PLANT = "a mission has a controller alone; the verb mpc moves its plant"
+_NO_LOOP = "a simulated scene has only a plant; a controller needs a closed loop or a mission"
+_NO_PLANT = "a mission has only a controller; the verb mpc moves its plant"
 _OWN = "is for a simulated scene: a closed loop has its own"
 _MISSIONS = (MissionScene, AssignedMission, MissionRun)
 _UNITS = (

@@ -277,7 +277,7 @@ class Excitation(Value):
 
 _FIT = Consumer(
     "identify",
-    refused={"object": "has no place here: measurements are of the finger alone, leave the object out"},
+    refused={"object": "is not supported: measurements are of the finger alone, leave the object out"},
     unneeded={
         **Consumer.LIMITS_OF_BENDING,
         **dict.fromkeys(("finger.half_thickness", "finger.rod.samples.thickness"), "of contacts"),

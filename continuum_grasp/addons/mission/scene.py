@@ -213,17 +213,17 @@ class MissionScene(Configuration):
         """
         grasp.gravity with no_table:
             must be [x, y, 0] or [0, 0, z], z below zero: a mission lifts the object off a table in or below the plane
-        plant.mounting: is of closed loops: a mission counts as the model does, leave it out
-        plant.{object_mass,object_friction}: is of closed loops: give object_mass, and contact_law.friction
+        plant.mounting: works only for closed loops: a mission counts as the model does, leave it out
+        plant.{object_mass,object_friction}: works only for closed loops: give object_mass, and contact_law.friction
         grasp.{,finger.,fingers.}contacts.tip=off with grasp.setups.tip=off:
             must have the tip: a mission closes with it
         estimator.measured.object phases.{touch,stroke,leave} controller.{object_angle,gap} without turn: needs a turn
         turn without estimator.measured.object:
             needs estimator.measured.object, by which the controller knows where the object is
-        estimator.disturbances.object_position with turn: has no meaning with a turn: a camera measures it
+        estimator.disturbances.object_position with turn: has no effect with a turn: a camera measures it
         drive_tension with tendons: has no effect beside tendons, which have a max_tension
         table_friction_radius turn without gravity:
-            is of a table below the plane: it needs grasp.gravity: [0, 0, z]
+            works only for a table below the plane: it needs grasp.gravity: [0, 0, z]
         turn with several:
             needs a grasp of one finger: a controller predicts what its own finger does to the object, not
             what others do

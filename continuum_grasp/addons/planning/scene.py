@@ -41,9 +41,7 @@ def _exact(value: Any) -> Any:
 
 
 class _Aim(Value):
-    REFUSALS = Consumer.refusals(
-        "tolerance without weight: is of a goal with a weight; without one it is reached exactly"
-    )
+    REFUSALS = Consumer.refusals("tolerance without weight: needs a weight; without one the goal is reached exactly")
 
     weight: Annotated[Positive, Field(examples=[1e6]), Unit("per square of the error's unit")] | None = None
     """Weight of half the squared error [per square of the error's unit]; None: reached exactly."""
@@ -199,14 +197,14 @@ class PlanScene(CommandedScene):
             contact_law with sticking: plans need friction that is a smooth function of the speed of slip: give
                 slip_speed (0.01 m/s, for example), or friction: 0; check.contact_law may be another one
             loads.force.times with duration.least: needs a duration that is given
-            solver.substeps with transcription=collocation: is of shooting
+            solver.substeps with transcription=collocation: works only for shooting
             solver.{method,hessian,degree} with transcription=single_shooting:
                 has no effect on method: single_shooting, which has its own; leave it out
-            smoothing without objective=least_time: is of objective: least_time
-            {cost,reference} without objective=tracking: is of objective: tracking
+            smoothing without objective=least_time: works only for objective: least_time
+            {cost,reference} without objective=tracking: works only for objective: tracking
             grasp with several: a plan moves one finger, and this grasp has several: take one of one finger, or a
                 mission, which has a controller for each
-            contacts goal.contact_force with grasp: is that of the grasp: leave it out
+            contacts goal.contact_force with grasp: comes from the grasp: leave it out
             goal.contact_force grasp without object: needs an object
             check.contact_law without check.finer
             bounds.least_tension without finger.tendons.drive

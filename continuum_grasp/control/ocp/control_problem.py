@@ -235,7 +235,7 @@ class _Reader:
             ends = held or self.of_state(value)
             if np.any(final) and not ends:
                 raise InputError(
-                    "a final weight needs an expression of the states alone, or of the inputs where previous is given",
+                    "a final weight needs an expression of only the states, or of inputs where previous is given",
                     key=f"cost.{key}",
                 )
             names = residual.names or _numbered(key, size)

@@ -149,7 +149,7 @@ def segment_distance(points: Array, start: Array, end: Array) -> Array:
 
 def _superellipse_part(part: Part) -> SuperellipsePart:
     if not isinstance(part, SuperellipsePart):
-        raise TypeError(f"the certificate knows no surface of {type(part).__name__}: add one here, on its own")
+        raise TypeError(f"the certificate has no surface of {type(part).__name__}: add one here, on its own")
     return part
 
 

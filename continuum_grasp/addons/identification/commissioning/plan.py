@@ -22,7 +22,7 @@ from continuum_grasp.control import ControlLog, Prediction
 from continuum_grasp.scene import Consumer, ControlScene, Mounting, scene_of
 from continuum_grasp.simulation import Trajectory
 
-_TENSIONS = "commissioning takes drives that are commanded tensions, or the tip moment"
+_TENSIONS = "commissioning needs drives that take tensions, or the tip moment"
 _CONSUMER = Consumer(
     "commission",
     refused={
