@@ -385,7 +385,7 @@ class ControlRun(MotionResult):
         metrics = self.metrics()
         time = f"{self.t[-1]:g} s in {len(self.u)} periods of {1e3 * self.period:g} ms"
         pairs = metrics.pairs() | {name: str(value) for name, value in self.adapted.items()}
-        pairs |= {"bears": self.scene.borne_loads} if self.scene.estimator else {}
+        pairs |= {"load limit": self.scene.borne_loads} if self.scene.estimator else {}
         pairs |= {"code": self.code}
         head = [self.name or "closed loop", f"{self.outcome}: {time}", ""]
         return "\n".join([*head, *self.aligned(metrics.rows()), "", *self.aligned(list(pairs.items()), (0, 1)), ""])

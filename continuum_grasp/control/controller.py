@@ -125,7 +125,7 @@ class Controller(CompiledController):
             "measures": ", ".join(self.measurement_names),
             "setpoints": ", ".join(self.stages.r_names),
             "commands": ", ".join(self.stages.u_names),
-            **({"bears": self.scene.borne_loads} if self.scene.estimator else {}),
+            **({"load limit": self.scene.borne_loads} if self.scene.estimator else {}),
             "steps": counts or "none",
         }
 
