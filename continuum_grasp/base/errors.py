@@ -46,7 +46,7 @@ class SolverError(ContinuumGraspError, RuntimeError):
     Parameters
     ----------
     message : str
-        What failed.
+        The failed task.
     status : str
         The typed status of the solver.
     violated : sequence of str
@@ -87,7 +87,7 @@ class NumericalError(ContinuumGraspError, ArithmeticError):
     Parameters
     ----------
     message : str
-        What happened and what to try.
+        The fault and a remedy.
     time : float, optional
         Model time at which it happened [s].
     state : array_like, optional

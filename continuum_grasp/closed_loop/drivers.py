@@ -154,7 +154,7 @@ class RealTime(NamedTuple):
     Attributes
     ----------
     priority : int or None
-        Of the first-in-first-out scheduler, 1 to 99.
+        Priority in the first-in-first-out scheduler, 1 to 99.
     core : int or None
         The core that the process keeps to.
     lock_memory : bool

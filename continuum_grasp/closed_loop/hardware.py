@@ -52,7 +52,8 @@ class HardwareRun:
     Attributes
     ----------
     ended : {"finished", "tripped", "silent", "interrupted", "failed"}
-        Why it ended: after its duration; the supervisor tripped; nothing was read; Ctrl-C; the driver or a step raised.
+        Reason for the end: its duration was over; the supervisor tripped; nothing was read; Ctrl-C; the driver or a
+        step raised.
     cause : str
         The same in words.
     log : ControlLog
@@ -67,7 +68,7 @@ class HardwareRun:
     status, health : dict
         Commands by status and by health.
     realtime : tuple of str
-        What the operating system granted, in sentences.
+        Grants of the operating system, in sentences.
     """
 
     ended: str

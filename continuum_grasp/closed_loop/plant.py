@@ -37,13 +37,13 @@ class Plant:
     model : PlantModel, optional
         Its equations, where they differ from the scene's plant.
     seed : int, optional
-        Of the measurement noise; by default ``plant.seed`` of the scene.
+        Seed of the measurement noise; by default ``plant.seed`` of the scene.
 
     Attributes
     ----------
     model : PlantModel
     method : Method
-        How it is integrated.
+        Its integration method.
     sensors : Sensors
     t : float
         Time since the start [s].

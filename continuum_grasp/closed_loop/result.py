@@ -36,7 +36,7 @@ class ControlRun(MotionResult):
     adapted : mapping of str to Adapted
         Parameters of ``estimator.adapt`` at the end by name: value, deviation, and whether measurements tell it.
     events : tuple of (float, str)
-        When each phase of the schedule began [s].
+        Start of each phase of the schedule [s].
     ended : {"finished", "tripped", "stopped"}
         Tripped: it ran its time, but the supervisor sent the command to the safe input.
     """
@@ -55,7 +55,7 @@ class ControlRun(MotionResult):
         Stored("contact_force_estimate", "(period, touch)", "N", "estimated normal forces of the finger on the object"),
         Stored("contact_force_std", "(period, touch)", "N", "their standard deviations, by all that is estimated"),
         Stored("r", "(time, setpoint)", "", "setpoints"),
-        Stored("tracked", "(time, setpoint)", "", "what follows them, on the plant"),
+        Stored("tracked", "(time, setpoint)", "", "tracked quantities, on the plant"),
         Stored("tip", "(time, xy)", "m", "tip of the plant, world"),
         Stored("plan_tip", "(period, stage, xy)", "m", "predicted paths of the tip, world"),
         Stored("iterations", "(period,)", "1", "iterations of the solver"),

@@ -182,7 +182,7 @@ class Controller(CompiledController):
         late : bool, optional
             Whether the last command was late, so that this one is of the previous plan; by the deadline by default.
         time : float, optional
-            When the measurement arrived, on a monotonic clock [s]. Where calls were missed, estimate, plan and
+            Time at which the measurement arrived, on a monotonic clock [s]. Where calls were missed, estimate, plan and
             setpoints go on over the time that passed, with the input that acted; the supervisor detects a wrong call
             rate.
         age : float, optional

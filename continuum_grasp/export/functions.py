@@ -25,7 +25,7 @@ def export_casadi(given: Given, folder: str | os.PathLike[str], *, what: Sequenc
     """Write the functions of a finger as files of CasADi, for programs that have CasADi and not this package.
 
     ``casadi.Function.load("tip.casadi")`` in Python, ``casadi::Function::load`` in C++ and ``casadi.Function.load`` in
-    MATLAB return the function, which can be evaluated, differentiated, and used in an NLP. Of a closed loop or a
+    MATLAB return the function, which can be evaluated, differentiated, and used in an NLP. For a closed loop or a
     mission the finger is as in the controller's prediction; surroundings and objects are no part of it.
 
     Parameters

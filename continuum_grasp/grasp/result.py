@@ -62,7 +62,7 @@ class GraspResult(Result):
     reasons : tuple of Reason
         Reasons why there is none, each with the number that would repair it.
     advice : str
-        What to try.
+        A remedy.
     statistics : dict
         Times, iterations, starts.
     sensitivity : tuple of Sensitivity

@@ -50,11 +50,11 @@ class FingerModel(Model):
     accuracy : float, optional
         Relative accuracy of the evaluation over the bending range; sets Horner terms and quadrature nodes.
     parameters : sequence of str, optional
-        Parameters that stay run-time arguments (``p``); all others are folded into the code. Of a graded rod stiffness,
-        density and rotary inertia are factors, nominally 1. With run-time
+        Parameters that stay run-time arguments (``p``); all others are folded into the code. For a graded rod
+        stiffness, density and rotary inertia are factors, nominally 1. With run-time
         ``element_lengths`` masses and loads inside an element keep their share of its length.
     loads : sequence of ForceLoad and MomentLoad, optional
-        Where loads act; their values are entries of ``w`` (of ``u`` for moments on the tip, where they act like the
+        Places of loads; their values are entries of ``w`` (of ``u`` for moments on the tip, where they act like the
         tip moment).
     tip_force : bool, optional
         Whether a force acts at the tip; for a scene, where it has contacts.
@@ -315,7 +315,7 @@ class FingerModel(Model):
     def tensions(self) -> ca.Function:
         """``(x, u, p) -> tensions, along``: of each tendon at its drive [N], and at its `tension_places`.
 
-        Of fingers with tendon friction or winches.
+        Only for fingers with tendon friction or winches.
 
         Raises
         ------

@@ -272,7 +272,7 @@ class System(Model):
     def section_velocities(self, stations: Sequence[float]) -> ca.Function:
         """``(x, u, p) -> v, spin``: world velocities (2, K) [m/s] and turning rates (K) [rad/s] of sections.
 
-        Stations are as in ``sections``. Of a matched tip without rates of its input, the moment is constant.
+        Stations are as in ``sections``. For a matched tip without rates of its input, the moment is constant.
         """
         eq, lengths = self._equations, self.finger_model.lengths
         velocities = [eq.section_velocity(place_at(at, lengths)) for at in stations]

@@ -135,13 +135,13 @@ class Start:
     barrier : float or None
         First barrier parameter of an interior-point method, for a start that is worth staying near.
     option_set : {"default", "refined", "refined_monotone"}
-        How near a solution it is: rough, so that the settings hold; nearly exact, for few, bold iterations; nearly
+        Distance from a solution: rough, so that the settings hold; nearly exact, for few, bold iterations; nearly
         exact, where bold iterations left it.
     patience : int or None
-        How many iterations may leave a violation as it is, until it is half of what it was; then the run ends as
+        Number of iterations in which a violation has to fall to half; else the run ends as
         `Attempt.stalled`. None: any number.
     standstill : int or None
-        How many iterations in a row may leave a violation the same to 0.1 %, after which the run ends likewise.
+        Number of iterations in a row that may leave a violation the same to 0.1 %; then the run ends likewise.
     known : sequence of (n,) ndarray
         Solutions: a run that comes to one of them ends as `Attempt.known`.
     """
@@ -196,7 +196,7 @@ class Attempt:
     violation : float
         Largest amount by which a constraint or a bound is violated, in units of the problem.
     error : float
-        Of the conditions of optimality, scaled; see `NLP.optimality_error`. Infinite where a constraint is
+        Scaled error in the conditions of optimality; see `NLP.optimality_error`. Infinite where a constraint is
         violated by more than an acceptable point may.
     """
 

@@ -147,7 +147,7 @@ class Violation:
     Attributes
     ----------
     name, unit, key : str
-        As of the block.
+        As in the block.
     index : int
         The worst entry of the block.
     amount : float

@@ -2,7 +2,7 @@
 
 Every result draws its pictures by ``plot``; behind each is a ``plot_x(result, *, ax=None)`` here, which draws into the
 axes it is given, or into axes of a new figure, and returns the axes. Nothing is shown, saved, or changed globally in
-matplotlib, which is imported when the first picture is drawn. Public are pictures of data other than results.
+matplotlib, which is imported when the first picture is drawn. Pictures of data other than results are public.
 """
 
 from lazy_loader import attach_stub

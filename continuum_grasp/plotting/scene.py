@@ -38,7 +38,7 @@ def plot_scene(scene: Value, *, ax: Axes | None = None) -> Axes:
     scene : Scene, GraspScene, ControlScene, MissionScene, PlanScene, IdentifyScene or Finger
         Lengths in m.
     ax : matplotlib.axes.Axes, optional
-        Where to draw [m]; None: axes in a new figure.
+        Axes to draw into [m]; None: axes in a new figure.
 
     Returns
     -------

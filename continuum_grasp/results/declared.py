@@ -74,7 +74,7 @@ class Dimension:
         names themselves. An array may have the first few of them. A number: as the first place has. Empty: places are
         counted.
     unit : str
-        Of labels that are numbers.
+        Unit of labels that are numbers.
     """
 
     name: str

@@ -184,8 +184,8 @@ class Result(Summarized):
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw, of a picture with panels some of them; axes in a new figure, unknown to pyplot, where not
-            given.
+            Axes to draw into, for a picture with panels some of them; by default axes in a new figure, unknown to
+            pyplot.
         picture : str, optional
             Its name, of `drawable`; by default the main one.
         **options

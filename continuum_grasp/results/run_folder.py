@@ -33,7 +33,7 @@ class Run(Summarized):
     Attributes
     ----------
     folder : pathlib.Path
-        Where it lies.
+        Its path.
     arrays : dict of str to numpy.ndarray
         Results, by name.
     meta : dict

@@ -100,7 +100,7 @@ class RodEquations:
     def unresolved(self, curvature: Array) -> Array:
         """Turn [rad] per panel that its polynomials may miss: in curvature, tangent, friction, or the rod itself.
 
-        Of the rod itself it is the turn by a moment of one, and the mass per mass of the whole rod.
+        For the rod itself it is the turn by a moment of one, and the mass per mass of the whole rod.
         """
         mesh = self.mesh
         functions = [curvature, self.tangents(curvature), 1.0 / self.bending_stiffness, self._density]

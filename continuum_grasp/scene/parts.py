@@ -286,8 +286,8 @@ def faces_between(a: PlanePoint, b: PlanePoint, low: float, high: float) -> list
     """The line from one point to another, or two arcs in its place that leave it by an angle and come back by another
     one [rad].
 
-    Of all such pairs it is that whose tangents at the ends are as long up to the tangent that both arcs share: K. M.
-    Bolton, "Biarc curves", Computer-Aided Design 7 (1975), doi:10.1016/0010-4485(75)90086-X.
+    Among all such pairs it is the pair whose tangents at the ends are as long up to the tangent that both arcs share:
+    K. M. Bolton, "Biarc curves", Computer-Aided Design 7 (1975), doi:10.1016/0010-4485(75)90086-X.
     """
     normal, size = edge_normal(a, b), math.dist(a, b)
     if low == 0.0 or high == 0.0:

@@ -58,7 +58,7 @@ class Relaxation(Value):
 class Damping(Value):
     """Internal damping; all kinds may be given and add up.
 
-    Of a graded rod the values hold at the base, and scale with its bending stiffness along it.
+    For a graded rod the values hold at the base, and scale with its bending stiffness along it.
 
     Examples
     --------

@@ -50,7 +50,7 @@ class DataTable:
     headings : tuple of str
         Without the units.
     units : tuple of str or None
-        Of each column, where its heading has one in brackets.
+        Unit of each column, where its heading has one in brackets.
     rows : tuple of tuple of str
     lines : tuple of int
         Line of each row in the file, from 1.
@@ -87,7 +87,7 @@ class DataTable:
         ----------
         path : path-like
         names : sequence of str
-            Of the columns of a table without a line of headings, which is then no error; headings may also stand
+            Names of the columns of a table without a line of headings, which is then no error; headings may also stand
             behind # in the line above the numbers, as numpy writes them.
 
         Raises

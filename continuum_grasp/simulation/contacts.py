@@ -37,7 +37,7 @@ class ContactHistory:
             ("friction", "(time, contact)", "N", _FRICTION),
             ("lift", "(time, contact)", "N", "force out of the plane, on the object: friction, or what a table bears"),
             ("force", "(time, xy, contact)", "N", "world force on the object in the plane"),
-            ("point", "(time, xy, contact)", "m", "where it acts, world"),
+            ("point", "(time, xy, contact)", "m", "point of the force, world"),
         )
     )
     """Arrays that results with `contacts` store."""

@@ -26,7 +26,7 @@ class SlackTime:
     Attributes
     ----------
     tendon : int
-        Which one, from 1.
+        Number of the tendon, from 1.
     begins, ends : float
         First instant at which it is slack, and the first at which it is in tension again [s]: infinite if it never is.
     """
@@ -57,7 +57,7 @@ class TensionLimit:
     ----------
     kind : {"slack", "max_tension"}
     tendon : int
-        Which one, from 1.
+        Number of the tendon, from 1.
     tension, limit : float
         Tension at the drive, and its limit [N]: the least one of a slack tendon.
     """

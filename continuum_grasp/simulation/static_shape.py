@@ -46,7 +46,7 @@ class Equilibrium(RestingShape, Result):
         Stored("u", "(input,)", "", "input that it is an equilibrium of"),
         Stored("w", "(force_component,)", "", "forces and moments that it is an equilibrium of"),
         Stored("p", "(parameter,)", "", "parameters of the model"),
-        Stored("friction_states", "(friction_cell,)", "1", "which way friction acts, per friction state"),
+        Stored("friction_states", "(friction_cell,)", "1", "direction of friction, per friction state"),
         Stored("tensions", "(tendon,)", "N", "tensions at the drives"),
         Stored("commands", "(drive, end)", "", "least and greatest command under which motors stay where they are"),
         Stored("tip", "(xy,)", "m", "world position of the tip"),

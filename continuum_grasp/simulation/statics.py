@@ -102,7 +102,7 @@ def equilibrium_under(
     side : {1, -1}
         Side to which it is left.
     reached_by : {"pulling", "releasing", "state"}
-        How a finger with friction came to this shape: from straight, where tendons slid and dry friction was bent all
+        Path of a finger with friction to this shape: from straight, where tendons slid and dry friction was bent all
         the way; from a further bend, with all of them sliding back; or with ``friction_states``.
     friction_states : array_like, optional
         Direction of friction, per cell, from -1 to 1, for ``state``.

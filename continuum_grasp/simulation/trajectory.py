@@ -47,7 +47,7 @@ class Trajectory(MotionResult):
         along it, and of the points of an object that moves. It is taken from the same motion with every element halved
         (``time.space_error``, ``fidelity.tolerance``); infinite where that one fails, nan where nothing was compared.
     static_error : float
-        Where ``space_error`` is not asked for: estimate of the greatest error of position that the elements leave where
+        Without ``space_error``: estimate of the greatest error of position that the elements leave where
         the finger is at rest under its first, or its last inputs and loads, per length [1]; infinite where no
         equilibrium of halved elements is found, nan with an object, or more than four elements.
     """

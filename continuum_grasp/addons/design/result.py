@@ -102,8 +102,8 @@ class DesignResult(Result):
     switches : tuple of str
         Designs where a full search found better grasps than the ones followed.
     acting : dict of str to int
-        Of cases whose grasps must hold for many errors or friction states: how many different sets of these decided
-        the grasps of the designs tried.
+        For cases whose grasps must hold for many errors or friction states: number of different sets that decided the
+        grasps of the designs tried.
     grasps, before : dict of str to GraspResult
         The grasps of the best design, and the grasps at the start, by case.
     statistics : dict

@@ -109,10 +109,11 @@ def export_fmu(
     Parameters
     ----------
     given : Scene, ControlScene, AssignedMission, MissionRun or path of a configuration
-        Of a simulated scene the finger is exported, moved by the steps of its C package; of a closed loop the
+        From a simulated scene it exports the finger, moved by the steps of its C package; from a closed loop the
         controller, and the plant that ``run_closed_loop`` moves; of a mission the controller with its phases.
     folder : path-like
-        Where to; units ``NAME_plant_fmi2.fmu`` and the like there are replaced, files that no export wrote are not.
+        Target folder; units ``NAME_plant_fmi2.fmu`` and the like there are replaced, files that no export wrote are
+        not.
     what : sequence of {"plant", "controller"}, optional
         Units to write of a closed loop; by default all.
     fmi : sequence of {"2", "3"}

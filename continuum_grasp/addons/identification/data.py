@@ -121,7 +121,7 @@ class Poses:
     fitted : (R,) array_like of bool, optional
         False for rows that are predicted and not fitted.
     scene : Scene, optional
-        Where it differs from the scene of the identification.
+        Scene of these data, where it differs from the scene of the identification.
     name : str
     sequence : bool
         Whether the rows follow one another, so that the friction of each comes from the rows before it.
@@ -165,7 +165,7 @@ class TipPath:
     measured : sequence of Reading
         Readings, T values each.
     start : {"scene", "estimated"}
-        How the motion starts: at time zero as ``initial`` of the scene says, or at ``t[0]`` in a shape and rates that
+        Start of the motion: at time zero as ``initial`` of the scene says, or at ``t[0]`` in a shape and rates that
         are estimated with the parameters, from the smoothest ones through the first samples on.
     start_sigma : (2,) sequence of float, optional
         Standard deviations of an estimated start from the start in the first samples: of the bend of every element
@@ -176,7 +176,7 @@ class TipPath:
     fitted : bool
         False: predicted and not fitted.
     scene : Scene, optional
-        Where it differs from the scene of the identification.
+        Scene of these data, where it differs from the scene of the identification.
     name : str
     plane : float, optional
         Direction in which the finger bends, about its straight axis [rad], for estimates ``per: plane``.

@@ -27,7 +27,7 @@ class ExperimentPlan(Result):
     Attributes
     ----------
     names, units : tuple of str
-        Of the n unknowns.
+        Names and units of the n unknowns.
     pose_headings, pose_rows : tuple of str, tuple of tuple of str
         Table of the poses, with empty cells for the measurements.
     segments : tuple of Segment
@@ -56,7 +56,7 @@ class ExperimentPlan(Result):
         Stored("values", "(unknown,)", "", "unknowns at which the deviations are predicted: as known, or the start"),
         Stored("before", "(unknown,)", "", "standard deviations that they have without these experiments"),
         Stored("deviations", "(unknown,)", "", "standard deviations that they will have"),
-        Stored("shares", "(unknown, experiment)", "1", "of the information on each unknown, from each experiment"),
+        Stored("shares", "(unknown, experiment)", "1", "share of each experiment in the information on an unknown"),
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (
         Dimension("time", "instants", "t", "s"),

@@ -25,7 +25,7 @@ class Fit(Predicted):
     Attributes
     ----------
     names, units : tuple of str
-        Of the n parameters.
+        Names and units of the n parameters.
     freedom : int
         Degrees of freedom of the residuals' scatter; fewer where residuals are correlated in time.
     sets, predictions, drawn, scene
@@ -38,7 +38,7 @@ class Fit(Predicted):
         ``implausible``: this finger cannot have the measurements: they lie beyond its length, or the best
         parameters miss them by far. Failures of the search raise ``SolverError``.
     reason : str
-        Why the measurements are implausible; empty where they are not.
+        Reason why the measurements are implausible; empty where they are plausible.
     causes : tuple of str
         Slips in the data that explain them, with the remaining misfit.
     laws : tuple of LawTrial
@@ -64,7 +64,7 @@ class Fit(Predicted):
             "singular_values",
             "(parameter,)",
             "1",
-            "of the Jacobian, scaled by the data's deviations and typical parameters",
+            "singular values of the Jacobian, scaled by the data's deviations and typical parameters",
         ),
         Stored(
             "sigma", "(measurement,)", "", "standard deviations of the measured numbers, known or from the residuals"

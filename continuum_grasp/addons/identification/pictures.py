@@ -55,7 +55,7 @@ def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
 def plot_shapes(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
     """Draw predicted fingers, and measured points over them with lines to where they are predicted; a panel per set.
 
-    Of many rows or instants some are drawn, evenly spread; paths of points over time are drawn whole, the predicted
+    From many rows or instants some are drawn, evenly spread; paths of points over time are drawn whole, the predicted
     ones as lines. What was not fitted is orange.
     """
     from continuum_grasp.plotting import draw_clamp

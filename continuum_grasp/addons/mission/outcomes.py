@@ -19,7 +19,7 @@ from continuum_grasp.scene import DataTable
 
 @dataclass(frozen=True)
 class Outcome:
-    """A plant, and the outcome of the mission on it; ``error`` says why there is no verdict."""
+    """A plant, and the outcome of the mission on it; ``error`` has the reason for a missing verdict."""
 
     variation: PlantVariation
     verdict: MissionVerdict | None
@@ -109,7 +109,7 @@ class TrialsResult(Result, Sequence[Outcome]):
         Stored("damping", "(plant,)", "1", "damping relative to the controller's finger"),
         Stored("mass", "(plant,)", "1", "mass of the object relative to the mission's"),
         Stored("friction", "(plant,)", "1", "friction of the object relative to the mission's"),
-        Stored("shift_x", "(plant,)", "m", "how far the object stands from where it should, world x"),
+        Stored("shift_x", "(plant,)", "m", "error of the object's place, world x"),
         Stored("shift_y", "(plant,)", "m", "the same, world y"),
         Stored("succeeded", "(plant,)", "1", "whether the object was held and let go, without a trip"),
         Stored("held", "(plant,)", "1", "whether the object was never dropped"),
@@ -125,16 +125,14 @@ class TrialsResult(Result, Sequence[Outcome]):
         Stored("fallbacks", "(plant,)", "1", "commands that were not of a new plan"),
         Stored("turn_error", "(plant,)", "rad", "error of the object's angle after a turn, before it was grasped"),
         Stored("turn_end_error", "(plant,)", "rad", "the same at the end of the mission"),
-        Stored(
-            "turn_reason", "(plant,)", "text", "why it was not turned as asked; empty where it was, or not asked for"
-        ),
-        Stored("tripped", "(plant,)", "text", "why a controller tripped; empty where none did"),
-        Stored("refused", "(plant,)", "text", "why the object was not lifted; empty where it was"),
-        Stored("doubted", "(plant,)", "text", "what contradicted the lift; empty where nothing did"),
-        Stored("slipped", "(plant,)", "text", "what was noticed of slip, and done about it; empty where nothing was"),
-        Stored("drop", "(plant,)", "text", "why the object was dropped; empty where it was not"),
-        Stored("touching", "(plant,)", "text", "what was not released, and why; empty where all was"),
-        Stored("error", "(plant,)", "text", "why there is no verdict"),
+        Stored("turn_reason", "(plant,)", "text", "reason for a failed turn; empty where there is none"),
+        Stored("tripped", "(plant,)", "text", "reason for a trip; empty where there is none"),
+        Stored("refused", "(plant,)", "text", "reason for an object that was not lifted; empty where it was"),
+        Stored("doubted", "(plant,)", "text", "contradictions to the lift; empty where there are none"),
+        Stored("slipped", "(plant,)", "text", "noticed slip, and the response; empty where there is none"),
+        Stored("drop", "(plant,)", "text", "reason for a drop; empty where there is none"),
+        Stored("touching", "(plant,)", "text", "parts that were not released, and why; empty where all were"),
+        Stored("error", "(plant,)", "text", "reason for a missing verdict"),
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (Dimension("plant", "plants, in the order of the draws"),)
     texts: ClassVar[tuple[File, ...]] = (File("trials.csv", "continuum_grasp.addons.mission.outcomes:trials_csv"),)

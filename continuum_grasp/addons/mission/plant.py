@@ -38,13 +38,14 @@ class PlantVariation:
     Attributes
     ----------
     stiffness, damping : float, optional
-        Of the fingers, relative to the controllers' models [1]; None: as the mission's ``plant`` says.
+        Stiffness and damping of the fingers, relative to the controllers' models [1]; None: as the mission's ``plant``
+        says.
     mass, friction : float
-        Of the object and of all its contacts, relative to the mission's [1].
+        Mass of the object and friction of all its contacts, relative to the mission's [1].
     shift : tuple of two floats
-        Of the object's place, world x, y [m].
+        Shift of the object's place, world x, y [m].
     seed : int, optional
-        Of the measurement noise; None: the seed of the mission's ``plant``.
+        Seed of the measurement noise; None: the seed of the mission's ``plant``.
     tendon_friction : float
         Relative to the plant's [1].
     friction_fall : float

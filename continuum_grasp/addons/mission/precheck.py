@@ -82,7 +82,7 @@ def check_mission(
     grasp : GraspResult, optional
         The grasp, if you have it already.
     variation : Variation, optional
-        How the plant differs from the mission's own.
+        Differences of the plant from the mission's own.
 
     Returns
     -------

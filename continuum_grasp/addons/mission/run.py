@@ -54,7 +54,7 @@ def run_mission(
     grasp : GraspResult, optional
         The grasp, if you have it already.
     variation : Variation, optional
-        How the plant differs from the mission's own.
+        Differences of the plant from the mission's own.
     progress : callable, optional
         Called with the share done so far, 0 to 1.
     times : bool

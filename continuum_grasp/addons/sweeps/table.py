@@ -40,7 +40,7 @@ class SweepTable(Result):
     Attributes
     ----------
     folder : pathlib.Path
-        Where it lies.
+        Its path.
     total : int
         Number of scenes of the sweep; there are fewer rows while it is not finished.
     keys : tuple of str
@@ -52,7 +52,7 @@ class SweepTable(Result):
     grid_keys : tuple of str
         Keys with a few values each: keys of the grid, and keys that follow them.
     units : mapping of str to str
-        Of keys and numbers, where known.
+        Units of keys and numbers, where known.
     requested : mapping
         The ``maps`` and ``pareto`` pictures that the configuration asks for.
     statistics : mapping
@@ -152,7 +152,7 @@ class SweepTable(Result):
         color : ndarray, shape (ny, nx)
             The quantity; NaN where there is no grasp.
         kind : ndarray of str, shape (ny, nx)
-            Why there is none; empty where there is one, or no row yet.
+            Reason why there is none; empty where there is one, or no row yet.
         """
         colors = self.of_grasps(color)
         kinds = np.where(self.solved, "", self.kinds)

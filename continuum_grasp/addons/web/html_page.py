@@ -22,7 +22,7 @@ class Page:
     modules : dict of str to int
         Size of each WebAssembly module, as it is before it is compressed [bytes].
     file : pathlib.Path or None
-        Where it was written; None where a run shows it.
+        Its path; None where a run shows it.
     """
 
     text: str = field(repr=False)

@@ -1,6 +1,6 @@
 """The curves along a finger in units of its own: their structure and their numbers.
 
-Of a uniform finger it is its thickness alone; the model has all else that it is.
+For a uniform finger it is its thickness alone; the model has all else that it is.
 """
 
 from __future__ import annotations

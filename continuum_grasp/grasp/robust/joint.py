@@ -1,8 +1,8 @@
 """One grasp for several errors and friction states at once: the nominal problem and, beside it, one for each of them.
 
 Every error has unknowns of its own, posture, places and forces, and all limits of a grasp; its friction cones come
-from its scene, without reserve. Shared are the tensions or commands, the bases and, where it is sought, the object's
-pose. With x the unknowns of the nominal grasp and x_k, e_k the unknowns of error k and the error itself:
+from its scene, without reserve. All errors share the tensions or commands, the bases and, where it is sought, the
+object's pose. With x the unknowns of the nominal grasp and x_k, e_k the unknowns of error k and the error itself:
 
     minimize  objective(x)   subject to   limits(x),  limits(x_k),  link(x, x_k, e_k) = 0 for all k
 

@@ -33,7 +33,7 @@ class GraspTrials:
     worst : str
         The corner with the least reserve: errors of the object and friction states.
     weakest : dict of str to int
-        Of the draws that do not hold, how many fail first at each contact; with the name "balance", for want of any
+        Number of failing draws that fail first at each contact; with the name "balance", for want of any
         posture that balances.
     """
 
@@ -70,15 +70,15 @@ class Robustness(Summarized):
     errors : ndarray, shape (draws, 6 + S)
         The draws: x, y [m], angle [rad], shares of size, friction and mass [1], and S friction states.
     nominal : Trials
-        Of the grasp that is best as the scene is, with the first draws.
+        Trials of the best grasp without errors, with the first draws.
     robust : Trials or None
-        Of the grasp that holds at all corners; None where none was found.
+        Trials of the grasp that holds at all corners; None where none was found.
     active : ndarray, shape (K, 6 + S)
         Corners that are part of its problem.
     nominal_arrays : mapping
-        Of the nominal grasp, as `GraspResult.arrays`.
+        Arrays of the nominal grasp, as `GraspResult.arrays`.
     touching : sequence of mapping
-        Which contacts are on in the posture of each corner of ``active`` (K), and where on the object they are.
+        Contacts that are on in the posture of each corner of ``active`` (K), and their places on the object.
 
     Examples
     --------

@@ -140,8 +140,8 @@ def _where(scene: GraspScene) -> str:
 
 def _others(search: GraspSearch, best: Mapping[str, Array]) -> Iterator[Mapping[str, Array]]:
     """Verified grasps of a search other than the best one, in the order of their tensions, as far as these are known:
-    those it found, then those from exact rods that it left because they take more. Of grasps with stations those with
-    the fewest come first: others may touch as states ask, while each that the grasp itself has bounds what holds.
+    those it found, then those from exact rods that it left because they take more. Grasps with the fewest stations come
+    first: others may touch as states ask, while each that the grasp itself has bounds what holds.
     """
     scene, seen = search.scene, [best]
 

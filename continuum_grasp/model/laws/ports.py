@@ -18,7 +18,7 @@ def cells(family: Family, count: int) -> tuple[Port, ...]:
     constant.
 
     A law of the moment m has there the work of an even moment on the turn of a part, by its mean stiffness: a linear
-    law acts as the elasticity does where elements bend as evenly as they can. Of an even moment this is the harmonic
+    law acts as the elasticity does where elements bend as evenly as they can. For an even moment this is the harmonic
     mean, by which a soft piece beside a stiff one counts by its bend; of a constant curvature the plain one.
     """
     mesh = family.mesh

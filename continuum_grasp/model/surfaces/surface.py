@@ -91,7 +91,7 @@ class TouchingCircle:
     """The circle that touches a surface at a place, where it has the surface's curvature.
 
     The place is the nearest one of a point: its distance from the circle is that from the surface but for the third
-    power of how far the nearest place has moved along it. Of discs and corners it is exact, and of faces, whose
+    power of how far the nearest place has moved along it. It is exact for discs and corners, and for faces, whose
     curvature is zero.
     """
 

@@ -175,7 +175,7 @@ def plot_object(body: GraspObject, *, ax: Axes | None = None) -> Axes:
     ----------
     body : object of a scene
     ax : matplotlib.axes.Axes, optional
-        Where to draw [m]; None: axes in a new figure.
+        Axes to draw into [m]; None: axes in a new figure.
 
     Examples
     --------

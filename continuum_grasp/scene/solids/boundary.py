@@ -131,7 +131,7 @@ def growth(faces: Sequence[Face]) -> float:
 def whole_section(part: Part) -> tuple[Face, ...]:
     """Boundary of the section through the axis x = 0 of a solid of revolution, given as the whole or a half.
 
-    Of a ring it is the section beside the axis, at x > 0, alone.
+    For a ring it is only the section beside the axis, at x > 0.
 
     Raises
     ------

@@ -59,7 +59,7 @@ def commission(
     Parameters
     ----------
     scene : ControlScene or path-like
-        The closed loop, whose estimator measures the tip. Of its ``mounting`` only ``camera.mirrored`` counts, if it
+        The closed loop, whose estimator measures the tip. Only ``camera.mirrored`` of its ``mounting`` counts, if it
         is stated.
     log : ControlLog or path-like, optional
         The bench's numbers while the plan of `design_commissioning` was played, or any others that move all drives.

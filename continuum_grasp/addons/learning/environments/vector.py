@@ -70,7 +70,7 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
     scenes : tuple of ControlScene
         Scenes to draw from; ``keys`` are the varied keys, ``values`` each scene's values there.
     drawn : (num_envs,) ndarray of int
-        Which scene each plant has.
+        Number of each plant's scene.
     x : (num_envs, nx) ndarray
         States, named by ``x_names``.
     substeps : int
@@ -182,7 +182,7 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         Parameters
         ----------
         seed : int, optional
-            Of all draws and noise from now on.
+            Seed of all draws and noise from now on.
         options : dict, optional
             ``reset_mask``: which plants are reset, (num_envs,) of bool; by default all. ``scene``: number of the
             scene of these, one or (num_envs,); by default drawn.
@@ -243,7 +243,7 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         Returns
         -------
         observation, reward, terminated, truncated, info
-            As of ``gymnasium.vector.VectorEnv``.
+            As in ``gymnasium.vector.VectorEnv``.
 
         Raises
         ------
