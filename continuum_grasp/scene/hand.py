@@ -211,6 +211,9 @@ class HandScene(Configuration):
     stability: Literal["require", "ignore"] = "require"
     """require: small motions in space that the contacts allow must raise the energy clearly, at tensions or drives that
     ignore: an equilibrium is enough."""
+    friction_states: Literal["any", "pulled"] = "any"
+    """Friction states of the tendons in which the grasp must hold. pulled: it need only hold as it is reached, by
+    pulling; any: whatever they become, which hands without friction do."""
     solver: GraspSolver = GraspSolver()
     """Options of the search."""
 
@@ -306,8 +309,13 @@ class HandScene(Configuration):
                 f"contacts.friction: {setup.friction:g} for {setup.name}: expected at least {LEAST_FRICTION:g}; "
                 "contacts without friction hold nothing in space"
             )
-        if setup.friction_states:
-            raise ValueError("hand.finger: a hand takes no friction in tendons or bending so far")
+        if setup.finger.damping.dry_friction:
+            raise ValueError("hand.finger.damping.dry_friction: a hand takes no dry friction in bending so far")
+        if setup.friction_states and self.friction_states == "any":
+            raise ValueError(
+                "friction_states: with friction in its tendons, a hand is certified as it is reached alone, not for "
+                "other friction states: state friction_states: pulled"
+            )
         if any(mass.at < setup.finger.rod.length for mass in setup.finger.masses):
             raise ValueError("hand.finger.masses: a hand takes only fingers with masses at their tips")
         away = math.dist(self.object.position, base.position)

@@ -292,6 +292,21 @@ def test_drives_wind_up_what_the_bend_draws_in_and_tendons_yield(drive, ball):
         assert stability[0] > 1.1 * stability[1] if locks else stability[0] == pytest.approx(stability[1], rel=1e-5)
 
 
+def test_tendon_friction_takes_no_more_than_a_capstan_does(ball):
+    """Tensions fall along the finger by exp(-friction * turn) at most, and less where it has turned less."""
+    friction = 0.1
+    tendons = {"hand.finger.tendons.friction": friction, "friction_states": "pulled"}
+    found = optimize_grasp(hand("ball", tendons))
+    for name, (left, _) in found.tensions.items():
+        turn = abs(found.arrays[f"{name}.backbone"][-1, 3])
+        assert 1.0 < left / ball.tensions[name][0] < math.exp(friction * turn)
+    assert found.certificate.acceptable
+    assert "other friction states are not tested" in found.table()
+    with pytest.raises(InputError, match="state friction_states: pulled"):
+        hand("ball", {"hand.finger.tendons.friction": friction})
+
+
+@pytest.mark.deep
 def test_the_torque_that_a_motor_lacks_is_named():
     weak = driven({**SERVO, "torque_max": 0.03})
     found = optimize_grasp(weak, raise_on_failure=False)

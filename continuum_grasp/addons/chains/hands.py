@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from continuum_grasp.addons.chains.controls import Control
 from continuum_grasp.addons.chains.links import rounded_step
 from continuum_grasp.addons.chains.posture import HandFingerChain, quaternion
 from continuum_grasp.addons.chains.solid_geometry import solid_inertia, solid_parts
-from continuum_grasp.addons.chains.text import FINGER, OBJECT, SUPPORT, document, levers, numbers
+from continuum_grasp.addons.chains.text import FINGER, OBJECT, SUPPORT, document, numbers
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.export import fill, title_of
 
@@ -128,11 +128,7 @@ def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
         },
         "meshes": meshes,
         "supports": [_support(support, length, edge).items() for support in scene.supports],
-        "tendons": [
-            (control, levers(control, chain.links, f"{chain.name}_bend"))
-            for chain in chains
-            for control in controls[chain.name]
-        ],
+        "tendons": [(control, chain.levers(control)) for chain in chains for control in controls[chain.name]],
         "stops": (),
         "controls": [control for of in controls.values() for control in of],
         "holder": True,
@@ -140,10 +136,16 @@ def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
         "keyframes": _keyframes(result, chains, list(commands.values())),
     }
     damped = [chain.finger.damping.material / chain.finger.profile.own_stiffness for chain in chains]
+    has_tendon_friction = any(chain.friction is not None for chain in chains)
     slow = any(damping > own for own, (_, damping) in zip(damped, paces, strict=True))
     differences = (
         f"contacts are MuJoCo's own, as stiff as the step of {step:g} s allows; fingers do not touch each other",
         f"hinges have inertia: {_ADDED:.1%} of a finger, or of {_OBJECT_SHARE:.0%} of the object, at its tip",
+        *(
+            ["tendon friction: at each hinge the share of the tension is that of the grasp"]
+            if has_tendon_friction
+            else ()
+        ),
         *(["finger.damping.material: raised, so that a finger settles"] if slow else ()),
         *(["object: convex bands in place of a surface that is not convex"] if len(meshes) > 1 else ()),
     )
@@ -214,8 +216,9 @@ def _controls(chain: HandFingerChain) -> list[Control]:
             continue
         # A slack tendon is on the edge of being in tension.
         spring = wound.springs[k] or 1.0 / float(wound.compliances[k] + wound.law.servo)
-        drawn = float(np.array(Control.of(name, 0.0, pull).levers(chain.links.at)) @ chain.bends)
-        controls.append(Control.of(name, drawn + tension / spring, pull, lag=None, cable=spring))
+        control = Control.of(name, tension / spring, pull, lag=None, cable=spring)
+        drawn = sum(lever * chain.bends[int(hinge.rpartition("_")[2]) - 1] for hinge, lever in chain.levers(control))
+        controls.append(replace(control, value=control.value + float(drawn)))
     return controls
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from continuum_grasp.addons.chains.controls import Control
 from continuum_grasp.addons.chains.links import Links
 from continuum_grasp.base import Array
 
@@ -36,6 +37,7 @@ class HandFingerChain:
         self.contacts = [c for c in result.contacts if c.name.rpartition(".")[0] == self.name]
         self.tensions = result.tensions[self.name]
         self.wound = result.wound.get(self.name)
+        self.friction = result.tendon_friction.get(self.name)
         s, _, _, angle = result.arrays[f"{self.name}.backbone"].T
         self.bends = np.diff(np.interp(self.links.edges, s, angle))
 
@@ -44,6 +46,12 @@ class HandFingerChain:
         touching = [c.station for c in self.contacts if self.links.link_of(c.station) == k]
         at = touching[0] if touching else 0.5 * sum(self.links.span(k))
         return float(self.finger.profile.half_thickness(at))
+
+    def levers(self, control: Control) -> list[tuple[str, float]]:
+        """Hinges that a tendon bends, and how far it is drawn in per angle, times the share of its tension there."""
+        shares = 1.0 if self.friction is None else self.friction.shares(control.arm, self.links.at)
+        levers = control.levers(self.links.at) * shares
+        return [(f"{self.name}_bend_{k}", lever) for k, lever in enumerate(levers.tolist(), 1) if lever != 0.0]
 
     @staticmethod
     def order(k: int) -> list[int]:

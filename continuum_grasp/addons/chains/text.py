@@ -251,6 +251,6 @@ def _stops(finger: Finger, links: Links) -> list[tuple[int, float, float, float]
     return [(k + 1, more * links.stiffness[k], low, high) for k, (low, high) in enumerate(bands)]
 
 
-def levers(control: Control, links: Links, name: str = "hinge") -> list[tuple[str, float]]:
+def levers(control: Control, links: Links) -> list[tuple[str, float]]:
     """Hinges that a control bends, with their levers."""
-    return [(f"{name}_{k}", lever) for k, lever in enumerate(control.levers(links.at), 1) if lever != 0.0]
+    return [(f"hinge_{k}", lever) for k, lever in enumerate(control.levers(links.at), 1) if lever != 0.0]

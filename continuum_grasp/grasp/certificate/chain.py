@@ -220,9 +220,12 @@ class FingerChain:
                 loads[j] += mass * skew(place - mids[j])
         return loads.reshape(-1, 3)
 
-    def shortening(self, channel: Any) -> Array:
-        """Path that a motion draws in of a tendon, per arm (3 N,)."""
-        return (self._path(channel)[:, None] * self.frames[:, :, 2]).ravel()
+    def pulled(self, channel: Any, arm: float) -> Array:
+        """Generalized force of a tendon's tension at the drive (3 N,) [m], of which friction passes on a share."""
+        friction = self.finger.plane.friction
+        path = arm * self._path(channel)
+        passed = path if friction is None else path * friction.shares(arm, self.middles)
+        return (passed[:, None] * self.frames[:, :, 2]).ravel()
 
     def _path(self, channel: Any) -> Array:
         """Mean arm of a tendon on each link, weighted by how a moment bends the finger there."""

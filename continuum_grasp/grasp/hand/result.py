@@ -18,7 +18,8 @@ from continuum_grasp.results import Dimension, File, Picture, Result, Stored, pl
 from continuum_grasp.scene import HandScene
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.certificate.drives import RecomputedDrive, WoundTendons
+    from continuum_grasp.grasp.certificate.drives import RecomputedDrive, StoredFinger, WoundTendons
+    from continuum_grasp.grasp.certificate.friction import TendonFriction
     from continuum_grasp.grasp.hand.body import BodySurface
     from continuum_grasp.grasp.hand.certificate import HandCertificate
     from continuum_grasp.grasp.hand.frames import PlaneFrame
@@ -212,11 +213,18 @@ class HandResult(Result):
     @property
     def wound(self) -> dict[str, WoundTendons]:
         """Tendons that drives wind up, of each finger that has such."""
+        return {finger.name: finger.wound for finger in self._stored if finger.wound is not None}
+
+    @property
+    def tendon_friction(self) -> dict[str, TendonFriction]:
+        """Tensions along tendons with friction, of each finger that has such."""
+        return {finger.name: finger.friction for finger in self._stored if finger.friction is not None}
+
+    @property
+    def _stored(self) -> list[StoredFinger]:
         from continuum_grasp.grasp.certificate.drives import StoredFinger
 
-        setups = self.scene.setups if self.arrays else ()
-        stored = {setup.name: StoredFinger(setup, self.arrays).wound for setup in setups}
-        return {name: wound for name, wound in stored.items() if wound is not None}
+        return [StoredFinger(setup, self.arrays) for setup in (self.scene.setups if self.arrays else ())]
 
     def words(self) -> dict[str, list[str]]:
         """Names of the fingers."""
@@ -256,6 +264,8 @@ class HandResult(Result):
         if self.arrays:
             lines += ["", "Tensions [N]", *(f"  {line}" for line in self._tension_rows())]
             lines += [f"  {line}" for line in self._drive_rows()]
+            if self.tendon_friction:
+                lines.append("  with tendon friction as pulling leaves it; other friction states are not tested")
             lines += ["", "Contacts, as the hand sees them", *(f"  {line}" for line in self._contact_rows())]
         if self.certificate is not None:
             lines += ["", f"Certificate: {self.certificate.headline()}; {self.certificate.stability}"]

@@ -150,7 +150,7 @@ class HandSystem(SpatialSystem):
             for channel in finger.plane.finger.channels:
                 tendons += [np.zeros(self.size) for _ in channel.arms]
                 for arm, force in zip(channel.arms, tendons[-len(channel.arms) :], strict=True):
-                    force[span] = arm * chain.shortening(channel)
+                    force[span] = chain.pulled(channel, arm)
         for number, contact in enumerate(hand.pressing):
             if isinstance(contact, HandTouch):
                 k = next(k for k, finger in enumerate(hand.fingers) if contact in finger.contacts)
