@@ -1,6 +1,6 @@
 """Pictures of the examples: ``python -m docs.examples`` in the root of the repository runs all, or those that it names.
 
-An example is a file ``examples/exNN_NAME.py`` of 20 to 60 lines with one idea, one picture and one asserted number of an
+An example is a file ``examples/exNN_NAME.py`` of 20 to 60 lines: one idea, one picture and one asserted number of an
 independent source. A new one needs a row in ``docs/examples.md``; ``tests/test_example_scripts.py`` runs it.
 """
 

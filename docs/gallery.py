@@ -305,7 +305,8 @@ def page(record: dict[str, Any]) -> str:
         "# Gallery",
         "Every configuration that is shipped, run by its command. A picture is the main one that the command draws, a "
         "moving one comes with `--animate gif`; all are in the run folder. "
-        "`continuum-grasp new DIR --example grasp/mug` copies one with all that it needs.",
+        "`continuum-grasp new DIR --example grasp/mug` copies one with all that it needs. "
+        "[Examples](examples.md) are short scripts in Python.",
         _times_text(machines),
     ]
     for kind, part in KINDS.items():

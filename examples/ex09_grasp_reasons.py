@@ -30,6 +30,7 @@ def main(out=None):
         gravity=(0.0, 0.0, -9.81),
         fidelity={"elements": 2},
         objective="least_normal_force",
+        solver={"effort": "quick"},
     )
     failed = cg.optimize_grasp(scene, raise_on_failure=False)
     reason = next(reason for reason in failed.reasons if reason.name == "mass")

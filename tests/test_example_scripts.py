@@ -15,8 +15,8 @@ from tests.marks import but
 
 ROOT = Path(__file__).parents[1]
 NAMES = [script.stem for script in scripts()]
-COSTLY = ["ex19_commission"]
-"""Seven seconds."""
+COSTLY = ["ex08_do_mpc", "ex09_grasp_reasons", "ex11_sweep", "ex19_commission"]
+"""Five to nine seconds each the first time."""
 
 
 @pytest.mark.parametrize("name", but(COSTLY, NAMES))
