@@ -106,14 +106,12 @@ INTEGRATORS = {
         failure="Newton's method did not converge within a step",
     ),
     "extrapolated_euler": Integrator(
-        "linearly implicit in the finger's own elasticity and damping alone, at linear cost with many elements",
+        "linearly implicit in the finger's elasticity and damping only, at linear cost with many elements",
         2,
         3,
         partial=True,
     ),
-    "ros2": Integrator(
-        "implicit in the finger's own elasticity and damping alone", 2, 2, partial=True, simulates=False
-    ),
+    "ros2": Integrator("implicit in the finger's elasticity and damping only", 2, 2, partial=True, simulates=False),
     "sdirk2": Integrator("diagonally implicit, L-stable", 2, 4, simulates=False, differentiates=True),
     "sdirk2_contact": Integrator(
         "as sdirk2, with a third Newton iteration for stiff contacts", 2, 6, simulates=False, differentiates=True
