@@ -31,6 +31,7 @@ import continuum_grasp as cg
 from continuum_grasp.addons.identification import data_folder
 from continuum_grasp.examples import Example, examples
 from continuum_grasp.results import Run, write_text
+from docs.examples import scripts
 
 ROOT = Path(__file__).absolute().parents[1]
 RECORD, PAGE, PICTURES = (ROOT / "docs" / name for name in ("gallery.json", "gallery.md", "pictures"))
@@ -306,7 +307,7 @@ def page(record: dict[str, Any]) -> str:
         "Every configuration that is shipped, run by its command. A picture is the main one that the command draws, a "
         "moving one comes with `--animate gif`; all are in the run folder. "
         "`continuum-grasp new DIR --example grasp/mug` copies one with all that it needs. "
-        "[Examples](examples.md) are short scripts in Python.",
+        "[Short scripts](#examples-in-python) come last.",
         _times_text(machines),
     ]
     for kind, part in KINDS.items():
@@ -318,6 +319,7 @@ def page(record: dict[str, Any]) -> str:
         parts.append(
             "\n".join(["| scene | what, and how | status | first run | again |", "|---|---|---|---|---|", *rows])
         )
+    parts += ["## Examples in Python", "[Short scripts](examples.md), each with a known answer.", _scripts()]
     parts.append(
         "Written by `python -m docs.gallery`; times by `python -m docs.gallery --times`, one command at a time."
     )
@@ -349,7 +351,21 @@ def _pictures(mine: list[Example], scenes: dict[str, Any]) -> str:
     for one in mine:
         place = f"pictures/{scenes[one.name]['picture']}"
         cells.append(f"[![{_cell(one.summary)}]({place})]({place})<br>{one.path.stem.replace('_', ' ')}")
-    cells += [" "] * (-len(cells) % COLUMNS)
+    return _grid(cells)
+
+
+def _scripts() -> str:
+    """Pictures of the examples in Python, with links to their code."""
+    cells = []
+    for script in scripts():
+        words = script.stem[5:].replace("_", " ")
+        cells.append(f"[![{words}](pictures/examples/{script.stem}.webp)](../examples/{script.name})<br>{words}")
+    return _grid(cells)
+
+
+def _grid(cells: list[str]) -> str:
+    """Table of pictures, ``COLUMNS`` in a row."""
+    cells = cells + [" "] * (-len(cells) % COLUMNS)
     lines = [" | ".join(cells[k : k + COLUMNS]) for k in range(0, len(cells), COLUMNS)]
     # the head of a table would set its row apart
     return "\n".join(["| " * COLUMNS + "|", "|:---:" * COLUMNS + "|", *(f"| {line} |" for line in lines)])

@@ -33,10 +33,10 @@ def main(out=None):
     drop, linear = -motion.tip[:, 1], series(motion.t)
 
     plt.figure(figsize=(4.2, 2.8), layout="constrained")
+    plt.plot(motion.t, 1e3 * drop, lw=4, alpha=0.5, label="continuum_grasp")
     plt.plot(motion.t, 1e3 * linear, "k:", label="modal series")
-    plt.plot(motion.t, 1e3 * drop, label="continuum_grasp")
-    plt.gca().set(xlabel="time [s]", ylabel="tip drop [mm]")
-    plt.legend()
+    plt.gca().set(xlabel="time [s]", ylabel="tip drop [mm]", ylim=(-0.5, 10.0))
+    plt.legend(ncols=2, loc="upper center")
     if out:
         plt.savefig(out)
     found, expected = drop.max(), linear.max()

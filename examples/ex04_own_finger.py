@@ -34,10 +34,10 @@ def main(out=None):
     places, across = modes.backbone[:, 1], modes.shapes[0][:, 0]
     half = 0.5e3 * base * (1.0 + (SLENDER - 1.0) * places / length)
     middle = 40.0 * across / np.abs(across).max()
-    plt.figure(figsize=(4.2, 2.2), layout="constrained")
+    plt.figure(figsize=(4.2, 2.6), layout="constrained")
     plt.fill_between(1e3 * places, -half, half, color="0.8", label="at rest")
     plt.fill_between(1e3 * places, middle - half, middle + half, alpha=0.6, label="first mode, enlarged")
-    plt.gca().set(xlabel="mm", ylabel="mm", aspect="equal")
+    plt.gca().set(xlabel="mm", ylabel="mm", aspect="equal", ylim=(-70.0, 20.0))
     plt.legend(loc="lower left")
     if out:
         plt.savefig(out)

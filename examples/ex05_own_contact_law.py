@@ -43,8 +43,8 @@ def main(out=None):
         forces.append(float(press(rest, value)))
     linear = [linear_beam(value) for value in tensions]
     plt.figure(figsize=(4.2, 2.8), layout="constrained")
+    plt.plot(tensions, forces, lw=4, alpha=0.5, label="continuum_grasp")
     plt.plot(tensions, linear, "k:", label="linear beam")
-    plt.plot(tensions, forces, label="continuum_grasp")
     plt.gca().set(xlabel="tension [N]", ylabel="force on the wall [N]")
     plt.legend()
     if out:

@@ -38,9 +38,9 @@ def main(out=None):
         s, x, y, _ = grasp.arrays[f"finger_{k}.backbone"].T
         ax.plot(*(1e3 * frame.world(np.column_stack([x, y, 0.0 * s]))).T, lw=3)
     for contact in grasp.contacts:
-        ax.quiver(*(1e3 * contact.position), *(60.0 * contact.force), color="k")
+        ax.quiver(*(1e3 * contact.position), *(-40.0 * contact.force), color="k")  # on the can
     ax.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]", aspect="equal")
-    ax.set_box_aspect(None, zoom=0.85)
+    ax.set_box_aspect(None, zoom=0.75)
     if out:
         plt.savefig(out)
     found = max(contact.normal_force for contact in grasp.contacts)
