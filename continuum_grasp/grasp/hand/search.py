@@ -170,6 +170,11 @@ class HandSearch:
             x[after.x.at[name]] = tried.attempt.x[before.x.at[name]]
         return self._solve(lighter, on, tried.chosen, x, self.points.near(lighter, x, p))
 
+    def left(self, tried: HandTried) -> float:
+        """Residual that the best forces leave where a run began, with the limits of this scene."""
+        rows = ForceRows.of(self.scene, tried.problem, *self.points.at(tried.problem, tried.chosen))
+        return rows.best(self.scene)[0]
+
     def relaxed(self, tried: HandTried, limit: str, eased: HandSearch, amount: float) -> tuple[HandTried, float]:
         """The nearest point with a limit relaxed as little as can be, and by how much, in units of the problem.
 
