@@ -102,6 +102,11 @@ def test_a_mirrored_hand_needs_the_same_tensions():
 CONE = "hand.finger.rod.sections"
 
 
+def test_cones_that_carry_tips_hold_a_ball():
+    few = {"fidelity.elements": 4, "solver.effort": "quick", "hand.finger.masses": [{"at": 0.12, "mass": 4e-3}]}
+    assert optimize_grasp(hand("cones", few)).certificate.acceptable
+
+
 @pytest.mark.deep
 def test_a_finger_that_hardly_changes_along_its_length_holds_as_a_uniform_one_does():
     """By a thousandth: tensions go with E I, which goes with the fourth power of the diameter."""
