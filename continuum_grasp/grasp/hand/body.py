@@ -47,12 +47,16 @@ def level(shape: str, point: ca.SX, half: ca.SX, edge: ca.SX) -> ca.SX:
 
 
 @lru_cache(maxsize=8)
-def levels(shape: str) -> ca.Function:
-    """``(point, half, edge)``: the level of a shape at points (3, K) of its frame, its gradient and its Hessian."""
+def levels(shape: str) -> tuple[ca.Function, ca.Function]:
+    """``(point, half, edge)``: the level of a shape at points (3, K) of its frame, and its gradient; and these with the
+    Hessian.
+    """
     point, half, edge = ca.SX.sym("point", 3), ca.SX.sym("half", 3), ca.SX.sym("edge")
     value = level(shape, point, half, edge)
     bending, gradient = ca.hessian(value, point)
-    return ca.Function("level", [point, half, edge], [value, gradient, ca.densify(bending)])
+    sought = [value, gradient, ca.densify(bending)]
+    once, twice = (ca.Function("level", [point, half, edge], sought[:count]) for count in (2, 3))
+    return once, twice
 
 
 @dataclass(frozen=True)
@@ -94,10 +98,11 @@ class BodySurface:
         if self._local is not None:
             away, normal = self._local.distance(local)
             return away.reshape(points.shape[:-1]), (normal @ self.axes.T).reshape(points.shape)
-        value, gradient, _ = self._level(local)
+        once, _ = levels(self.solid.shape)
+        value, gradient = (np.array(part).T for part in once(local.T, self.half, self.edge))
         slope = np.maximum(np.linalg.norm(gradient, axis=1), 1e-12)
         normal = (gradient / slope[:, None]) @ self.axes.T
-        return (value / slope).reshape(points.shape[:-1]), normal.reshape(points.shape)
+        return (value.ravel() / slope).reshape(points.shape[:-1]), normal.reshape(points.shape)
 
     def near(self, points: Array) -> Nearby:
         """Distance of points (K, 3) with its first and second derivative, by the nearest place of the surface."""
@@ -131,7 +136,8 @@ class BodySurface:
 
     def _level(self, local: Array) -> tuple[Array, Array, Array]:
         """Level (K,), gradient (K, 3) and second derivative (K, 3, 3) at points (K, 3) of the object's frame."""
-        value, gradient, bending = (np.array(part) for part in levels(self.solid.shape)(local.T, self.half, self.edge))
+        _, twice = levels(self.solid.shape)
+        value, gradient, bending = (np.array(part) for part in twice(local.T, self.half, self.edge))
         return value.ravel(), gradient.T, bending.T.reshape(-1, 3, 3)
 
     def sections(self, frame: PlaneFrame, count: int = 161) -> list[Array]:

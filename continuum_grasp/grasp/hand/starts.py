@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,8 +24,10 @@ Distance = Callable[[Array], tuple[Array, Array]]
 BENDS = 4.0
 """Greatest bend of a posture, base to tip [rad]."""
 FIRST, RISES, PLACES = 81, (-2.0, -1.0, 0.0, 1.0, 2.0, 3.0), 41
-"""Curvatures at the base, rises of curvature to the tip per bend of one radian per length, and places along a finger
-that are tried."""
+"""Number of curvatures at the base, rises of curvature to the tip per bend of one radian per length, and number of
+places, that are tried."""
+SAMPLED = np.linspace(0.0, 1.0, PLACES + 1)[1:]
+"""Places along a finger that are tried, per length."""
 DEPTH = 0.03
 """Depth, per length, that a posture may have in the object beside its contacts: the solver moves it out."""
 APART = 0.06
@@ -103,6 +106,24 @@ class FingerPlane:
         x, y = ((s - start) * (part @ _WEIGHTS) for part in (-np.sin(angle), np.cos(angle)))
         return self.turn(first, rise, start, s), x, y
 
+    @cached_property
+    def first(self) -> Array:
+        """Curvatures at the base (`FIRST`,) that are tried."""
+        ends = {"both": (-1.0, 1.0), "left": (0.0, 1.0), "right": (-1.0, 0.0)}[self.setup.finger.tendons_used]
+        return np.linspace(BENDS * ends[0], BENDS * ends[1], FIRST)
+
+    @cached_property
+    def sampled(self) -> list[tuple[Array, Array]]:
+        """Per rise of the curvature, at each of `SAMPLED` (`FIRST`, `PLACES`): the normal of the object along the line,
+        and the gap.
+        """
+        found = []
+        for rise in RISES:
+            angle, x, y = self.line(self.first[:, None], np.array(rise), 0.0, SAMPLED)
+            gap, nx, ny = self.gap(SAMPLED, x, y)
+            found.append((ny * np.cos(angle) - nx * np.sin(angle), gap))
+        return found
+
     def knots(self, posture: TouchingPosture) -> tuple[Array, Array]:
         """Places, and curvatures there, which are linear between them."""
         places, curvatures = (np.array(part) for part in posture.knots)
@@ -140,19 +161,13 @@ def postures(
     clears: Callable[[TouchingPosture], bool] = lambda posture: True,
 ) -> list[TouchingPosture]:
     """The likeliest postures of a finger that touch with middle contact or tip, or both, clear the rest, and differ."""
-    setup = plane.setup
-    low, high = (s / plane.length for s in setup.middle_bounds)
-    sign = {"both": (-1.0, 1.0), "left": (0.0, 1.0), "right": (-1.0, 0.0)}[setup.finger.tendons_used]
-    first = np.linspace(BENDS * sign[0], BENDS * sign[1], FIRST)
+    low, high = (s / plane.length for s in plane.setup.middle_bounds)
     found = list[TouchingPosture]()
-    for rise in RISES:
-        s = np.linspace(0.0, 1.0, PLACES + 1)[1:]
-        angle, x, y = plane.line(first[:, None], np.array(rise), 0.0, s)
-        gap, nx, ny = plane.gap(s, x, y)
+    for rise, (lean, gap) in zip(RISES, plane.sampled, strict=True):
         if middle:
-            found += _with_middle(plane, first, rise, gap, (low, high), tip)
+            found += _with_middle(plane, rise, gap, (low, high), tip)
         else:
-            found += _with_tip(first, rise, gap, nx * -np.sin(angle) + ny * np.cos(angle))
+            found += _with_tip(plane.first, rise, gap, lean)
     found.sort(key=lambda posture: posture.score)
     different = list[TouchingPosture]()
     for posture in found:
@@ -179,10 +194,10 @@ def _with_tip(first: Array, rise: float, gap: Array, lean: Array) -> list[Touchi
 
 
 def _with_middle(
-    plane: FingerPlane, first: Array, rise: float, gap: Array, bounds: tuple[float, float], tip: bool
+    plane: FingerPlane, rise: float, gap: Array, bounds: tuple[float, float], tip: bool
 ) -> list[TouchingPosture]:
     """Postures tangent to the surface: there the least gap along the finger changes its sign between curvatures."""
-    s = np.linspace(0.0, 1.0, PLACES + 1)[1:]
+    s, first = SAMPLED, plane.first
     inside = (s[1:-1] >= bounds[0]) & (s[1:-1] <= bounds[1])
     is_least = (gap[:, 1:-1] <= gap[:, :-2]) & (gap[:, 1:-1] <= gap[:, 2:]) & inside
     least = np.where(is_least, gap[:, 1:-1], np.inf)
