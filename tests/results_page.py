@@ -10,7 +10,7 @@ from continuum_grasp.addons.mission import MissionRun, TrialsResult
 from continuum_grasp.addons.planning import MotionPlan
 from continuum_grasp.addons.sweeps import SweepTable
 from continuum_grasp.closed_loop import ControlRun
-from continuum_grasp.grasp import GraspResult
+from continuum_grasp.grasp import GraspResult, HandResult
 from continuum_grasp.results import Dimension, Result, Stored
 from continuum_grasp.simulation import AccuracyReport, Equilibrium, Modes, Trajectory
 
@@ -21,6 +21,7 @@ MADE_BY = {
     Equilibrium: "`cg.equilibrium`",
     Modes: "`cg.modes`, `continuum-grasp modes`",
     GraspResult: "`cg.optimize_grasp`, `continuum-grasp grasp`",
+    HandResult: "`cg.optimize_grasp` of a hand, `continuum-grasp grasp`",
     DesignResult: "`cg.optimize_design`, `continuum-grasp design`",
     MotionPlan: "`cg.plan`, `continuum-grasp plan`",
     ControlRun: "`cg.run_closed_loop`, `continuum-grasp mpc`",

@@ -73,6 +73,14 @@ STORED = (
     Stored("{trials}.nominal_margins", "(nominal draw,)", "1", "the same of the grasp that is best without errors"),
 )
 """Stored arrays; where there is no grasp: of the first repair, or of the point that comes closest, or none of them."""
+OF_FINGERS = (
+    Dimension("{finger} coordinate", "bending coordinates"),
+    Dimension("{finger} shape", "the same, and the tip's curvature where the balance of moments sets it"),
+    Dimension("{finger} element", "elements, from the base"),
+    Dimension("{finger} spread", "places spread evenly along an element"),
+    Dimension("{finger} place", "places along the finger"),
+)
+"""Dimensions of the arrays of each finger."""
 DIMENSIONS = (
     Dimension("contact", "contacts of the object", "contact_names"),
     Dimension.XY,
@@ -88,9 +96,5 @@ DIMENSIONS = (
     Dimension("nominal draw", "the first of these"),
     Dimension("error", "errors of an object", ("x [m]", "y [m]", "angle [rad]", "radius", "friction", "mass")),
     Dimension("cell", "friction cells of all fingers"),
-    Dimension("{finger} coordinate", "bending coordinates"),
-    Dimension("{finger} shape", "the same, and the tip's curvature where the balance of moments sets it"),
-    Dimension("{finger} element", "elements, from the base"),
-    Dimension("{finger} spread", "places spread evenly along an element"),
-    Dimension("{finger} place", "places along the finger"),
+    *OF_FINGERS,
 )

@@ -13,6 +13,7 @@ import continuum_grasp
 
 FOLDER = "docs/api/"
 TOP = "continuum_grasp"
+PAGE = Path(__file__).parents[1] / "public_names.md"
 HIDDEN = {"cli"}
 """The command line has a guide and its own help."""
 
@@ -61,7 +62,7 @@ def summary(value: Any) -> str:
 def pages() -> dict[str, str]:
     """Markdown of the reference by path in the repository, where these pages do not lie; the index comes first."""
     names = public()
-    packages = sorted({name.package for name in names}, key=lambda path: (path != TOP, path))
+    packages = sorted({name.package for name in names}, key=by_layer)
     found = {f"{FOLDER}index.md": index(names, packages)}
     for package in packages:
         about = inspect.getdoc(import_module(package)) or ""
@@ -105,7 +106,34 @@ def index(names: list[Name], packages: list[str]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
+def names_page() -> str:
+    """Markdown of a page with all public names, which is readable without the site."""
+    names = public()
+    parts = [
+        "# Public names",
+        "Every public name with the first sentence of its docstring, as `python -m docs.site.reference` writes them. "
+        f"Editors show the whole docstring. `cg` is `{TOP}`; import other names from the package in the heading.",
+    ]
+    for package in sorted({name.package for name in names}, key=by_layer):
+        rows = []
+        for name in sorted(names, key=in_order):
+            if name.package == package:
+                at, _, last = name.path.rpartition(".")
+                rows.append(f"| `{'cg.' if at == TOP else ''}{last}` | {name.summary} |")
+        parts += [f"## {package}", "| name | summary |\n|---|---|\n" + "\n".join(rows)]
+    return "\n\n".join(parts) + "\n"
+
+
+def by_layer(package: str) -> tuple[bool, bool, str]:
+    """The top level before packages of the core, and these before add-ons."""
+    return package != TOP, ".addons" in package, package
+
+
 def in_order(name: Name) -> tuple[int, bool, str]:
     """Names of the top level before others, functions before classes, each by the alphabet."""
     last = name.path.rpartition(".")[2]
     return name.path.count("."), last[0].isupper(), last.lower()
+
+
+if __name__ == "__main__":
+    PAGE.write_text(names_page(), encoding="utf-8")

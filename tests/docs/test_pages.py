@@ -10,6 +10,7 @@ import pytest
 from docs.site.charts import chart
 from docs.site.notebook_pages import convert
 from docs.site.pages import anchors, links, target
+from docs.site.reference import names_page
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(
@@ -46,8 +47,8 @@ def test_the_changelog_has_the_last_version_and_links_to_all_before_it():
     assert [entry for entry in entries if len(entry) > 160] == []
 
 
-LISTS = {f"docs/{page}.md" for page in ("errata", "paper", "gallery", "results", "consumers")}
-"""Pages that are lists: equations, errata, gallery, results and unsupported keys."""
+LISTS = {f"docs/{page}.md" for page in ("errata", "paper", "gallery", "results", "consumers", "public_names")}
+"""Pages that are lists: equations, errata, gallery, results, unsupported keys and public names."""
 READ_BY_USERS = [page for page in PAGES if page.startswith("docs/") and not page.startswith("docs/changes/")]
 """Pages of the documentation; changes of old versions stay as they were written."""
 
@@ -55,6 +56,11 @@ READ_BY_USERS = [page for page in PAGES if page.startswith("docs/") and not page
 def test_pages_that_people_write_are_short():
     words = {page: len(read(page).split()) for page in READ_BY_USERS if page not in LISTS}
     assert sum(words.values()) <= 41_800, sorted(words.items(), key=lambda one: -one[1])
+
+
+def test_the_page_of_public_names_is_that_of_the_doors():
+    """If not: ``python -m docs.site.reference``."""
+    assert read("docs/public_names.md") == names_page()
 
 
 def test_the_readme_fits_on_few_lines():

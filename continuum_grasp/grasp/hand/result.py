@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from continuum_grasp.base import Array, InputError, Summarized, amount_text, check_arguments
-from continuum_grasp.grasp.stored import SHAPE
+from continuum_grasp.grasp.stored import OF_FINGERS, SHAPE
 from continuum_grasp.grasp.values import GraspStatus, Reason
 from continuum_grasp.results import Dimension, File, Picture, Result, Stored, plain, yaml_text
 from continuum_grasp.scene import HandScene
@@ -109,6 +109,7 @@ class HandResult(Result):
         Dimension("tendon", "tendons: on the side to which it bends, and on the other", ("left", "right")),
         Dimension("base", "pose of the base", ("x [m]", "y [m]", "angle [rad]")),
         Dimension("section", "of a section", ("s [m]", "x [m]", "y [m]", "angle [rad]")),
+        *OF_FINGERS,
     )
     texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "continuum_grasp.grasp.hand.result:result_yaml"),)
     pictures: ClassVar[tuple[Picture, ...]] = (
