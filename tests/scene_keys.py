@@ -208,7 +208,10 @@ _MOUNTING = {
     "tensions": [{"of": 2, "zero": 1.0}, {"of": 1}],
 }
 _LOOPS: dict[str, tuple[str, dict[str, Any]]] = {
-    "mounting": ("steady_tip", {"mounting": _MOUNTING, "plant.mounting": _MOUNTING}),
+    "mounting": (
+        "steady_tip",
+        {"mounting": _MOUNTING, "plant.mounting": _MOUNTING, "log": {"columns": {"tip_x": "x"}}},
+    ),
     "scenarios": (
         "steady_tip",
         {"controller.scenarios": [{"stiffness": 0.8, "damping": 0.9, "tip_mass": 0.001, "time_constant": 0.02}, {}]},

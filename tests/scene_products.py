@@ -178,7 +178,8 @@ def moved(scene: ControlScene) -> Iterator[object]:
     else:
         yield model.forward_dynamics
     yield from (model.p, model.start, model.rest_input, model.forces(_INSTANTS))
-    yield from (sensors.names, sensors.delay, sensors.std, sensors.value, scene.mounting, scene.plant.mounting)
+    yield from (sensors.names, sensors.delay, sensors.std, sensors.value)
+    yield from (scene.mounting, scene.plant.mounting, scene.log)
     yield sensors.read(model.start, model.rest_input, model.forces(0.0)[0])
     yield from (scene.duration, scene.controller.deadline, scene.controller.step)
 

@@ -39,6 +39,10 @@ class InputError(ContinuumGraspError, ValueError):
         place = ":".join(str(part) for part in (file, line, column) if part is not None)
         super().__init__(": ".join(part for part in (place, key, message) if part))
 
+    def at(self, key: str | None) -> InputError:
+        """Return the error with another key."""
+        return InputError(self.message, file=self.file, line=self.line, column=self.column, key=key)
+
 
 class SolverError(ContinuumGraspError, RuntimeError):
     """A solver did not reach its goal.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.base import InputError, Interrupted
@@ -25,6 +26,7 @@ def mpc(
     trials: str | None = option("Run the mission on N random plants (all: trials.count of them).", metavar="N|all"),
     times: bool = option("Measure the controller's times, with optimized code.", default=False),
     jobs: int | None = option("Processes for --trials (default: all cores).", metavar="N", min=1),
+    mcap: Path | None = option("Write a bag of ROS 2 too, for Foxglove and replay (extra ros).", metavar="FILE"),
 ) -> None:
     """Control a finger in closed loop with a finer model of it.
 
@@ -43,20 +45,35 @@ def mpc(
         raise InputError("works only for missions", key="--trials")
     if trials is not None and output.animation is not None:
         raise InputError("works for one mission only, not with --trials", key="--animate")
+    if mcap is not None:
+        _check_bag(mcap, trials)
     output.check_folder()
     if isinstance(scene, ControlScene):
-        _control(scene, output, times)
+        _control(scene, output, times, mcap)
     elif trials is None:
-        _carry_out(scene, output, times)
+        _carry_out(scene, output, times, mcap)
     else:
         _try_out(_with_trials(trials, seed, output), jobs, output)
 
 
-def _control(scene: ControlScene, output: Output, times: bool) -> None:
+def _check_bag(file: Path, trials: str | None) -> None:
+    """Refuse, before any work, a bag that cannot be written."""
+    from continuum_grasp.scene import DataTable
+
+    if trials is not None:
+        raise InputError("works for one mission only, not with --trials", key="--mcap")
+    if file.is_dir():
+        raise InputError("expected a file, got a folder", file=str(file), key="--mcap")
+    DataTable.bag({})  # its libraries may be missing
+
+
+def _control(scene: ControlScene, output: Output, times: bool, mcap: Path | None) -> None:
     """Run a closed loop: saves it, prints how well it went, draws it; exit status 1 if it ended badly."""
     from continuum_grasp.closed_loop import run_closed_loop
 
     run, files = output.run("controlling", lambda report: run_closed_loop(scene, progress=report, times=times))
+    if mcap is not None:
+        files.append(run.write_mcap(mcap))
     output.warn(run.warnings)
     output.say(run.report())
     output.conclude(run, files, status=run.outcome, duration=run.t[-1], metrics=asdict(run.metrics()))
@@ -75,7 +92,7 @@ def _with_trials(trials: str, seed: int | None, output: Output) -> Any:
     return replace(output, changes=[*(output.changes or ()), *count, *seeding]).scene(MissionScene)
 
 
-def _carry_out(scene: MissionScene, output: Output, times: bool) -> None:
+def _carry_out(scene: MissionScene, output: Output, times: bool, mcap: Path | None) -> None:
     """Carry a mission out once: saves it, prints the verdict, draws it; exit status 1 if it failed."""
     from continuum_grasp.addons.mission import run_mission
 
@@ -83,6 +100,9 @@ def _carry_out(scene: MissionScene, output: Output, times: bool) -> None:
     run, files = output.run(
         "carrying it out", lambda report: run_mission(scene, grasp=grasp, progress=report, times=times)
     )
+    if mcap is not None:
+        first, *others = run.fingers.values()
+        files.append(first.write_mcap(mcap, run.fingers if others else None))
     said = {limit.text for limit in run.exceeded}  # before the run
     output.warn(text for text in run.warnings if text not in said)
     output.pairs(run.verdict.pairs())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -21,6 +22,7 @@ from continuum_grasp.base import (
     interruptible,
     interrupts_held,
 )
+from continuum_grasp.closed_loop.bags import topics_of_hardware, write_topics
 from continuum_grasp.closed_loop.drivers import HangsError, RealTime, alarm, no_collection, real_time, wait_until
 from continuum_grasp.closed_loop.wiring import Wiring
 from continuum_grasp.control import (
@@ -31,7 +33,7 @@ from continuum_grasp.control import (
     Health,
     spread,
 )
-from continuum_grasp.scene import Initial
+from continuum_grasp.scene import DataTable, Initial
 
 
 @runtime_checkable
@@ -104,6 +106,7 @@ def run_hardware(
     hold: bool = False,
     spin: float = 0.0,
     realtime: RealTime | None = None,
+    mcap: str | os.PathLike[str] | None = None,
 ) -> HardwareRun:
     """Read, compute and write once per period of a controller, until the time is over or a fault occurs.
 
@@ -134,6 +137,9 @@ def run_hardware(
     spin : float
         Last part of the waiting time, spent polling the clock instead of sleeping [s]; less jitter, more load.
     realtime : RealTime, optional
+    mcap : path-like, optional
+        Bag of ROS 2 to write when the loop has ended, however: topics as of `ControlRun.write_mcap`, stamps of the
+        system's clock.
 
     Returns
     -------
@@ -169,6 +175,11 @@ def run_hardware(
         if not callable(getattr(driver, name, None)):
             raise InputError(f"expected a driver with read() and write(command); this one has no {name}", key="driver")
     loop = _Loop(controller, driver, _first(controller, start), soft_start, watchdog)
+    began = 0
+    if mcap is not None:
+        DataTable.bag({})  # before the drives move: its libraries may be missing
+        loop.commands = {}
+        began = time.time_ns()
     error: BaseException | None = None
     with ExitStack() as stack:
         granted = stack.enter_context(real_time(realtime or RealTime()))
@@ -190,6 +201,14 @@ def run_hardware(
             with interrupts_held(quietly=True):
                 loop.ramp()
     run = loop.found(granted)
+    if mcap is not None:
+        try:
+            write_topics(topics_of_hardware(run.log, controller, loop.commands or {}), mcap, began)
+        except (InputError, OSError) as failed:
+            if error is None:
+                failed.result = run  # type: ignore[union-attr]
+                raise
+            error.add_note(f"the bag could not be written: {failed}")
     if loop.ended == "interrupted":
         raise Interrupted(f"interrupted after t = {len(loop.u) * period:g} s; the drives are at rest", result=run)
     if error is not None and loop.ended == "failed":
@@ -237,6 +256,7 @@ class _Loop:
         self._none = np.full(len(controller.measurement_names), np.nan)
         self.u = list[Array]()
         self.y = list[Array]()
+        self.commands: dict[int, Command] | None = None
         self.jitter = list[float]()
         self.latency = list[float]()
         self.overruns = self.skipped = 0
@@ -277,6 +297,8 @@ class _Loop:
             self.latency.append(written - began)
             self.status[command.status] += 1
             self.health[Health(command.health)] += 1
+            if self.commands is not None:
+                self.commands[len(self.u)] = command
             self._record(measured)
             if command.health is Health.TRIPPED:
                 self.ended = "tripped"

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.base import Array, amount_text, split_unit
+from continuum_grasp.closed_loop.bags import Topics, columns_of_rows, named_topics, write_topics
 from continuum_grasp.closed_loop.readings import Bound, Metrics, PhaseTimes, Readings, violation_of
 from continuum_grasp.closed_loop.tracking import Tracked, amount, missed_setpoints, rms, tracked_groups, tracking_of
 from continuum_grasp.control import Adapted, ControlLog, spread
@@ -362,6 +365,31 @@ class ControlRun(MotionResult):
         """Log of measurements and commands."""
         return ControlLog(self.t[:-1], self.u, self.y, self.u_names, self.y_names, self.scene.name or "run")
 
+    def write_mcap(self, file: str | os.PathLike[str], fingers: Mapping[str, ControlRun] | None = None) -> Path:
+        """Write the run as a bag of ROS 2, which Foxglove and Rerun open, and ``replay`` and ``compare`` read.
+
+        Topics are ``/measured``, ``/estimate``, ``/commands``, ``/reference`` and ``/health``, with a message per
+        period whose definition is in the file; stamps count from the start of the run.
+
+        Parameters
+        ----------
+        file : path-like
+        fingers : mapping of str to ControlRun, optional
+            Runs of all fingers of a mission, in place of this one; names of topics begin with the finger's.
+
+        Returns
+        -------
+        pathlib.Path
+
+        Raises
+        ------
+        InputError
+            If the libraries for bags are not installed.
+        """
+        named = {"": self} if fingers is None else {f"/{name}": run for name, run in fingers.items()}
+        topics = {topic: columns for prefix, run in named.items() for topic, columns in _topics(run, prefix).items()}
+        return write_topics(topics, file)
+
     def details(self) -> dict[str, Any]:
         """Metrics, events, and the names of all columns; ``status`` is how the run ended."""
         keys = ("x", "u", "y", "r", "p", "estimated", "phase")
@@ -405,3 +433,35 @@ def _parameter(name: str) -> str:
 def log_text(run: ControlRun) -> str:
     """Commands and measurements of a run as CSV; the headings alone where it was stopped within two periods."""
     return run.log.text() if len(run.u) > 1 else ""
+
+
+def _topics(run: ControlRun, prefix: str) -> Topics:
+    """Topics of a simulated loop; their names begin with a prefix."""
+    t = run.t[:-1]
+    nx = run.estimate.shape[1]
+    estimate = columns_of_rows("estimated_", run.estimated_names[:nx], run.estimate)
+    estimate |= columns_of_rows("estimated_", run.disturbance_names, run.disturbance)
+    if run.std.size:
+        estimate |= columns_of_rows("std_", run.estimated_names, run.std)
+    if run.contact_force_estimate is not None:
+        estimate |= columns_of_rows(
+            "contact_force_", [f"{name} [N]" for name in run.touch_names], run.contact_force_estimate
+        )
+    health: dict[str, Sequence[Any] | Array] = {
+        "status": run.status,
+        "health": run.health,
+        "text": run.health_texts,
+        "mismatch [1]": run.mismatch,
+        "violation [1]": run.violation,
+        "iterations [1]": run.iterations.astype(float),
+    }
+    return named_topics(
+        prefix,
+        {
+            "measured": (t, columns_of_rows("", run.y_names, run.y)),
+            "estimate": (t, estimate),
+            "commands": (t, columns_of_rows(ControlLog.COMMANDED, run.u_names, run.u)),
+            "reference": (t, columns_of_rows("reference_", run.r_names, run.r[:-1])),
+            "health": (t, health),
+        },
+    )

@@ -46,6 +46,7 @@ _LOOP = Consumer(
     "export to c of closed loops",
     unneeded={
         **dict.fromkeys(("plant", "loads"), "the package has the controller, and no plant"),
+        "log": "of logs of a bench",
         "mounting": "the caller takes readings and commands through it: the package counts as the model does",
         "controller.deadline": "the caller has the clock, and says whether the last command was late",
     },

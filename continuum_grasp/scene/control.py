@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -15,7 +15,7 @@ from continuum_grasp.scene.estimator import EstimatorSettings, Mounting
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.finger_scene import Fidelity
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.value import Duration, ListOf, doubt
+from continuum_grasp.scene.value import Duration, ListOf, Value, doubt
 
 _CALM = 0.1
 """Share of the rate limit that the weight of the input's rate may tolerate [1]; at 0.075 the hand finger's loops
@@ -51,6 +51,19 @@ def _never_saturates(drive: WinchDrive | None) -> WinchDrive | None:
     if isinstance(drive, MotorDrive) and drive.position_gain is not None:
         return drive.unlimited()
     return drive
+
+
+class LogFormat(Value):
+    """Form of the logs that ``replay`` and ``commission`` read."""
+
+    columns: dict[str, str] = Field(default_factory=dict)
+    """Column of each channel (tip_x, commanded_tension_1, ...) that has another name in the log: a heading, or
+    /topic.field of a bag, with its unit behind in brackets where it is not SI; t: the times of a table."""
+    stamps: Literal["header", "log"] | None = None
+    """Stamps of a bag: of the messages' headers, or of their recording; None: of headers."""
+    max_age: Annotated[Duration | None, Field(examples=[0.02, "20 ms"])] = None
+    """Age up to which ``commission`` takes the last reading of a channel with stamps of its own [s]; None: it needs
+    readings of one stamp. ``replay`` takes the last of each period."""
 
 
 class ControlScene(CommandedScene):
@@ -136,6 +149,8 @@ class ControlScene(CommandedScene):
     """Forces on the plant that the controller does not know."""
     duration: Annotated[Duration | None, Field(examples=[3.0, "3 s"])] = None
     """Duration of the closed loop [s]."""
+    log: LogFormat = LogFormat()
+    """Form of logs of the bench."""
 
     def _check(self) -> None:
         self._check_references()

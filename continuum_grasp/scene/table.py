@@ -1,4 +1,4 @@
-"""Tables in CSV files, their units, and the place of everything that is wrong in them."""
+"""Tables in CSV files and bags, their units, and the place of everything that is wrong in them."""
 
 from __future__ import annotations
 
@@ -6,16 +6,18 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import Array, InputError, check_arguments, nearest
+from continuum_grasp.scene.bag import bag_cells, is_bag
+from continuum_grasp.scene.bag_topics import bag_bytes
 from continuum_grasp.scene.document import text_of
 from continuum_grasp.scene.table_text import COMMA, HEADING, number_in, parsed
 from continuum_grasp.scene.units import unit_in, units_of
@@ -65,6 +67,8 @@ class DataTable:
     header_line: int
     comma: bool = False
     """Whether numbers have decimal commas."""
+    topics: tuple[str, ...] = ()
+    """Topic of each column of a bag, empty for stamps; rows are messages then, and ``lines`` count them."""
 
     @classmethod
     def of(cls, columns: Sequence[str], rows: Sequence[tuple[str, ...]]) -> DataTable:
@@ -75,7 +79,15 @@ class DataTable:
 
     @staticmethod
     @check_arguments
-    def read(path: str | Path, names: Sequence[str] = ()) -> DataTable:
+    def read(
+        path: str | Path,
+        names: Sequence[str] = (),
+        *,
+        columns: Sequence[str] = (),
+        leader: str | None = None,
+        stamps: Literal["header", "log"] | None = None,
+        max_age: float | None = None,
+    ) -> DataTable:
         r"""Read a table: UTF-8, a line of headings; empty lines and comments, behind #, %, // or ;, are skipped.
 
         Commas, semicolons, tabs or blanks separate columns; numbers have decimal points, or commas where these
@@ -83,17 +95,32 @@ class DataTable:
         DeepLabCut (headings in three lines) and Tracker (a line of tracks above the headings) are read as well, and
         units in a line below the headings; lines that repeat the headings are skipped.
 
+        Bags of ROS 2 (MCAP) are tables too: a column is a field of a topic, ``/finger/tip.position.x``, an entry of a
+        list, ``/joint_states.position[0]``, a topic for its stamps, which count from the first on [s], or the name of a
+        field that one topic alone has. Values are SI unless a unit stands behind a blank: ``/tip.x [mm]``. Topics with
+        stamps of their own are never interpolated: each row is a message of the leading topic, with the last value of
+        the others that is no older than ``max_age``; without a leading topic, rows are the messages of one stamp.
+
         Parameters
         ----------
         path : path-like
         names : sequence of str
             Names of the columns of a table without a line of headings, which is then no error; headings may also stand
             behind # in the line above the numbers, as numpy writes them.
+        columns : sequence of str
+            Columns to read of a bag; none: all numbers of topics with stamps. Of a table all are read.
+        leader : str, optional
+            Column of a bag whose topic leads. None: no topic does, and there is a column ``t`` of all stamps.
+        stamps : {"header", "log"}, optional
+            Stamps of a bag: of the messages' headers, by default, or of their recording.
+        max_age : float, optional
+            Age up to which a value of a topic that does not lead counts [s]. None: it has the stamp of the row.
 
         Raises
         ------
         InputError
-            With the line, where it is not of that form.
+            With the line, where it is not of that form; if a bag lacks a column, is cut off, or its libraries are
+            missing; if stamps are stated for a table that is no bag.
 
         Examples
         --------
@@ -105,6 +132,12 @@ class DataTable:
         >>> table.headings, table.units, table.rows[0]
         (('t', 'x'), ('s', 'mm'), ('0.0', '1.5'))
         """
+        if is_bag(path):
+            cells = bag_cells(path, columns, leader, stamps, max_age)
+            return DataTable(str(path), cells.headings, cells.units, cells.rows, cells.numbers, 1, topics=cells.topics)
+        for key, value in (("stamps", stamps), ("max_age", max_age)):
+            if value is not None:
+                raise InputError("is for bags of ROS 2 (MCAP): the rows of this table have their times", key=key)
         found, of_deep_lab_cut = parsed(text_of(path, MAX_BYTES), names, str(path))
         table = DataTable(str(path), *found)
         return _sure(table) if of_deep_lab_cut else table
@@ -115,6 +148,16 @@ class DataTable:
         text = io.StringIO()
         csv.writer(text, lineterminator="\n").writerows([headings, *rows])
         return text.getvalue()
+
+    @staticmethod
+    def bag(topics: Mapping[str, tuple[Array, Mapping[str, Sequence[Any] | Array]]], start: int = 0) -> bytes:
+        """Write tables as a bag of ROS 2 (MCAP).
+
+        Each topic has its instants (K,) [s] after ``start`` [ns], which are the stamps of its messages, and columns of
+        K numbers or texts by name and unit, which are fields. Definitions of messages, with the units, are in the bag.
+        InputError where its libraries are missing.
+        """
+        return bag_bytes(topics, start)
 
     def index(self, heading: str) -> int:
         """Number of a column, from 0, by its heading with or without the unit."""
@@ -189,9 +232,9 @@ class DataTable:
         ``unit`` is the configuration's, ``period`` the time between rows that the scene expects [s]; None: it has
         none.
         """
-        if self._dates(heading) is not None:
-            return
         at = self.index(heading)
+        if self._dates(heading) is not None or (self.topics and not self.topics[at]):
+            return
         read_in = unit or self.units[at] or "s"
         apart = float(np.median(steps)) if (steps := np.diff(np.unique(t))).size else 0.0
         stated = unit is not None or self.units[at] is not None
@@ -219,7 +262,9 @@ class DataTable:
             raise self.error(f"{message}; expected instants of one run, in their order", at, int(rows[k + 1]))
 
     def error(self, message: str, at: int, row: int | None = None) -> InputError:
-        """An error at a cell, or at the heading of a column."""
+        """An error at a cell, or at the heading of a column; in a bag with the number of the message."""
+        if self.topics:
+            return InputError(message + ("" if row is None else f" (message {self.lines[row]})"), file=self.file)
         line = self.header_line if row is None else self.lines[row]
         headed = zip(self.headings, self.units, strict=True)
         cells = [f"{name} [{unit}]" if unit else name for name, unit in headed] if row is None else self.rows[row]

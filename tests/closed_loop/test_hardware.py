@@ -18,7 +18,7 @@ from continuum_grasp.addons.identification import replay
 from continuum_grasp.base import InputError, Interrupted
 from continuum_grasp.closed_loop import RealTime, SerialBoard, SimulatedBench, run_hardware
 from continuum_grasp.control import CommandStatus, Controller, Health
-from continuum_grasp.scene import Camera, Connection, Mounting
+from continuum_grasp.scene import Camera, Connection, DataTable, Mounting
 from tests.identification.test_replay import PLANT, SCENE, scene
 
 REST = 1.0
@@ -307,3 +307,23 @@ def select_ready(end) -> bool:
     import select
 
     return bool(select.select([end], [], [], 0.0)[0])
+
+
+def test_a_bag_has_the_log_and_the_beliefs(tmp_path):
+    reader = pytest.importorskip("mcap.reader", reason="bags; in the extra 'test'")
+    tried = scene()
+    controller = Controller(tried, deadline=1e9)
+    before = time.time_ns()
+    found = run_hardware(controller, SimulatedBench(tried), duration=0.1, soft_start=0.0, mcap=tmp_path / "run.mcap")
+    table = DataTable.read(tmp_path / "run.mcap")
+    rows = [column.split(" ")[0] for column in found.log.y_names]
+    read = np.column_stack([table.numbers(name, gaps=True) for name in rows])
+    assert np.array_equal(read, found.log.y, equal_nan=True)
+    assert np.array_equal(table.numbers("commanded_tension_1"), found.log.u[:, 0])
+    assert table.numbers("reference_tip_y") == pytest.approx(0.172)
+    assert np.isfinite(table.numbers("estimated_theta_1")).all()
+    with open(tmp_path / "run.mcap", "rb") as stream:
+        summary = reader.make_reader(stream).get_summary()
+    assert before < summary.statistics.message_start_time < time.time_ns()
+    topics = {"/measured", "/estimate", "/commands", "/reference", "/health"}
+    assert {channel.topic for channel in summary.channels.values()} == topics

@@ -134,6 +134,24 @@ def test_commands_without_a_cell_stay_as_they_were(tmp_path):
         commission(tried, file)
 
 
+def test_readings_of_other_instants_count_up_to_their_age(tmp_path):
+    """Load cells that are read 4 ms before the camera; the last twenty rows of theirs are missing."""
+    tried, file = scene(), tmp_path / "log.csv"
+    rows = [f"{0.01 * k:g},2,3,0,{0.1 + 0.001 * k:g},," for k in range(1, 101)]
+    cells = [f"{0.01 * k - 0.004:g},,,,,2,{k}" for k in range(1, 81)]
+    names = "commanded_tension_1 [N],commanded_tension_2 [N],tip_x [m],tip_y [m],tension_1 [N],tension_2 [N]"
+    lines = sorted((*rows, *cells), key=lambda row: float(row.split(",")[0]))
+    file.write_text("\n".join([f"t [s],{names}", *lines]))
+    aged = tried.changed({"log.max_age": 0.005})
+    log, _ = _log_of(aged, Bench(aged), file)
+    at = {name.split(" ")[0]: k for k, name in enumerate(log.names)}
+    assert log.at == pytest.approx(0.01 * np.arange(1, 81))
+    assert log.readings[:, at["tension_2"]].tolist() == [*range(1, 81)]
+    for changed in (tried, tried.changed({"log.max_age": 0.003})):
+        with pytest.raises(InputError, match="0 instants with all readings"):
+            _log_of(changed, Bench(changed), file)
+
+
 @pytest.mark.deep
 def test_the_plan_is_safe_on_another_plant():
     """Commands within limits and rates; a softer plant, with drives in either order, within its bending range."""

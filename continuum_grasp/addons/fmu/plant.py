@@ -46,6 +46,7 @@ _UNIT = Consumer(
         **dict.fromkeys(("loads.force.times", "reference", "plant.seed"), _START),
         **dict.fromkeys(("time.space_error", "time.method", "time.tolerance"), "of simulate"),
         **Consumer.LEAST_COMMANDS,
+        "log": "of logs of a bench",
         "controller.deadline": "the caller has the clock, and says whether the last command was late",
     },
 )

@@ -46,10 +46,12 @@ class Calls(NamedTuple):
 def calls_of(stamps: Array, commanded: Array, period: float) -> Calls:
     """Calls that rows at increasing instants ``stamps`` (M,) [s] show; ``commanded`` (N,) are those with a command.
 
-    Stamps lie about even instants, however they scatter about these; a row belongs to the nearest one. Where rows are
-    more often than periods, nothing says which of them is a call's: calls are a ``period`` apart from the first row on.
+    Stamps lie about even instants, however they scatter about these; a row belongs to the nearest one. Where commands,
+    or without any of them rows, are more often than periods, nothing says which of them is a call's: calls are a
+    ``period`` apart from the first row on.
     """
-    if stamps.size > 1 and np.median(np.diff(stamps)) < 0.5 * period:
+    calling = commanded if commanded.size > 1 else stamps
+    if calling.size > 1 and np.median(np.diff(calling)) < 0.5 * period:
         t = stamps[0] + period * np.arange(np.floor((stamps[-1] - stamps[0]) / period + 1e-6) + 1.0)
         seen = np.isin(np.arange(t.size), np.searchsorted(t, stamps - 1e-6 * period))
         return Calls(t, seen, period)

@@ -58,12 +58,16 @@ def files_in(paths: Sequence[Path], sets: Sequence[DataSet]) -> Iterator[Path]:
     for path in paths:
         if path.is_dir():
             # a folder may hold other files; in the order of their names, which no file system promises
-            patterns = [data_set.file or "*.csv" for data_set in sets] or ["*.csv"]
+            patterns = [pattern for of in sets for pattern in _patterns(of.file)] or _patterns(None)
             yield from sorted(file for file in path.iterdir() if any(file.resolve().match(p) for p in patterns))
         elif path.is_file():
             yield path
         else:
             raise InputError(f"no such file, nor in the folder that {VARIABLE} names", file=str(path))
+
+
+def _patterns(file: str | None) -> list[str]:
+    return ["*.csv", "*.mcap"] if file is None else [file]
 
 
 @check_arguments

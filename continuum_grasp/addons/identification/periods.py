@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from os import PathLike
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 
 from continuum_grasp.addons.identification.calls import calls_of
 from continuum_grasp.addons.identification.inference import middle
-from continuum_grasp.base import Array, InputError, split_unit
+from continuum_grasp.base import Array, InputError, nearest, split_unit
 from continuum_grasp.control import Controller, ControlLog
 from continuum_grasp.scene import ControlScene, DataTable
 
@@ -57,7 +57,7 @@ class Periods:
         self.estimation = controller.estimation
         self._names = controller.measurement_names
         inputs = tuple(ControlLog.COMMANDED + n for n in controller.stages.u_names)
-        self._columns, repeated = columns_of(log, (*self._names, *inputs), controller.period)
+        self._columns, repeated = columns_of(log, (*self._names, *inputs), controller.period, scene)
         if not any(self._columns[name][0].size for name in self._names):
             file = None if isinstance(log, ControlLog) else str(log)
             raise InputError(f"the log has none of {', '.join(self._names)}", file=file)
@@ -287,30 +287,37 @@ def _step(slopes: Array, residuals: Array) -> tuple[Array, float]:
 
 
 def columns_of(
-    log: ControlLog | str | PathLike[str], wanted: Sequence[str], period: float | None = None
+    log: ControlLog | str | PathLike[str],
+    wanted: Sequence[str],
+    period: float | None = None,
+    scene: ControlScene | None = None,
 ) -> tuple[dict[str, tuple[Array, Array]], int]:
     """Instants [s] and values of channels by name and unit: increasing, without gaps; none of what a log lacks.
 
     Beside them the number of rows that repeat the instant of the row before, which are left out. ``period`` is the time
-    between rows that is expected [s].
+    between rows that is expected [s]; the ``scene`` names columns.
     """
     if isinstance(log, ControlLog):
         names = [*(ControlLog.COMMANDED + name for name in log.u_names), *log.y_names]
         t = log.t
         columns = dict(zip(names, [*log.u.T, *log.y.T], strict=True))
     else:
-        table = DataTable.read(str(log))
-        heading = "t" if "t" in table.headings else "time"
+        called = {} if scene is None else scene.log.columns
+        table = _table(str(log), [split_unit(label).name for label in wanted], called, scene)
+        heading, unit = split_unit(called.get("t", "t" if "t" in table.headings else "time"))
         named = table.named()
         columns = {}
-        t = table.in_si(heading, "s")
+        t = table.in_si(heading, "s", unit or None)
         table.check_order(t, heading, np.arange(t.size), strict=False)
-        table.check_clock(t, heading, period=period)
+        table.check_clock(t, heading, unit or None, period)
         for label in wanted:
             name, unit = split_unit(label)
-            if name in named:
-                column, spelled = named[name]
-                columns[label] = table.in_si(column, unit, spelled, gaps=True)
+            if name in called:
+                column, spelled = split_unit(called[name])
+                columns[label] = table.in_si(column, unit, spelled or None, gaps=True)
+            elif name in named:
+                heading, in_name = named[name]
+                columns[label] = table.in_si(heading, unit, in_name, gaps=True)
     channels = {}
     for label in wanted:
         values = columns.get(label, np.full(t.size, np.nan))
@@ -318,6 +325,23 @@ def columns_of(
         instants, first = np.unique(t[there], return_index=True)
         channels[label] = instants, values[there][first]
     return channels, t.size - np.unique(t).size
+
+
+def _table(file: str, channels: Sequence[str], called: Mapping[str, str], scene: ControlScene | None) -> DataTable:
+    """The table of a log with some channels, whose columns are called so in it."""
+    for name in called:
+        if name not in (*channels, "t"):
+            hint = nearest(name, (*channels, "t"))
+            raise InputError(f"no channel is called {name!r:.60}{hint}", key=f"log.columns.{name}")
+    stamps = None if scene is None else scene.log.stamps
+    try:
+        table = DataTable.read(file, columns=[called.get(name, name) for name in channels], stamps=stamps)
+    except InputError as error:
+        keys = {"stamps": "log.stamps", **{column: f"log.columns.{name}" for name, column in called.items()}}
+        raise error.at(keys.get(error.key or "")) from None
+    if table.topics and "t" in called:
+        raise InputError("the times of a bag are its stamps: leave t out", file=file, key="log.columns.t")
+    return table
 
 
 def _held(values: Array) -> Array:

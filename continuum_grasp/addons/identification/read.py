@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +88,7 @@ def read_data(scene: Scene, paths: Sequence[Path] = (), *, beside: Path | None =
         used.update(mine)
         changed_scene = changed_at(plain_scene(scene), data_set.set, f"{key}.set")
         for file in mine:
-            table = DataTable.read(file)
+            table = _table(file, data_set, key)
             for choice in data_set.where:
                 table = table.chosen(choice.column, choice.equals)
             measurements += _read(data_set, table, changed_scene, data_set.name or file.stem, key)
@@ -97,6 +97,31 @@ def read_data(scene: Scene, paths: Sequence[Path] = (), *, beside: Path | None =
             wanted = ", ".join(str(data_set.file) for data_set in sets)
             raise InputError(f"no set of the configuration reads this file; the sets read {wanted}", file=str(path))
     return measurements
+
+
+def _table(file: Path, data_set: DataSet, key: str) -> DataTable:
+    """The table of a set; of a bag the columns that the set names, by the topic of the times."""
+    named = dict(_columns(data_set.model_dump(), key))
+    leader = data_set.measured[0].column if isinstance(data_set, StaticPoses) else as_column(data_set.t).column
+    try:
+        return DataTable.read(file, columns=[*named], leader=leader, stamps=data_set.stamps, max_age=data_set.max_age)
+    except InputError as error:
+        keys = {name: f"{key}.{name}" for name in ("stamps", "max_age")} | named
+        raise error.at(keys.get(error.key or "")) from None
+
+
+_OF_COLUMNS = ("t", "column", "minus", "pose", "signals")
+"""Keys of a set that name columns."""
+
+
+def _columns(part: Any, key: str) -> Iterator[tuple[str, str]]:
+    """Columns that a part of a set names, with the key of each."""
+    entries = part.items() if isinstance(part, dict) else enumerate(part) if isinstance(part, (list, tuple)) else ()
+    for name, value in entries:
+        below = f"{key}[{name}]" if isinstance(name, int) else f"{key}.{name}"
+        if isinstance(value, str) and (name in _OF_COLUMNS or key.endswith(".signals")):
+            yield value, below
+        yield from _columns(value, below)
 
 
 def plain_scene(scene: Scene) -> Scene:

@@ -127,6 +127,11 @@ class _Data(Value):
     """World position of the origin of the file's x and y [m]."""
     plane: Annotated[Real, Field(examples=["87 deg"]), Unit("rad")] | None = None
     """Direction in which this set bends, about the straight finger [rad], where fingers bend in several planes."""
+    stamps: Literal["header", "log"] | None = None
+    """Stamps of a bag: of the messages' headers, or of their recording; None: of headers."""
+    max_age: Annotated[Duration | None, Field(examples=[0.02, "20 ms"])] = None
+    """Age up to which the last value of a topic counts at a stamp of the topic of ``t``, without ``t`` of the first
+    measured column [s]; None: values have that stamp."""
 
     def _check(self) -> None:
         if self.axes[0][-1] == self.axes[1][-1]:

@@ -236,6 +236,7 @@ _PAGE = Consumer(
     unneeded={
         **Consumer.LIMITS_OF_BENDING,
         "name": "the title of the page alone",
+        "log": "of logs of a bench",
         "time.duration": "the page goes on until it is closed; a table of inputs ends with it",
         **{f"time.{key}": "a page has its own steps" for key in ("step", "method", "tolerance", "space_error")},
         **Consumer.LEAST_COMMANDS,

@@ -125,7 +125,7 @@ def _log_of(scene: ControlScene, bench: Bench, given: ControlLog | str | PathLik
     """The log's commands and readings, at instants that have them all, and what it lacks."""
     names = [name for name in names_of(scene) if name in bench.names]
     commands = [ControlLog.COMMANDED + name for name in bench.model.u_names]
-    columns, _ = columns_of(given, (*names, *commands), scene.controller.step)
+    columns, _ = columns_of(given, (*names, *commands), scene.controller.step, scene)
     file = None if isinstance(given, ControlLog) else str(given)
     absent = [split_unit(name).name for name in (*Wiring.TIP, *commands) if not columns[name][0].size]
     if absent:
@@ -139,6 +139,8 @@ def _log_of(scene: ControlScene, bench: Bench, given: ControlLog | str | PathLik
     u = np.column_stack([columns[name][1][at] for name, at in zip(commands, held, strict=True)])
     present = [name for name in names if columns[name][0].size]
     at = columns[present[0]][0]
+    if scene.log.max_age is not None:
+        columns |= {name: _last(*columns[name], at, scene.log.max_age) for name in present[1:]}
     for name in present:
         at = at[np.isin(at, columns[name][0])]
     at = at[(at >= t[0]) & (at <= t[-1])]
@@ -147,6 +149,13 @@ def _log_of(scene: ControlScene, bench: Bench, given: ControlLog | str | PathLik
     at = at[:: math.ceil(at.size / _INSTANTS)]
     rows = np.column_stack([columns[name][1][np.isin(columns[name][0], at)] for name in present])
     return Log(t, u, at, rows, tuple(present)), [split_unit(name).name for name in names if name not in present]
+
+
+def _last(t: Array, values: Array, at: Array, max_age: float) -> tuple[Array, Array]:
+    """Last samples (K,) at instants, those that are no older than that, and their instants."""
+    k = np.searchsorted(t, at, side="right") - 1
+    recent = (k >= 0) & (at - t[k] <= max_age)
+    return at[recent], values[k[recent]]
 
 
 def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], None]) -> Commissioning:

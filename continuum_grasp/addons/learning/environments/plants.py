@@ -100,6 +100,7 @@ _LANES = Consumer(
     unneeded={
         **Consumer.LIMITS_OF_BENDING,
         "name": "a title alone",
+        "log": "of logs of a bench",
         **{
             f"controller.{key}": "of a controller: an agent is in its place"
             for key in (

@@ -1,0 +1,427 @@
+"""Bags of ROS 2 in MCAP files: fields of messages as columns of a table."""
+
+from __future__ import annotations
+
+import math
+import re
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from itertools import islice
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+from continuum_grasp.base import InputError, nearest
+from continuum_grasp.scene.bag_topics import NANOSECONDS, field_name, ros_module
+
+MAGIC = b"\x89MCAP0\r\n"
+"""First bytes of every MCAP file."""
+_PATH = re.compile(r"[A-Za-z]\w*(\[\d+\])*(\.[A-Za-z]\w*(\[\d+\])*)*")
+_PART = re.compile(r"\w+|\[\d+\]")
+_UNIT = re.compile(r"(.*?)\s+\[([^\[\]]+)\]")
+"""Column with its unit: a blank tells the unit from the number of an entry, as in position[0]."""
+_LISTED = 12
+"""Topics and fields that an error lists [1]: more do not fit on a screen."""
+
+
+class BagCells(NamedTuple):
+    """Cells of a table from a bag: headings without units, units, rows, number and topic of the message of each row."""
+
+    headings: tuple[str, ...]
+    units: tuple[str | None, ...]
+    rows: tuple[tuple[str, ...], ...]
+    numbers: tuple[int, ...]
+    topics: tuple[str, ...]  # of the columns, empty for the column of time
+
+
+class _FieldColumn(NamedTuple):
+    """Column of a table: its heading, unit and topic, and the parts of its field; none: the stamps."""
+
+    heading: str
+    unit: str | None
+    topic: str
+    parts: tuple[str | int, ...]
+
+
+class _Samples(NamedTuple):
+    """Messages of a topic: stamps [ns], and the cells of its columns by heading."""
+
+    stamps: list[int]
+    cells: dict[str, list[str]]
+
+
+def is_bag(path: str | Path) -> bool:
+    """Whether a file is MCAP by its first bytes, or by its name; not if it cannot be read, which others report."""
+    try:
+        with open(path, "rb") as stream:
+            return stream.read(len(MAGIC)) == MAGIC or Path(path).suffix.lower() == ".mcap"
+    except (OSError, ValueError):
+        return False
+
+
+def bag_cells(
+    path: str | Path,
+    columns: Sequence[str],
+    leader: str | None = None,
+    stamps: str | None = None,
+    max_age: float | None = None,
+) -> BagCells:
+    """Read columns of a bag: ``/topic.field``, ``/topic`` for its stamps, or the name of a field of one topic alone.
+
+    With a ``leader``, one of the columns, rows are the messages of its topic, and columns of other topics have the last
+    value that is no older than ``max_age`` [s], without one the value of the same stamp. Else a row has the messages of
+    one stamp, whatever their topic, and a column ``t`` counts from the first stamp on [s]; columns that no topic has
+    are left out unless they name one. Without ``columns``, all fields that are numbers.
+    """
+    return _Bag(str(path), stamps or "header").table(columns, leader, max_age)
+
+
+class _Bag:
+    """An MCAP file that is open for reading."""
+
+    def __init__(self, file: str, stamps: str) -> None:
+        self.file = file
+        self.by_header = stamps == "header"
+        self._mcap = ros_module("mcap.reader", file)
+        self._decoders = ros_module("mcap_ros2.decoder", file).DecoderFactory()
+        with open(file, "rb") as stream:
+            data_is_mcap = stream.read(len(MAGIC)) == MAGIC
+        if not data_is_mcap:
+            raise self.error("is no MCAP file; expected a bag that ROS 2 recorded as mcap")
+        self.topics = self._channels()
+        self._first = dict[str, Any]()
+
+    def error(self, message: str, key: str | None = None) -> InputError:
+        """An error about the file; ``key`` is the column, or the argument, that is at fault."""
+        return InputError(message, file=self.file, key=key)
+
+    def table(self, columns: Sequence[str], leader: str | None, max_age: float | None) -> BagCells:
+        texts = dict.fromkeys(columns if leader is None else (leader, *columns))
+        found = [self._column(text, needed=leader is not None or text.startswith("/")) for text in texts]
+        known = [*{column.heading: column for column in found if column is not None}.values()]
+        if leader is None:
+            return self._together(known if columns else self._all())
+        return self._led(known, max_age)
+
+    # -- topics and fields --------------------------------------------------------------------------------------------
+
+    def _channels(self) -> dict[str, tuple[Any, Any]]:
+        """Channel and schema of each topic, from the index of the file or, where it has none, from its messages."""
+        summary = self._read(lambda reader: reader.get_summary())
+        if summary is not None and summary.channels:
+            schemas = summary.schemas
+            return {each.topic: (each, schemas.get(each.schema_id)) for each in summary.channels.values()}
+        found: dict[str, tuple[Any, Any]] = self._read(
+            lambda reader: {
+                channel.topic: (channel, schema) for schema, channel, _ in reader.iter_messages(log_time_order=False)
+            }
+        )
+        return found
+
+    def _read(self, work: Any) -> Any:
+        """Something that is read from the file; an `InputError` where the file is cut off or damaged."""
+        try:
+            with open(self.file, "rb") as stream:
+                return work(self._mcap.make_reader(stream, validate_crcs=True, decoder_factories=[self._decoders]))
+        except InputError:
+            raise
+        except Exception as error:  # the library raises whatever its parts do
+            raise self.error(f"the file is cut off or damaged ({_why(error)}); {self._readable()}") from None
+
+    def _readable(self) -> str:
+        """Summary of the messages before the fault."""
+        records = import_module("mcap.records")
+        counts, topics, first, last = Counter[int](), dict[int, str](), math.inf, -math.inf
+        try:
+            with open(self.file, "rb") as stream:
+                for record in import_module("mcap.stream_reader").StreamReader(stream).records:
+                    if isinstance(record, records.Channel):
+                        topics[record.id] = record.topic
+                    elif isinstance(record, records.Message):
+                        counts[record.channel_id] += 1
+                        first, last = min(first, record.log_time), max(last, record.log_time)
+        except Exception:  # the fault itself
+            pass
+        if not counts:
+            return "no message can be read"
+        listed = ", ".join(f"{count} of {topics[channel]}" for channel, count in counts.items() if channel in topics)
+        return f"before the fault are {listed}, in {(last - first) / NANOSECONDS:.3g} s: recover them by `mcap recover`"
+
+    def first(self, topic: str, *, needed: bool = True) -> Any:
+        """First message of a topic; None where it has none, or is not ROS 2, and is not needed."""
+        if topic not in self._first:
+            channel, schema = self.topics[topic]
+            decoder = self._decoded(channel, schema)
+            reads = decoder is not None
+            self._first[topic] = None
+            if reads:
+                decoded = self._read(lambda reader: [*islice(reader.iter_decoded_messages(topics=[topic]), 1)])
+                self._first[topic] = decoded[0].decoded_message if decoded else None
+        message = self._first[topic]
+        if message is None and needed:
+            channel, schema = self.topics[topic]
+            if self._decoded(channel, schema) is None:
+                encoding = f"{channel.message_encoding}, {schema.encoding if schema else 'no schema'}"
+                raise self.error(
+                    f"topic {topic} has no messages of ROS 2 with their definition (cdr, ros2msg), but {encoding}"
+                )
+            raise self.error(f"topic {topic} has no messages")
+        return message
+
+    def _decoded(self, channel: Any, schema: Any) -> Any:
+        try:
+            return self._decoders.decoder_for(channel.message_encoding, schema)
+        except Exception as error:  # of a definition that its parser does not take
+            raise self.error(f"topic {channel.topic}: its message definition cannot be read ({_why(error)})") from None
+
+    def _column(self, text: str, *, needed: bool) -> _FieldColumn | None:
+        """The column that a text names; None where no topic has it, and it is not needed."""
+        try:
+            return self._named_column(text, needed)
+        except InputError as error:
+            raise error.at(text) from None
+
+    def _named_column(self, text: str, needed: bool) -> _FieldColumn | None:
+        united = _UNIT.fullmatch(text.strip())
+        name, unit = (united[1], united[2]) if united else (text.strip(), None)
+        if not name.startswith("/"):
+            return self._by_field(name, unit, needed)
+        topic, _, path = name.partition(".")
+        if topic not in self.topics:
+            listed = ", ".join(sorted(self.topics)[:_LISTED]) or "none"
+            raise self.error(f"no topic {topic!r}{nearest(topic, self.topics, say_all=False)} (the bag has {listed})")
+        message = self.first(topic)
+        if not path:
+            return _FieldColumn(name, "s", topic, ())
+        if not _PATH.fullmatch(path):
+            raise self.error(f"expected /topic.field or /topic.field[0].field, got {name!r:.60}")
+        parts = _parts(path)
+        self._check_field(topic, path, parts, message)
+        return _FieldColumn(name, unit, topic, parts)
+
+    def _by_field(self, name: str, unit: str | None, needed: bool) -> _FieldColumn | None:
+        """Column by the name of a field alone, which one topic has."""
+        field = field_name(name)
+        having = [
+            topic
+            for topic in self.topics
+            if isinstance(getattr(self.first(topic, needed=False), field, None), (int, float))
+        ]
+        if len(having) > 1:
+            named = " or ".join(f"{topic}.{field}" for topic in having[:_LISTED])
+            raise self.error(f"{len(having)} topics have a field {name}: write {named}")
+        if having:
+            return _FieldColumn(name, unit, having[0], (field,))
+        if needed:
+            listed = ", ".join(sorted(self.topics)[:_LISTED]) or "none"
+            raise self.error(
+                f"no topic has a field {name!r}: write /topic.field, and /topic for its stamps (the bag has {listed})"
+            )
+        return None
+
+    def _check_field(self, topic: str, path: str, parts: tuple[str | int, ...], message: Any) -> None:
+        """Refuse a field that a message does not have, or that is no single value."""
+        value = message
+        for k, part in enumerate(parts):
+            if isinstance(part, int):
+                if isinstance(value, (SimpleNamespace, str, int, float)) or value is None:
+                    raise self.error(f"{topic}.{_joined(parts[:k])} is no list: it has no entry [{part}]")
+                if part >= len(value):  # of one message; others may have more
+                    return
+                value = value[part]
+            elif not isinstance(value, SimpleNamespace) or not hasattr(value, part):
+                fields = [*_leaves(message)]
+                hint = nearest(path, fields, say_all=False)
+                shown = ", ".join(fields[:_LISTED]) + (", ..." if len(fields) > _LISTED else "")
+                raise self.error(f"topic {topic} has no field {path!r}{hint} (it has {shown})")
+            else:
+                value = getattr(value, part)
+        if isinstance(value, SimpleNamespace):
+            fields = [f"{path}.{leaf}" for leaf in _leaves(value)]
+            raise self.error(f"{topic}.{path} is no number: name one of {', '.join(fields[:_LISTED])}")
+        if not isinstance(value, (str, int, float)):
+            raise self.error(f"{topic}.{path} is a list: name an entry of it, such as {path}[0]")
+
+    def _all(self) -> list[_FieldColumn]:
+        """Columns of all fields that are numbers, of topics whose stamps are known."""
+        columns = list[_FieldColumn]()
+        for topic in self.topics:
+            message = self.first(topic, needed=False)
+            if message is not None and not (self.by_header and self._header(message) is None):
+                fields = [(leaf, _parts(leaf)) for leaf in _leaves(message) if not leaf.startswith("header.")]
+                columns += [
+                    _FieldColumn(leaf, None, topic, parts) for leaf, parts in fields if _is_number(message, parts)
+                ]
+        counts = Counter(column.heading.lower() for column in columns) + Counter(("t",))
+        return [
+            column
+            if counts[column.heading.lower()] == 1
+            else column._replace(heading=f"{column.topic}.{column.heading}")
+            for column in columns
+        ]
+
+    # -- rows ---------------------------------------------------------------------------------------------------------
+
+    @staticmethod
+    def _header(message: Any) -> Any:
+        return getattr(getattr(message, "header", None), "stamp", None)
+
+    def _samples(self, columns: Sequence[_FieldColumn]) -> dict[str, _Samples]:
+        """Messages of all topics of some columns, in the order in which they were logged."""
+        of_topic = dict[str, list[_FieldColumn]]()
+        for column in columns:
+            of_topic.setdefault(column.topic, []).append(column)
+        for topic in of_topic if self.by_header else ():
+            if self._header(self.first(topic)) is None:
+                raise self.error(
+                    f"topic {topic} has no header with a stamp: set stamps: log, the times of recording", "stamps"
+                )
+        samples = {
+            topic: _Samples([], {column.heading: [] for column in own if column.parts})
+            for topic, own in of_topic.items()
+        }
+
+        def work(reader: Any) -> None:
+            for decoded in reader.iter_decoded_messages(topics=[*of_topic]):
+                topic, message = decoded.channel.topic, decoded.decoded_message
+                stamp = self._header(message) if self.by_header else None
+                found = samples[topic]
+                found.stamps.append(
+                    decoded.message.log_time if stamp is None else stamp.sec * NANOSECONDS + stamp.nanosec
+                )
+                for column in of_topic[topic]:
+                    if column.parts:
+                        found.cells[column.heading].append(_cell(message, column.parts))
+
+        self._read(work)
+        for topic, own in of_topic.items():
+            for column in own:
+                in_list = any(isinstance(part, int) for part in column.parts)
+                if in_list and not any(samples[topic].cells[column.heading]):
+                    raise self.error(f"no message has {topic}.{_joined(column.parts)}: its lists are shorter")
+        return samples
+
+    def _check_order(self, topic: str, stamps: Sequence[int]) -> None:
+        for k in range(1, len(stamps)):
+            if stamps[k] < stamps[k - 1]:
+                back = (stamps[k - 1] - stamps[k]) / NANOSECONDS
+                raise self.error(
+                    f"topic {topic}: the stamp of message {k + 1} is {back:g} s before that of message {k}; expected "
+                    "instants of one run, in their order"
+                )
+
+    def _together(self, columns: Sequence[_FieldColumn]) -> BagCells:
+        """Rows of one stamp each, with the messages that have it."""
+        samples = self._samples(columns)
+        rows = dict[tuple[int, int], dict[str, str]]()
+        for topic, found in samples.items():
+            self._check_order(topic, found.stamps)
+            repeated = Counter[int]()
+            for k, stamp in enumerate(found.stamps):
+                row = rows.setdefault((stamp, repeated[stamp]), {})
+                repeated[stamp] += 1
+                row.update({heading: cells[k] for heading, cells in found.cells.items()})
+        keys = sorted(rows)
+        if not keys:
+            listed = ", ".join(sorted(self.topics)[:_LISTED]) or "none"
+            raise self.error(f"no topic has a number at a stamp that is asked for (the bag has {listed})")
+        begin = keys[0][0]
+        headings = [column.heading for column in columns]
+        cells = [
+            (repr((key[0] - begin) / NANOSECONDS), *(rows[key].get(heading, "") for heading in headings))
+            for key in keys
+        ]
+        units = ("s", *(column.unit for column in columns))
+        topics = ("", *(column.topic for column in columns))
+        return BagCells(("t", *headings), units, tuple(cells), tuple(range(1, len(cells) + 1)), topics)
+
+    def _led(self, columns: Sequence[_FieldColumn], max_age: float | None) -> BagCells:
+        """Rows of the messages of the first column's topic, with the last value of the others that is not too old."""
+        samples = self._samples(columns)
+        lead = columns[0].topic
+        stamps = samples[lead].stamps
+        age = None if max_age is None else round(max_age * NANOSECONDS)
+        taken = {
+            topic: self._latest(topic, found.stamps, stamps, age) for topic, found in samples.items() if topic != lead
+        }
+        for topic, rows in taken.items():
+            if all(row is None for row in rows):
+                hint = (
+                    "state max_age, up to which the last value counts" if max_age is None else "is max_age too small?"
+                )
+                raise self.error(f"no message of {topic} goes with one of {lead}, whose stamps lead: {hint}", "max_age")
+        cells = list[list[str]]()
+        for column in columns:
+            own = samples[column.topic]
+            if not column.parts:
+                values = [repr((stamp - stamps[0]) / NANOSECONDS) for stamp in own.stamps]
+            else:
+                values = own.cells[column.heading]
+            if column.topic != lead:
+                values = ["" if row is None else values[row] for row in taken[column.topic]]
+            cells.append(values)
+        topics = tuple(column.topic if column.parts else "" for column in columns)
+        numbers = tuple(range(1, len(stamps) + 1))
+        headings, units = (tuple(each) for each in zip(*((c.heading, c.unit) for c in columns), strict=True))
+        return BagCells(headings, units, tuple(zip(*cells, strict=True)), numbers, topics)
+
+    def _latest(self, topic: str, stamps: list[int], wanted: list[int], age: int | None) -> list[int | None]:
+        """Last message at or before each wanted stamp that is no older than an age; None: that has the stamp itself."""
+        self._check_order(topic, stamps)
+        rows = [bisect_right(stamps, stamp) - 1 for stamp in wanted]
+        return [
+            row if row >= 0 and stamp - stamps[row] <= (age or 0) else None
+            for row, stamp in zip(rows, wanted, strict=True)
+        ]
+
+
+def _why(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+
+
+def _parts(path: str) -> tuple[str | int, ...]:
+    return tuple(int(part[1:-1]) if part.startswith("[") else part for part in _PART.findall(path))
+
+
+def _joined(parts: Sequence[str | int]) -> str:
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
+
+
+def _leaves(message: Any) -> Iterator[str]:
+    """Fields of a message that are no messages themselves; lists by their first entry."""
+    for name in type(message).__slots__:
+        value = getattr(message, name)
+        if isinstance(value, SimpleNamespace):
+            yield from (f"{name}.{leaf}" for leaf in _leaves(value))
+        elif isinstance(value, (str, int, float)):
+            yield name
+        elif len(value) and isinstance(value[0], SimpleNamespace):
+            yield from (f"{name}[0].{leaf}" for leaf in _leaves(value[0]))
+        else:
+            yield f"{name}[0]"
+
+
+def _value(message: Any, parts: Sequence[str | int]) -> Any:
+    """Value of a field; None beyond the end of a list."""
+    for part in parts:
+        if isinstance(part, int):
+            if part >= len(message):
+                return None
+            message = message[part]
+        else:
+            message = getattr(message, part)
+    return message
+
+
+def _is_number(message: Any, parts: Sequence[str | int]) -> bool:
+    return "[" not in _joined(parts) and isinstance(_value(message, parts), (int, float))
+
+
+def _cell(message: Any, parts: Sequence[str | int]) -> str:
+    """Text of a field that reads back as the same number."""
+    value = _value(message, parts)
+    if isinstance(value, bool):
+        return str(int(value))
+    return "" if value is None else repr(value) if isinstance(value, float) else str(value).strip()
