@@ -27,6 +27,8 @@ class FingerSetup:
 
     name: str
     finger: GraspFinger
+    where: str
+    """Path to the finger in the scene."""
     middles: tuple[Switch, ...]
     """Middle contacts from base to tip."""
     tip: Switch
@@ -51,8 +53,10 @@ class FingerSetup:
     """Greatest normal force of the contact [N]."""
 
     @staticmethod
-    def of(name: str, finger: GraspFinger, of_all: GraspContacts, fidelity: Fidelity, *, releases: bool) -> FingerSetup:
-        """The setup of a finger, with what a scene has for all where the finger has none of its own.
+    def of(
+        name: str, finger: GraspFinger, where: str, of_all: GraspContacts, fidelity: Fidelity, *, releases: bool
+    ) -> FingerSetup:
+        """The setup of a finger at a path, with what a scene has for all where the finger has none of its own.
 
         ``releases``: its friction may let go, and bend it further than tensions that rise.
         """
@@ -77,6 +81,7 @@ class FingerSetup:
         return FingerSetup(
             name=name,
             finger=finger,
+            where=where,
             middles=middles,
             tip=contacts["tip"],
             before=tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles))),
@@ -90,6 +95,13 @@ class FingerSetup:
             held_friction=(1.0 - of_all.reserve) * contacts["friction"],
             normal_force_max=contacts["normal_force_max"],
         )
+
+    def key(self, part: str, name: str) -> str:
+        """Path to a key of ``contacts`` or ``fidelity``: of the finger if it states it, else of the scene."""
+        own = getattr(self.finger, part)
+        # The fidelity of a finger stands in place of the scene's, its contacts key by key.
+        stated = own is not None and (part == "fidelity" or getattr(own, name) is not None)
+        return f"{self.where}.{part}.{name}" if stated else f"{part}.{name}"
 
     @property
     def tendons(self) -> Tendons:

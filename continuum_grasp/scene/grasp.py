@@ -126,7 +126,10 @@ class GraspScene(Configuration, Supported):
         fingers = self.named_fingers
         defaults = (self.contacts, self.fidelity)
         releases = self.friction_states == "any"
-        return tuple(FingerSetup.of(name, finger, *defaults, releases=releases) for name, finger in fingers.items())
+        return tuple(
+            FingerSetup.of(name, finger, self._place_of(name), *defaults, releases=releases)
+            for name, finger in fingers.items()
+        )
 
     @property
     def pairs(self) -> tuple[tuple[int, int], ...]:
@@ -250,9 +253,9 @@ class GraspScene(Configuration, Supported):
         reaches = [max(part.support(angle) for part in self.object.parts) for angle in facing]
         return min(heights) - max(reaches) - 0.5 * extent * step, max(heights) - min(reaches) + 0.5 * extent * step
 
-    def place_of(self, setup: FingerSetup) -> str:
+    def _place_of(self, name: str) -> str:
         """Path to a finger in the scene."""
-        return "finger" if self.fingers is None else f"fingers.{setup.name}"
+        return "finger" if self.fingers is None else f"fingers.{name}"
 
     # -- sense -----------------------------------------------------------------------------------------------
 
@@ -264,8 +267,8 @@ class GraspScene(Configuration, Supported):
         if twice:
             raise ValueError(f"a finger and a support share the name {twice.pop()!r}")
         for setup in self.setups:
-            check_finger(setup, self.place_of(setup), self.fidelity)
-            self._check_place(setup, self.place_of(setup))
+            check_finger(setup, self.fidelity)
+            self._check_place(setup, setup.where)
         self._check_bases()
         self._check_supports()
 
@@ -319,9 +322,9 @@ def check_name(name: str) -> None:
         raise ValueError(f"{name!r:.40} is not a valid name: use letters, digits and _, beginning with a letter")
 
 
-def check_finger(setup: FingerSetup, where: str, of_all: Fidelity) -> None:
-    """Refuse, by `ValueError`, a finger at ``where`` that grasps cannot take; its fidelity may be that ``of_all``."""
-    finger = setup.finger
+def check_finger(setup: FingerSetup, of_all: Fidelity) -> None:
+    """Refuse, by `ValueError`, a finger that grasps cannot take; its fidelity may be that ``of_all``."""
+    finger, where = setup.finger, setup.where
     length = setup.finger.rod.length
     fidelity = finger.fidelity or of_all
     if finger.tendons is None:
@@ -331,32 +334,34 @@ def check_finger(setup: FingerSetup, where: str, of_all: Fidelity) -> None:
     if setup.drive is not None and not setup.drive.greatest > 0.0:
         raise ValueError(f"{where}.tendons.drive.torque_max does not exceed coulomb_friction: the motor cannot pull")
     if isinstance(fidelity.elements, tuple):
-        raise ValueError("fidelity.elements must be a number here: the search chooses the lengths of the elements")
+        raise ValueError(
+            f"{setup.key('fidelity', 'elements')} must be a number here: the search chooses the lengths of the elements"
+        )
     if all(m == "off" for m in setup.middles) and setup.tip == "off":
         raise ValueError(f"{where}: at least one of middle and tip must be on or auto")
     if setup.stations and setup.elements <= len(setup.stations):
         raise ValueError(
-            f"{where}: contacts.stations: {len(setup.stations)} needs fidelity.elements of at least "
+            f"{setup.key('contacts', 'stations')}: {len(setup.stations)} needs fidelity.elements of at least "
             f"{len(setup.stations) + 1}, got {setup.elements}"
         )
     marks = (0, *setup.before, setup.elements)
     if any(b <= a for a, b in pairwise(marks)):
         raise ValueError(
-            f"{where}: fidelity.elements: {setup.elements} leave no element between two middle contacts, or next "
-            f"to base or tip: use at least {len(setup.middles) + 1}"
+            f"{setup.key('fidelity', 'elements')}: {setup.elements} leave no element of {where} between two middle "
+            f"contacts, or next to base or tip: use at least {len(setup.middles) + 1}"
         )
     family = FAMILIES[setup.family]
-    finger.check_family("fidelity.family", setup.family)
+    finger.check_family(setup.key("fidelity", "family"), setup.family)
     if family.one_turn and setup.bending_range > ONE_TURN:
         wider = " or ".join(name for name, each in FAMILIES.items() if not each.one_turn)
         raise ValueError(
-            f"fidelity.bending_range = {setup.bending_range} rad is more than an element of family "
+            f"{setup.key('fidelity', 'bending_range')} = {setup.bending_range} rad is more than an element of family "
             f"{setup.family} can follow (one turn): use more elements, or family: {wider}"
         )
     _STATIONS.check(setup, where, finger)
     high = setup.middle_bounds[1]
     if high >= length:
-        raise ValueError(f"contacts.middle_range ends at {high} m; {where} is {length} m long")
+        raise ValueError(f"{setup.key('contacts', 'middle_range')} ends at {high} m; {where} is {length} m long")
 
 
 def _can_meet(finger: GraspFinger, other: GraspFinger) -> bool:

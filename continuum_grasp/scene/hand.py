@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
@@ -37,6 +37,15 @@ from continuum_grasp.scene.value import PARALLEL, Angle, Configuration, Extent, 
 
 class HandFinger(GraspFinger):
     """A finger of a hand, whose base is where the hand has it."""
+
+    REFUSALS = Consumer.refusals(
+        """
+        contacts.stations: hands touch with middle and tip: leave it out
+        contacts.middle with several_middles: a finger of a hand has one middle contact: expected on, off or auto
+        fidelity.tolerance: hands have a number of elements: give fidelity.elements
+        """,
+        several_middles=lambda finger: isinstance(finger.contacts.middle, tuple),
+    )
 
     section: FingerSection | None = None
     """Cross-section of the backbone, similar all along, for its stiffness out of its plane; None: the section of a rod
@@ -179,6 +188,8 @@ class TurnedGravity(Value):
 def _of_any_direction(value: Any) -> Any:
     if isinstance(value, TurnedGravity) or (isinstance(value, Mapping) and "any" in value):
         return TurnedGravity.model_validate(value)
+    if isinstance(value, str | Mapping) or (isinstance(value, Sequence) and len(value) != 3):
+        raise ValueError("expected [x, y, z] as the hand sees it, such as [0, 0, -9.81], or any: 9.81 where it turns")
     return value
 
 
@@ -227,7 +238,14 @@ class HandScene(Configuration):
     def setups(self) -> tuple[FingerSetup, ...]:
         """The fingers with everything resolved, each in its own plane."""
         return tuple(
-            FingerSetup.of(name, base.finger or self.hand.finger, self.contacts, self.fidelity, releases=False)
+            FingerSetup.of(
+                name,
+                base.finger or self.hand.finger,
+                f"hand.bases.{name}.finger" if base.finger else "hand.finger",
+                self.contacts,
+                self.fidelity,
+                releases=False,
+            )
             for name, base in self.hand.named_bases.items()
         )
 
@@ -270,7 +288,7 @@ class HandScene(Configuration):
         self._check_torsional_friction()
         bases = self.hand.named_bases
         for setup, base in zip(self.setups, bases.values(), strict=True):
-            check_finger(setup, f"hand.bases.{setup.name}.finger" if base.finger else "hand.finger", self.fidelity)
+            check_finger(setup, self.fidelity)
             self._check_finger(setup, base)
         thick = {setup.name: setup.finger.thickness_radius for setup in self.setups}
         for one, other in combinations(bases, 2):
@@ -306,18 +324,18 @@ class HandScene(Configuration):
                 )
         if setup.friction < LEAST_FRICTION:
             raise ValueError(
-                f"contacts.friction: {setup.friction:g} for {setup.name}: expected at least {LEAST_FRICTION:g}; "
-                "contacts without friction hold nothing in space"
+                f"{setup.key('contacts', 'friction')}: {setup.friction:g} for {setup.name}: expected at least "
+                f"{LEAST_FRICTION:g}; contacts without friction hold nothing in space"
             )
         if setup.finger.damping.dry_friction:
-            raise ValueError("hand.finger.damping.dry_friction: a hand takes no dry friction in bending so far")
+            raise ValueError(f"{setup.where}.damping.dry_friction: a hand takes no dry friction in bending so far")
         if setup.friction_states and self.friction_states == "any":
             raise ValueError(
                 "friction_states: with friction in its tendons, a hand is certified as it is reached alone, not for "
                 "other friction states: state friction_states: pulled"
             )
         if any(mass.at < setup.finger.rod.length for mass in setup.finger.masses):
-            raise ValueError("hand.finger.masses: a hand takes only fingers with masses at their tips")
+            raise ValueError(f"{setup.where}.masses: a hand takes only fingers with masses at their tips")
         away = math.dist(self.object.position, base.position)
         reach = setup.finger.rod.length + setup.finger.thickness_radius + self.object.size
         if away > reach:

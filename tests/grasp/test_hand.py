@@ -322,6 +322,18 @@ def test_the_torque_that_a_motor_lacks_is_named():
     assert not optimize_grasp(weak.changed({reason.key: 0.98 * reason.needed}), raise_on_failure=False).solved
 
 
+OWN = {
+    "position": [0.045, 0.0, 0.0],
+    "direction": [0.0, 0.0, -1.0],
+    "bends_toward": [-1.0, 0.0, 0.0],
+    "finger": {
+        "rod": {"length": 0.12, "diameter": 0.012, "youngs_modulus": 10e6, "density": 1150.0},
+        "tendons": {"offset": 6e-3, "max_tension": 60.0},
+        "masses": [{"at": 0.06, "mass": 0.01}],
+    },
+}
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
@@ -347,6 +359,17 @@ def test_the_torque_that_a_motor_lacks_is_named():
         ({"contacts.friction": 0.0}, "contacts.friction: 0 for finger_1: expected at least 0.001"),
         ({"hand.finger.contacts": {"friction": 0.0}}, "contacts.friction: 0 for finger_1"),
         ({"hand.finger.masses": [{"at": 0.06, "mass": 0.01}]}, "masses at their tips"),
+        ({"hand.finger.contacts": {"stations": 3}}, "hand.finger.contacts.stations: hands touch with middle and tip"),
+        ({"hand.finger.contacts": {"middle": ["on", "on"]}}, "hand.finger.contacts.middle: .* has one middle contact"),
+        ({"hand.finger.contacts": {"middle_range": [0.05, 0.13]}}, "hand.finger.contacts.middle_range ends at 0.13 m"),
+        ({"hand.finger.fidelity": {"tolerance": 0.01}}, "hand.finger.fidelity.tolerance: hands have a number"),
+        ({"hand.finger.fidelity": {"elements": 1}}, "hand.finger.fidelity.elements: 1 leave no element"),
+        (
+            {"hand.finger.fidelity": {"family": "matched_clothoid"}, "hand.finger.tendons.friction": 0.1},
+            "hand.finger.fidelity.family: matched_clothoid cannot carry tendon friction",
+        ),
+        ({"hand.ring": None, "hand.bases": {"one": OWN}}, "hand.bases.one.finger.masses: a hand takes only"),
+        ({"gravity": {"all": 9.81}}, r"gravity: expected \[x, y, z\] as the hand sees it, .* or any: 9.81"),
         ({"contacts.torsional_friction": 3.0}, "torsional_friction: 3 m is more than .* 0.018 m: is it in meters"),
     ],
 )

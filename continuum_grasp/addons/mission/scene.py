@@ -279,7 +279,7 @@ class MissionScene(Configuration):
             if self.turn is not None and setup.finger.base_free is None:
                 setup.check_reach("turn", self.turn.position, self.grasp.object)
             finger = setup.finger
-            where = f"grasp.{self.grasp.place_of(setup)}"
+            where = f"grasp.{setup.where}"
             if self.tendons is not None:
                 finger = finger.replaced(tendons=self.tendons)
                 where = ""

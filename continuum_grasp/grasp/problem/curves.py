@@ -28,7 +28,7 @@ def curves_of(setup: FingerSetup, weighs: bool) -> CurvesSpec:
         raise InputError(
             f"in a grasp, elements of family {setup.family} cannot follow a finger that changes along its length: "
             "use matched_clothoid",
-            key="fidelity.family",
+            key=setup.key("fidelity", "family"),
         )
     made = _curves(setup, weighs)
     steep = steepest(skin(setup.finger.profile.half_thickness))
@@ -36,14 +36,14 @@ def curves_of(setup: FingerSetup, weighs: bool) -> CurvesSpec:
         raise InputError(
             f"half the thickness of {setup.name} changes by {steep:.2g} per length where its corners are rounded, "
             f"more than {MOST_STEEP}: give smaller jumps, or half_thickness",
-            key="rod",
+            key=f"{setup.where}.rod",
         )
     panels = max(each.spec.panels for each in made)
     if panels > MOST_PANELS:
         raise InputError(
             f"{setup.name} has {panels} parts with separate curves; a grasp allows at most {MOST_PANELS}: use fewer "
             "sections or samples",
-            key="rod",
+            key=f"{setup.where}.rod",
         )
     return CurvesSpec(tuple(each.spec for each in made))
 
