@@ -193,6 +193,11 @@ class Reason:
         entries = {entry.name: getattr(self, entry.name) for entry in fields(self) if entry.name != "arrays"}
         return entries | {"also": [other.data() for other in self.also]}
 
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> Reason:
+        """Make a reason of plain data, as `data` gives them."""
+        return cls(**{**data, "also": tuple(map(cls.of, data["also"]))})
+
 
 @dataclass(frozen=True)
 class Change:

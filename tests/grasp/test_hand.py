@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import continuum_grasp as cg
 from continuum_grasp.base import InputError, SolverError
-from continuum_grasp.grasp import GraspStatus, optimize_grasp
+from continuum_grasp.grasp import GraspStatus, HandResult, Reason, optimize_grasp
 from tests.marks import few
 
 CONFIGS = Path(cg.__file__).parents[1] / "configs/hand"
@@ -247,6 +248,28 @@ def test_every_reason_repairs():
         assert repaired.solved or (not reason.stable and repaired.status is GraspStatus.UNSTABLE), reason.text
     with pytest.raises(SolverError, match=r"needed|can be held"):
         optimize_grasp(heavy)
+
+
+def test_what_is_no_grasp_is_read_back_as_such(ball, tmp_path):
+    """Its numbers are those of a repair: they are named so, nothing certifies them, and there is nothing to export."""
+    why = "the object is too heavy: 3 kg, 0.243 kg can be held"
+    reason = Reason("mass", "object.mass", "kg", 3.0, 0.243, why, "object.mass = 0.243 kg")
+    heavy = ball.scene.changed({"object.mass": 3.0})
+    failed = HandResult(heavy, GraspStatus.INFEASIBLE, why, ball.arrays, None, (reason,), trial={"words": "lost"})
+    again = HandResult.of_run(failed.save(tmp_path / "run"))
+    assert again.reasons == failed.reasons
+    assert again.certificate is None
+    assert again.table() == failed.table()
+    assert "With the first repair:" in again.table()
+    with pytest.raises(InputError, match="there is no grasp to export: the object is too heavy"):
+        cg.export_mjcf(again)
+
+
+def test_a_grasp_is_read_back_with_its_trial(ball, tmp_path):
+    tried = replace(ball, trial={"holds": True, "words": "held in MuJoCo"})
+    again = HandResult.of_run(tried.save(tmp_path / "run"))
+    assert again.trial == tried.trial
+    assert again.table() == tried.table()
 
 
 MOTOR = {"kind": "motor", "winch_radius": 8e-3, "inertia": 2e-6, "coulomb_friction": 2e-3, "torque_max": 0.5}

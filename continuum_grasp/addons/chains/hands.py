@@ -85,7 +85,7 @@ class HandChain:
 
 def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
     """The model of a grasp that was found."""
-    if not result.arrays:
+    if not result.balanced:
         raise InputError(f"there is no grasp to export: {result.message}")
     scene = result.scene
     solid = result.scene.object

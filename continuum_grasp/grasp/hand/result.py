@@ -145,9 +145,20 @@ class HandResult(Result):
         if "hand" not in config:
             raise InputError("expected the grasp of a hand, got that of a planar scene", file=fspath(folder))
         scene = HandScene.model_validate(config)
-        certificate = certify_hand(scene, run.arrays) if run.arrays else None
         status = GraspStatus(str(meta["status"]))
-        return cls(scene, status, str(meta["message"]), run.arrays, certificate, advice=str(meta.get("advice", "")))
+        # Numbers of a repair, or of the nearest point, are no grasp of this scene: nothing certifies them.
+        balanced = status not in (GraspStatus.INFEASIBLE, GraspStatus.NOT_SOLVED) or meta.get("certificate")
+        return cls(
+            scene,
+            status,
+            str(meta["message"]),
+            run.arrays,
+            certify_hand(scene, run.arrays) if run.arrays and balanced else None,
+            tuple(Reason.of(reason) for reason in meta.get("reasons", ())),
+            str(meta.get("advice", "")),
+            meta.get("statistics", {}),
+            meta.get("trial", {}),
+        )
 
     @cached_property
     def body(self) -> BodySurface:
@@ -167,6 +178,11 @@ class HandResult(Result):
     def solved(self) -> bool:
         """Whether there is a verified grasp that holds the object."""
         return self.status in (GraspStatus.OPTIMAL, GraspStatus.FEASIBLE)
+
+    @property
+    def balanced(self) -> bool:
+        """Whether the numbers are a grasp of this scene, at least in balance: not of a repair or a nearest point."""
+        return bool(self.arrays) and (self.solved or self.certificate is not None)
 
     def show(self) -> Any:
         """Show the grasp as a page in space: turn it, and see what tensions change to first order.
@@ -262,6 +278,8 @@ class HandResult(Result):
         if self.reasons:
             lines += ["", "Why there is no grasp; any one of these repairs it:"]
             lines += [f"  {reason.text}: {reason.repair}" for reason in self.reasons]
+        if self.arrays and not self.balanced:
+            lines += ["", f"{'With the first repair' if self.reasons else 'Where the search came nearest'}:"]
         if self.arrays:
             lines += ["", "Tensions [N]", *(f"  {line}" for line in self._tension_rows())]
             lines += [f"  {line}" for line in self._drive_rows()]
