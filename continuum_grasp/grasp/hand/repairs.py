@@ -15,9 +15,10 @@ from continuum_grasp.scene import HandScene
 _NEAREST = 2
 """Starts of each set of contacts from which limits are relaxed, those whose forces balance best with more of it; the
 next where none of the first is solved."""
-_EASES = 0.75
-"""Part of what the best forces of a start leave up to which more of a limit must bring it, for the limit to be relaxed:
-in seven hands that hold nothing, relaxing led to a point with 0.06 to 0.62 and to none with more."""
+_EASES, _LITTLE = 0.75, 0.2
+"""Part of what the best forces of a start leave, and residual, scaled: a limit is relaxed from starts that leave this
+much at most with more of it. In eight hands that hold nothing, relaxing led to a point with 0.06 to 0.62 of what was
+left, and with more where little was."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ def repair_of(
     sets = dict[frozenset[str], list[tuple[float, HandTried]]]()
     for one, left in starts:
         less = eased.left(one)
-        if less <= _EASES * left:
+        if less <= max(_EASES * left, _LITTLE):
             sets.setdefault(one.on, []).append((less, one))
     ranked = [sorted(each, key=lambda pair: pair[0])[:_NEAREST] for each in sets.values()]
     found = list[tuple[float, HandTried]]()

@@ -127,7 +127,7 @@ def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tu
                 best.arrays,
                 certificate,
                 advice="For a stable grasp, use fingers with a wider section, shorter fingers, or middle contacts. "
-                "Set stability: ignore where something else steadies the object.",
+                "Set stability: ignore where something else steadies the object." + _of_two(scene),
                 statistics=statistics,
             )
             return unstable, None
