@@ -202,9 +202,11 @@ def doctor(output: Output) -> None:
     facts |= {
         "processors": str(os.cpu_count()),
         "ipopt": "found" if casadi.has_nlpsol("ipopt") else "not found",
-        "compiler": f"{' '.join(compiler.command)}, {compiler.version}"
+        "compiler": f"{' '.join(compiler.command)}, {compiler.version}: controllers, models, checks of exports"
         if compiler
-        else "not found: all code runs on CasADi's virtual machine, which is slower",
+        else "not found: grasp and simulate run on CasADi's virtual machine, which is slower; mpc and missions need "
+        f"one: {install_line('compiler')}",
+        "clang for pages": shutil.which("clang") or "not found: export --to web needs it",
         "ffmpeg": shutil.which("ffmpeg") or "not found: animations as GIF only",
     }
     output.pairs(facts)

@@ -11,15 +11,17 @@ import re
 import shlex
 import shutil
 import subprocess
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, partial
+from importlib.util import find_spec
 from pathlib import Path
 
-from continuum_grasp.base import ContinuumGraspError, InputError
+from continuum_grasp.base import ContinuumGraspError, InputError, install_line
 from continuum_grasp.core.cache import Cache
 
 # gnu11 for vector types, -w: generated C warns.
@@ -27,6 +29,9 @@ _COMMON = ("-std=gnu11", "-fPIC", "-w")
 _NATIVE = "-march=native"
 """The widest lanes of this machine, which libraries do not leave."""
 _USUAL = ("cc", "gcc", "clang")
+_ZIG = ("-m", "ziglang", "cc", "-fno-sanitize=undefined")
+"""Clang of the extra ``compiler``, as arguments of Python; Zig would have it check for undefined behavior, which takes
+time and traps."""
 LONG = 20_000
 """Lines of a function up to which it is compiled with -O3, a longer one with -O1, for which gcc 12 needs 0.13 s per
 thousand lines, 0.2 s with -O3 (measured on functions of 70,000 to 140,000 lines); what either gains
@@ -69,7 +74,7 @@ class Compiler:
 
     @staticmethod
     def find() -> Compiler | None:
-        """The compiler named by ``CC``, else the first of cc, gcc and clang; None if there is none."""
+        """The compiler named by ``CC``, else the first of cc, gcc, clang, the extra ``compiler``; None: none works."""
         return next((compiler for _, compiler in _tried() if isinstance(compiler, Compiler)), None)
 
     @staticmethod
@@ -77,7 +82,8 @@ class Compiler:
         """Compilers that were tried, and why none of them works."""
         named = os.environ.get("CC")
         if named is None:
-            return "no C compiler found (" + "; ".join(f"{command}: {why}" for command, why in _tried()) + ")"
+            tried = "; ".join(f"{command}: {why}" for command, why in _tried())
+            return f"no C compiler found ({tried})"
         if not named.strip():
             return "no C compiler: CC is set and empty (unset it to have cc, gcc and clang tried)"
         why = "; ".join(str(why) for _, why in _tried())
@@ -122,7 +128,8 @@ class Compiler:
         """
         compiler = Compiler.find()
         if compiler is None:
-            raise InputError(f"{what} needs a C compiler: {Compiler.why_none()}")
+            advice = f"; to install one: {install_line('compiler')}" if os.environ.get("CC") is None else ""
+            raise InputError(f"{what} needs a C compiler: {Compiler.why_none()}{advice}")
         try:
             return ctypes.CDLL(str(compiler.library(source, what, quick=quick)))
         except (CompileError, OSError) as error:
@@ -221,6 +228,8 @@ def _tried() -> Iterator[tuple[str, Compiler | str]]:
         if command:
             path = shutil.which(command[0])
             yield line, _describe(command, path) if path else "no such program"
+    if named is None and find_spec(_ZIG[1]) is not None:
+        yield "ziglang", _describe((sys.executable, *_ZIG), sys.executable)
 
 
 @cache

@@ -431,6 +431,7 @@ def test_without_a_compiler_all_runs_on_the_virtual_machine(name, monkeypatch, t
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(code, "_WARNED", set())
     MISSING[name](monkeypatch, tmp_path)
+    monkeypatch.setitem(sys.modules, "ziglang", None)
     x0, steps = state(model, 0.3).x, 6
     u, w = signals(model, 2 * steps * 2 + 1, 0.01)
     with warnings.catch_warnings(record=True) as caught:
@@ -478,6 +479,9 @@ def test_why_there_is_no_compiler(name, monkeypatch):
     if named is None:
         monkeypatch.delenv("CC", raising=False)
         monkeypatch.setenv("PATH", "")
+        monkeypatch.setitem(sys.modules, "ziglang", None)
+        with pytest.raises(InputError, match=r"a controller needs a C compiler: .*install .*compiler"):
+            Compiler.load("int one(void) { return 1; }\n", "a controller")
     else:
         monkeypatch.setenv("CC", named)
     assert Compiler.find() is None
@@ -486,6 +490,21 @@ def test_why_there_is_no_compiler(name, monkeypatch):
     with pytest.warns(RuntimeWarning, match="virtual machine") as caught:
         cg.compile(small()[0], ())
     assert words in str(caught[0].message)
+
+
+@pytest.mark.deep
+def test_a_loop_costs_the_same_with_the_compiler_of_the_extra(monkeypatch):
+    pytest.importorskip("ziglang", reason="100 MB; in the extra 'compiler'")
+    scene = cg.load("configs/mpc/steady_tip.yaml", ["duration=0.5"])
+    monkeypatch.delenv("CC", raising=False)
+    usual = cg.run_closed_loop(scene)
+    monkeypatch.setenv("PATH", "")
+    compiler = Compiler.find()
+    assert "ziglang" in compiler.command
+    assert "clang" in compiler.version
+    run = cg.run_closed_loop(scene)
+    assert run.metrics().cost == pytest.approx(usual.metrics().cost, rel=1e-12)
+    assert np.abs(run.u - usual.u).max() < 1e-6  # N
 
 
 def test_divergence_without_a_compiler(monkeypatch):
