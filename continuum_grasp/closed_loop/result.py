@@ -366,7 +366,7 @@ class ControlRun(MotionResult):
         return ControlLog(self.t[:-1], self.u, self.y, self.u_names, self.y_names, self.scene.name or "run")
 
     def write_mcap(self, file: str | os.PathLike[str], fingers: Mapping[str, ControlRun] | None = None) -> Path:
-        """Write the run as a bag of ROS 2, which Foxglove and Rerun open, and ``replay`` and ``compare`` read.
+        """Write the run as a bag of ROS 2, for Foxglove and Rerun; ``replay`` and ``compare`` read it too.
 
         Topics are ``/measured``, ``/estimate``, ``/commands``, ``/reference`` and ``/health``, with a message per
         period whose definition is in the file; stamps count from the start of the run.

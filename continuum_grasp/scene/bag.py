@@ -6,7 +6,8 @@ import math
 import re
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
@@ -14,12 +15,12 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 from continuum_grasp.base import InputError, nearest
+from continuum_grasp.scene.bag_fields import cell_of, is_number, joined, leaves, parts_of
 from continuum_grasp.scene.bag_topics import NANOSECONDS, field_name, ros_module
 
 MAGIC = b"\x89MCAP0\r\n"
 """First bytes of every MCAP file."""
 _PATH = re.compile(r"[A-Za-z]\w*(\[\d+\])*(\.[A-Za-z]\w*(\[\d+\])*)*")
-_PART = re.compile(r"\w+|\[\d+\]")
 _UNIT = re.compile(r"(.*?)\s+\[([^\[\]]+)\]")
 """Column with its unit: a blank tells the unit from the number of an entry, as in position[0]."""
 _LISTED = 12
@@ -127,6 +128,8 @@ class _Bag:
                 return work(self._mcap.make_reader(stream, validate_crcs=True, decoder_factories=[self._decoders]))
         except InputError:
             raise
+        except NotImplementedError as error:
+            raise self.error(f"the library for bags cannot decode a message: {error}") from None
         except Exception as error:  # the library raises whatever its parts do
             raise self.error(f"the file is cut off or damaged ({_why(error)}); {self._readable()}") from None
 
@@ -149,26 +152,27 @@ class _Bag:
         listed = ", ".join(f"{count} of {topics[channel]}" for channel, count in counts.items() if channel in topics)
         return f"before the fault are {listed}, in {(last - first) / NANOSECONDS:.3g} s: recover them by `mcap recover`"
 
-    def first(self, topic: str, *, needed: bool = True) -> Any:
-        """First message of a topic; None where it has none, or is not ROS 2, and is not needed."""
+    def first(self, topic: str) -> Any:
+        """First message of a topic."""
         if topic not in self._first:
-            channel, schema = self.topics[topic]
-            decoder = self._decoded(channel, schema)
-            reads = decoder is not None
-            self._first[topic] = None
-            if reads:
-                decoded = self._read(lambda reader: [*islice(reader.iter_decoded_messages(topics=[topic]), 1)])
-                self._first[topic] = decoded[0].decoded_message if decoded else None
-        message = self._first[topic]
-        if message is None and needed:
             channel, schema = self.topics[topic]
             if self._decoded(channel, schema) is None:
                 encoding = f"{channel.message_encoding}, {schema.encoding if schema else 'no schema'}"
                 raise self.error(
                     f"topic {topic} has no messages of ROS 2 with their definition (cdr, ros2msg), but {encoding}"
                 )
-            raise self.error(f"topic {topic} has no messages")
-        return message
+            decoded = self._read(lambda reader: [*islice(reader.iter_decoded_messages(topics=[topic]), 1)])
+            if not decoded:
+                raise self.error(f"topic {topic} has no messages")
+            self._first[topic] = decoded[0].decoded_message
+        return self._first[topic]
+
+    def _first_messages(self) -> dict[str, Any]:
+        """First message of each topic that can be read: bags have others beside those that are asked for."""
+        for topic in self.topics:
+            with suppress(InputError):
+                self.first(topic)
+        return self._first
 
     def _decoded(self, channel: Any, schema: Any) -> Any:
         try:
@@ -197,7 +201,7 @@ class _Bag:
             return _FieldColumn(name, "s", topic, ())
         if not _PATH.fullmatch(path):
             raise self.error(f"expected /topic.field or /topic.field[0].field, got {name!r:.60}")
-        parts = _parts(path)
+        parts = parts_of(path)
         self._check_field(topic, path, parts, message)
         return _FieldColumn(name, unit, topic, parts)
 
@@ -206,8 +210,8 @@ class _Bag:
         field = field_name(name)
         having = [
             topic
-            for topic in self.topics
-            if isinstance(getattr(self.first(topic, needed=False), field, None), (int, float))
+            for topic, message in self._first_messages().items()
+            if isinstance(getattr(message, field, None), (int, float))
         ]
         if len(having) > 1:
             named = " or ".join(f"{topic}.{field}" for topic in having[:_LISTED])
@@ -227,19 +231,19 @@ class _Bag:
         for k, part in enumerate(parts):
             if isinstance(part, int):
                 if isinstance(value, (SimpleNamespace, str, int, float)) or value is None:
-                    raise self.error(f"{topic}.{_joined(parts[:k])} is no list: it has no entry [{part}]")
+                    raise self.error(f"{topic}.{joined(parts[:k])} is no list: it has no entry [{part}]")
                 if part >= len(value):  # of one message; others may have more
                     return
                 value = value[part]
             elif not isinstance(value, SimpleNamespace) or not hasattr(value, part):
-                fields = [*_leaves(message)]
+                fields = [*leaves(message)]
                 hint = nearest(path, fields, say_all=False)
                 shown = ", ".join(fields[:_LISTED]) + (", ..." if len(fields) > _LISTED else "")
                 raise self.error(f"topic {topic} has no field {path!r}{hint} (it has {shown})")
             else:
                 value = getattr(value, part)
         if isinstance(value, SimpleNamespace):
-            fields = [f"{path}.{leaf}" for leaf in _leaves(value)]
+            fields = [f"{path}.{leaf}" for leaf in leaves(value)]
             raise self.error(f"{topic}.{path} is no number: name one of {', '.join(fields[:_LISTED])}")
         if not isinstance(value, (str, int, float)):
             raise self.error(f"{topic}.{path} is a list: name an entry of it, such as {path}[0]")
@@ -247,12 +251,11 @@ class _Bag:
     def _all(self) -> list[_FieldColumn]:
         """Columns of all fields that are numbers, of topics whose stamps are known."""
         columns = list[_FieldColumn]()
-        for topic in self.topics:
-            message = self.first(topic, needed=False)
-            if message is not None and not (self.by_header and self._header(message) is None):
-                fields = [(leaf, _parts(leaf)) for leaf in _leaves(message) if not leaf.startswith("header.")]
+        for topic, message in self._first_messages().items():
+            if not (self.by_header and self._header(message) is None):
+                fields = [(leaf, parts_of(leaf)) for leaf in leaves(message) if not leaf.startswith("header.")]
                 columns += [
-                    _FieldColumn(leaf, None, topic, parts) for leaf, parts in fields if _is_number(message, parts)
+                    _FieldColumn(leaf, None, topic, parts) for leaf, parts in fields if is_number(message, parts)
                 ]
         counts = Counter(column.heading.lower() for column in columns) + Counter(("t",))
         return [
@@ -293,14 +296,14 @@ class _Bag:
                 )
                 for column in of_topic[topic]:
                     if column.parts:
-                        found.cells[column.heading].append(_cell(message, column.parts))
+                        found.cells[column.heading].append(cell_of(message, column.parts))
 
         self._read(work)
         for topic, own in of_topic.items():
             for column in own:
                 in_list = any(isinstance(part, int) for part in column.parts)
                 if in_list and not any(samples[topic].cells[column.heading]):
-                    raise self.error(f"no message has {topic}.{_joined(column.parts)}: its lists are shorter")
+                    raise self.error(f"no message has {topic}.{joined(column.parts)}: its lists are shorter")
         return samples
 
     def _check_order(self, topic: str, stamps: Sequence[int]) -> None:
@@ -314,6 +317,9 @@ class _Bag:
 
     def _together(self, columns: Sequence[_FieldColumn]) -> BagCells:
         """Rows of one stamp each, with the messages that have it."""
+        for column in columns:
+            if not column.parts:
+                raise self.error("expected a field of the topic: its stamps are those of t", column.heading)
         samples = self._samples(columns)
         rows = dict[tuple[int, int], dict[str, str]]()
         for topic, found in samples.items():
@@ -379,49 +385,3 @@ class _Bag:
 
 def _why(error: Exception) -> str:
     return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-
-
-def _parts(path: str) -> tuple[str | int, ...]:
-    return tuple(int(part[1:-1]) if part.startswith("[") else part for part in _PART.findall(path))
-
-
-def _joined(parts: Sequence[str | int]) -> str:
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
-
-
-def _leaves(message: Any) -> Iterator[str]:
-    """Fields of a message that are no messages themselves; lists by their first entry."""
-    for name in type(message).__slots__:
-        value = getattr(message, name)
-        if isinstance(value, SimpleNamespace):
-            yield from (f"{name}.{leaf}" for leaf in _leaves(value))
-        elif isinstance(value, (str, int, float)):
-            yield name
-        elif len(value) and isinstance(value[0], SimpleNamespace):
-            yield from (f"{name}[0].{leaf}" for leaf in _leaves(value[0]))
-        else:
-            yield f"{name}[0]"
-
-
-def _value(message: Any, parts: Sequence[str | int]) -> Any:
-    """Value of a field; None beyond the end of a list."""
-    for part in parts:
-        if isinstance(part, int):
-            if part >= len(message):
-                return None
-            message = message[part]
-        else:
-            message = getattr(message, part)
-    return message
-
-
-def _is_number(message: Any, parts: Sequence[str | int]) -> bool:
-    return "[" not in _joined(parts) and isinstance(_value(message, parts), (int, float))
-
-
-def _cell(message: Any, parts: Sequence[str | int]) -> str:
-    """Text of a field that reads back as the same number."""
-    value = _value(message, parts)
-    if isinstance(value, bool):
-        return str(int(value))
-    return "" if value is None else repr(value) if isinstance(value, float) else str(value).strip()

@@ -282,7 +282,7 @@ def test_what_cannot_be_commissioned_is_refused():
     blind = ControlScene(**{key: value for key, value in SCENE.items() if key != "estimator"})
     with pytest.raises(InputError, match=r"estimator\.measured\.tip"):
         design_commissioning(blind)
-    with pytest.raises(InputError, match="commanded tensions"):
+    with pytest.raises(InputError, match="drives that take tensions"):
         design_commissioning(CONFIGS / "mpc/winches.yaml")
 
 

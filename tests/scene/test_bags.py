@@ -184,6 +184,29 @@ def test_a_text_is_no_number_and_stamps_do_not_step_back(tmp_path):
         DataTable.read(apart, columns=["/joint_states.load"], leader="/finger/tip")
 
 
+def test_other_topics_of_a_bag_may_be_what_they_like(tmp_path):
+    """A topic whose messages the library cannot decode, and one that is not of ROS 2."""
+    from mcap.writer import Writer
+
+    with open(tmp_path / "a.mcap", "wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        for topic, encoding, kind, text in (
+            ("/wide", "cdr", "ros2msg", "wstring text\n"),
+            ("/json", "json", "jsonschema", "{}"),
+            ("/data", "cdr", "ros2msg", BARE),
+        ):
+            schema = writer.register_schema(f"tests/msg/{topic[1:].title()}", kind, text.encode())
+            channel = writer.register_channel(topic, encoding, schema)
+            writer.add_message(channel, 7, b"\0\1\0\0" + np.float64(3.5).tobytes(), 7)
+        writer.finish()
+    assert DataTable.read(tmp_path / "a.mcap", columns=["data"], stamps="log").numbers("data").tolist() == [3.5]
+    faults = {"/wide.text": "cannot decode a message: wstring", "/json.x": "no messages of ROS 2.*but json, jsonschema"}
+    for column, words in {**faults, "/data": "expected a field of the topic"}.items():
+        with pytest.raises(InputError, match=words):
+            DataTable.read(tmp_path / "a.mcap", columns=[column], stamps="log")
+
+
 def test_a_file_that_is_cut_off_says_what_was_read(tmp_path):
     bag = written(tmp_path / "a.mcap", tips(NUMBERS.tolist()))
     content = bag.read_bytes()
