@@ -221,7 +221,7 @@ class HandScene(Configuration):
     """Resolution of the fingers' models."""
     stability: Literal["require", "ignore"] = "require"
     """require: small motions in space that the contacts allow must raise the energy clearly, at tensions or drives that
-    ignore: an equilibrium is enough."""
+    stay; ignore: an equilibrium is enough."""
     friction_states: Literal["any", "pulled"] = "any"
     """Friction states of the tendons in which the grasp must hold. pulled: it need only hold as it is reached, by
     pulling; any: whatever they become, which hands without friction do."""

@@ -14,6 +14,8 @@ from continuum_grasp.scene.document import KeyPath, child
 from continuum_grasp.scene.units import Unit
 
 _Node = dict[str, Any]
+_CLAUSE = re.compile(r"(?<=\])[:;]|[.;](?=\s|$)")
+"""End of the first clause of a description: after a unit, or of a sentence."""
 
 
 class Shape:
@@ -51,9 +53,9 @@ class Shape:
         return list(dict.fromkeys(tags))
 
     def description(self, path: KeyPath, data: Any) -> str:
-        """The first line of the description of the key at ``path``, in lower case at its start."""
+        """The first clause of the description of the key at ``path``, in lower case at its start."""
         for node in self._follow(path, data):
-            text = str(node.get("description", "")).strip().split("\n")[0].rstrip(".")
+            text = _CLAUSE.split(" ".join(str(node.get("description", "")).split()), maxsplit=1)[0]
             if text:
                 return text if text[1:2].isupper() else text[0].lower() + text[1:]
         return ""

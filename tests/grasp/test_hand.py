@@ -392,6 +392,11 @@ OWN = {
             "hand.finger.fidelity.family: matched_clothoid cannot carry tendon friction",
         ),
         ({"hand.ring": None, "hand.bases": {"one": OWN}}, "hand.bases.one.finger.masses: a hand takes only"),
+        # Descriptions end with a clause, not with a line.
+        (
+            {"hand.ring": None, "hand.bases": {"one": {"position": [0.045, 0.0, 0.0], "direction": [0.0, 0.0, -1.0]}}},
+            "bends_toward: missing; expected direction to which it bends where its left tendon pulls, of any length$",
+        ),
         ({"gravity": {"all": 9.81}}, r"gravity: expected \[x, y, z\] as the hand sees it, .* or any: 9.81"),
         ({"contacts.torsional_friction": 3.0}, "torsional_friction: 3 m is more than .* 0.018 m: is it in meters"),
     ],
