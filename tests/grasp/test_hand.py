@@ -357,6 +357,22 @@ OWN = {
 }
 
 
+@pytest.mark.deep
+def test_a_finger_that_alone_is_too_weak_is_named(ball):
+    """The others bear ten times as much, and stay."""
+    scene = ball.scene
+    weak = scene.hand.finger.replaced(tendons=scene.hand.finger.tendons.replaced(max_tension=3.0))
+    one, two, three = scene.hand.ring.bases
+    bases = {"one": one, "two": two, "three": three.replaced(finger=weak)}
+    mixed = scene.replaced(hand=scene.hand.replaced(ring=None, bases=bases))
+    found = optimize_grasp(mixed, raise_on_failure=False)
+    reason = next(reason for reason in found.reasons if reason.name == "tension")
+    assert (reason.key, reason.limit) == ("hand.bases.three.finger.tendons.max_tension", 3.0)
+    assert reason.needed < ball.tensions["finger_3"][0]
+    assert reason.repair == f"{reason.key} = {reason.needed:.3g} N"
+    assert optimize_grasp(mixed.changed({reason.key: reason.needed})).solved
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import zip_longest
 
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.hand.certificate import certify_hand
 from continuum_grasp.grasp.hand.search import HandSearch, HandTried
 from continuum_grasp.grasp.problem.relaxations import beyond_needed, changed_numbers, stronger
@@ -61,15 +62,32 @@ class HandLimit:
         return limit + amount if self.additive else limit * (1.0 - amount)
 
 
-def _stronger(scene: HandScene, tension: float) -> HandScene:
-    """Tendons, and motors that pull them, bear a tension; those that bear more stay."""
+def _stronger(scene: HandScene, tension: float, weak: Collection[str] | None = None) -> HandScene:
+    """Tendons and motors, of all fingers or the weak ones, bear a tension; those that bear more stay."""
     hand = scene.hand
-    fingers = {id(setup.finger): stronger(setup, tension - setup.max_tension) for setup in scene.setups}
+    setups = [setup for setup in scene.setups if weak is None or setup.name in weak]
+    fingers = {id(setup.finger): stronger(setup, tension - setup.max_tension) for setup in setups}
     bases = {
-        name: base if base.finger is None else base.replaced(finger=fingers[id(base.finger)])
+        name: base if base.finger is None else base.replaced(finger=fingers.get(id(base.finger), base.finger))
         for name, base in (hand.bases or {}).items()
     }
     return scene.replaced(hand=hand.replaced(finger=fingers.get(id(hand.finger), hand.finger), bases=bases or None))
+
+
+def _of_weak(limit: HandLimit, scene: HandScene, arrays: Mapping[str, Array]) -> HandLimit:
+    """A limit of tensions that is only about the fingers that a relaxed grasp overloads; others are as they are."""
+    if limit.name != "tension":
+        return limit
+    weak = dict[str, float]()
+    for setup in scene.setups:
+        tensions, law = arrays[f"{setup.name}.tensions"], setup.drive
+        # Motors of a pulley pull with a difference.
+        overloaded = law is not None and law.pulley and abs(tensions[0] - tensions[1]) > law.greatest
+        if overloaded or tensions.max() > setup.max_tension:
+            weak[setup.name] = setup.max_tension
+    if not weak:
+        return limit
+    return replace(limit, limit=lambda _: max(weak.values()), changed=lambda scene, t: _stronger(scene, t, weak))
 
 
 LIMITS = (
@@ -142,12 +160,13 @@ def repair_of(
     for amount, relaxed in sorted(found, key=lambda pair: pair[0]):
         if amount > (easing if limit.additive else 1.0 - NEAR):
             break  # no repair that makes sense: of an object, nothing at all would be left
-        needed = beyond_needed(limit.needed(scene, amount), 1.0 if limit.additive else -1.0)
-        other = HandSearch(limit.changed(scene, needed), search.budget)
+        own = _of_weak(limit, scene, relaxed.arrays)
+        needed = beyond_needed(own.needed(scene, amount), 1.0 if limit.additive else -1.0)
+        other = HandSearch(own.changed(scene, needed), search.budget)
         held = other.again(relaxed)
         certificate = certify_hand(other.scene, held.arrays)
         if held.attempt.converged and certificate.acceptable:
-            return limit.reason(scene, needed, held, stable=True)
+            return own.reason(scene, needed, held, stable=True)
         if held.attempt.converged and certificate.passed and unstable is None:
-            unstable = limit.reason(scene, needed, held, stable=False)
+            unstable = own.reason(scene, needed, held, stable=False)
     return unstable
