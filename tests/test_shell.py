@@ -79,7 +79,7 @@ def test_start_installs_extras_that_there_are(clone):
             [sys.executable, "start.py", "install", *names], cwd=clone, capture_output=True, text=True, check=False
         )
         assert done.returncode == 2
-        assert "expected extras to install, of: cluster, data, dev, " in done.stderr
+        assert "expected extras to install, of: cluster, compiler, data, dev, " in done.stderr
 
 
 @pytest.mark.parametrize("on_path", [True, False])

@@ -140,7 +140,7 @@ GOOD = {"states": X, "inputs": U, "dynamics": U - X, "cost": {"x": (X, 1.0), "u"
         ({"inputs": X}, "given twice among states, inputs, parameters and previous: x"),
         ({"cost": {"x": (X, -1.0)}}, "no negative"),
         ({"cost": {"x": (X, [1.0, 2.0])}}, "cost.x.weight: expected 1 entries, got 2"),
-        ({"cost": {"u": (U, 1.0, 1.0)}}, "a final weight needs an expression of the states"),
+        ({"cost": {"u": (U, 1.0, 1.0)}}, "a final weight needs an expression of only the states"),
         ({"bounds": {"y": (0, 1)}}, "bounds: expected names of states and inputs, got y"),
         ({"bounds": {"u": (1, 0)}}, "bounds.u"),
         ({"rows": {"r": (X, 0.0, 1.0, (-1.0, 0.0))}}, "no negative penalty"),

@@ -51,7 +51,7 @@ def test_what_a_package_of_a_solver_says_and_what_it_cannot_have(package, tmp_pa
     assert re.findall(r"\b(?:inf|nan)\b", header) == []  # no words of C: limits that are none are the greatest number
     assert "finger," not in (package / "README.md").read_text().split("## Cost")[0]
     solver = cg.rti(cart_pole())
-    with pytest.raises(InputError, match="mpc alone"):
+    with pytest.raises(InputError, match="has only mpc"):
         cg.export_c(solver, tmp_path, what=["dynamics"])
     with pytest.raises(InputError, match="no ranges"):
         cg.export_c(solver, tmp_path, ranges={"gravity": (9.0, 10.0)})
