@@ -123,6 +123,20 @@ def test_tensions_press_ends_that_are_held_as_a_moment_does_a_propped_beam():
         assert bulge == pytest.approx(half * LENGTH**2 / (32.0 * STIFFNESS), rel=2e-3)
 
 
+def test_tendon_friction_passes_on_the_share_of_a_capstan():
+    """Along an arc that turns by a, the tension is T exp(-friction a s / L) inside, and rises as much outside."""
+    turn, friction = 1.2, 0.3
+    scene, arrays = cases.one_finger((0.0, 0.0, 0.0), (0, -1, 0), turn / LENGTH)
+    scene = scene.changed({"hand.finger.tendons.friction": friction, "friction_states": "pulled"})
+    (finger,) = hand_of(scene, arrays).fingers
+    chain = FingerChain(finger, np.zeros(3), LINKS)
+    (channel,) = finger.plane.finger.channels
+    for arm in channel.arms:
+        lost = math.copysign(friction * turn, arm)
+        couples = np.linalg.norm(chain.pulled(channel, arm).reshape(-1, 3), axis=1)
+        assert couples.mean() == pytest.approx(abs(arm) * (1.0 - math.exp(-lost)) / lost, rel=1e-4)
+
+
 def test_a_response_balances_the_object():
     scene, arrays = independent(16, 1.0)
     response = hand_response(hand_of(scene, arrays))

@@ -128,7 +128,7 @@ def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
         },
         "meshes": meshes,
         "supports": [_support(support, length, edge).items() for support in scene.supports],
-        "tendons": [(control, chain.levers(control)) for chain in chains for control in controls[chain.name]],
+        "tendons": [(control, chain.bent_by(control)) for chain in chains for control in controls[chain.name]],
         "stops": (),
         "controls": [control for of in controls.values() for control in of],
         "holder": True,
@@ -217,8 +217,7 @@ def _controls(chain: HandFingerChain) -> list[Control]:
         # A slack tendon is on the edge of being in tension.
         spring = wound.springs[k] or 1.0 / float(wound.compliances[k] + wound.law.servo)
         control = Control.of(name, tension / spring, pull, lag=None, cable=spring)
-        drawn = sum(lever * chain.bends[int(hinge.rpartition("_")[2]) - 1] for hinge, lever in chain.levers(control))
-        controls.append(replace(control, value=control.value + float(drawn)))
+        controls.append(replace(control, value=control.value + float(chain.levers(control) @ chain.bends)))
     return controls
 
 

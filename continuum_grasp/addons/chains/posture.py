@@ -47,11 +47,15 @@ class HandFingerChain:
         at = touching[0] if touching else 0.5 * sum(self.links.span(k))
         return float(self.finger.profile.half_thickness(at))
 
-    def levers(self, control: Control) -> list[tuple[str, float]]:
-        """Hinges that a tendon bends, and how far it is drawn in per angle, times the share of its tension there."""
+    def levers(self, control: Control) -> Array:
+        """Lengths by which each hinge draws in a tendon per angle, times the share of its tension there (N,) [m]."""
         shares = 1.0 if self.friction is None else self.friction.shares(control.arm, self.links.at)
-        levers = control.levers(self.links.at) * shares
-        return [(f"{self.name}_bend_{k}", lever) for k, lever in enumerate(levers.tolist(), 1) if lever != 0.0]
+        return np.asarray(control.levers(self.links.at) * shares)
+
+    def bent_by(self, control: Control) -> list[tuple[str, float]]:
+        """Names of the hinges that a tendon bends, with its levers there."""
+        levers = enumerate(self.levers(control).tolist(), 1)
+        return [(f"{self.name}_bend_{k}", lever) for k, lever in levers if lever != 0.0]
 
     @staticmethod
     def order(k: int) -> list[int]:
