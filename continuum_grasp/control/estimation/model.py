@@ -202,7 +202,6 @@ def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca
     others = (u, *call(parameters, start, p), p)
     reached = differentiated_step(method, "estimator", slope, start, others, h, instants=2)
     (end,) = differentiated_step(method, "flow", slope, start, others, h, instants=0)
-    alone = differentiated_step(method, "single", slope, start, others, h, instants=1)
     nz, nx = start.numel(), end.numel()
     z, x = ca.SX.sym("z", nz), ca.SX.sym("x", nx)
     parts = {name: ca.SX.sym(name, by.sparsity()) for name, by in zip(("whole", "half"), reached[1:], strict=True)}
@@ -218,7 +217,7 @@ def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca
     return (
         ca.Function("estimator_step", symbols, call(collect, start, *reached), names, ["zn", "F", "G"]),
         ca.Function("estimator_flow", symbols, call(collect_end, start, end), names, ["zn"]),
-        ca.Function("estimator_single", symbols, call(collect_alone, start, *alone), names, ["zn", "F"]),
+        ca.Function("estimator_single", symbols, call(collect_alone, start, *reached[:2]), names, ["zn", "F"]),
     )
 
 

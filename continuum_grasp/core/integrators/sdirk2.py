@@ -35,7 +35,7 @@ def differentiated_step(
         of_stages.correct(f"{name}_{which}", is_first=which == "first", with_derivatives=instants > 0)
         for which in ("first", "last")
     ]
-    again = of_stages.refine(f"{name}_refine")
+    again = [of_stages.refine(f"{name}_refine")] * between if between else []
     stages: list[list[ca.MX]] = []
     for share in (1.0, 0.5)[: max(1, instants)]:
         # Butcher's table: the first stage at gamma, the second at 1, where it is the step itself (stiffly accurate).
@@ -44,8 +44,8 @@ def differentiated_step(
         stage = list[ca.MX]()
         for stage_of in corrections:
             k, at = call(first_guess, *arguments, base, *call(slope, base, *others))
-            for _ in range(between):
-                k, at = call(again, *arguments, base, *call(slope, at, *others), k)
+            for refine in again:
+                k, at = call(refine, *arguments, base, *call(slope, at, *others), k)
             base, *stage = call(stage_of, *arguments, start, *call(slope, at, *others), k, *stage)
         stages.append([base, *stage])
     return [stages[0][0], *(derivatives for _, *following in stages for derivatives in following)]
