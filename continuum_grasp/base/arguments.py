@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import re
+import sys
 from collections import abc
 from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import wraps
@@ -88,7 +89,8 @@ class CheckedArgument(NamedTuple):
 
     def unmasked(self) -> NDArray[Any]:
         """An array in which masked entries are NaN: ``numpy.asarray`` would take the numbers below the mask."""
-        if isinstance(self.value, np.ma.MaskedArray):
+        # numpy.ma takes 8 ms to load, and whoever has a masked array has loaded it.
+        if "numpy.ma" in sys.modules and isinstance(self.value, np.ma.MaskedArray):
             return np.where(np.ma.getmaskarray(self.value), np.nan, self.value.data)
         return np.asarray(self.value)
 
