@@ -421,13 +421,12 @@ class ControlRun(MotionResult):
 
 _GOOD = frozenset(("solved", "iteration_limit", "row_violated"))
 """Statuses of commands that come from the solver."""
-_RELATIVE, _OF_MASS = "_error [1]", "_error [kg]"
+_RELATIVE = "_error [1]"
 
 
 def _parameter(name: str) -> str:
     """The parameter that a disturbance of the estimator adds to, by its name without unit and what tells them apart."""
-    name = name.removesuffix(_RELATIVE).removesuffix(_OF_MASS)
-    return split_unit(name.removeprefix("unknown_")).name
+    return split_unit(name).name.removeprefix("unknown_").removesuffix("_error")
 
 
 def log_text(run: ControlRun) -> str:

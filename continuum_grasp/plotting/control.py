@@ -136,9 +136,13 @@ def plot_bounds(ax: Axes, run: ControlRun) -> str:
 
 @over_time(columns=2)
 def plot_disturbances(ax: Axes, run: ControlRun) -> str:
-    """Draw the estimated disturbances of the first one's unit, with two standard deviations either way."""
+    """Draw the estimated disturbances of one unit, with two standard deviations either way.
+
+    The unit is the first one's; the error of a camera comes after all others.
+    """
     names = run.disturbance_names
-    unit = split_unit(names[0]).unit if names else ""
+    of_finger = [name for name in names if not name.startswith("tip_offset")]
+    unit = next((split_unit(name).unit for name in (*of_finger, *names)), "")
     chosen = [k for k, name in enumerate(names) if split_unit(name).unit == unit]
     for k, color in zip(chosen, Color.distinct(len(chosen)), strict=True):
         value = run.disturbance[:, k]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.closed_loop import SimulatedBench
+from continuum_grasp.closed_loop import Plant, SimulatedBench, run_closed_loop
 from continuum_grasp.control import Controller, Estimator, Health, Prediction
 from continuum_grasp.core import Compiler
 from continuum_grasp.scene import load
@@ -54,6 +54,28 @@ CAMERAS = {
     "turned by 1 degree": lambda tip: np.array([tip[0] - 0.01745 * tip[1], tip[1] + 0.01745 * tip[0]]),
     "shifted": lambda tip: tip + np.array([0.0, 1e-3]),
 }
+
+
+class Shifted(Plant):
+    """A plant whose camera is 1 mm off in x and in y."""
+
+    def measure(self):
+        y = super().measure()
+        y[:2] += 1e-3
+        return y
+
+
+@pytest.mark.deep
+def test_a_run_records_what_its_camera_is_off_across_the_path():
+    scene = load(SCENE, ["duration=3.0", "plant.noise=0.1"])
+    ideal, off = (run_closed_loop(scene, plant=kind(scene)) for kind in (Plant, Shifted))
+    assert off.disturbance_names == ("missing_tip_moment [N m]", "tip_offset_error [m]")
+    bend = 2.0 * math.atan2(-off.tip[-1, 0], off.tip[-1, 1])
+    along = arc_tip(bend + 1e-4) - arc_tip(bend - 1e-4)
+    across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+    across *= math.copysign(1.0, across[1])
+    more = off.disturbance[-50:, 1].mean() - ideal.disturbance[-50:, 1].mean()
+    assert more == pytest.approx(1e-3 * across.sum(), abs=5e-5)
 
 
 @pytest.mark.deep
