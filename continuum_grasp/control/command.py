@@ -247,10 +247,10 @@ class Command(Summarized):
     @property
     def suspect(self) -> str | None:
         """Quantity that contradicts the model most (tip, tension, bending or call rate), or the reading that is
-        frozen.
+        frozen, where the health or the trip is about it.
         """
         sensor, entry = int(self._number("sensor")), int(self._number("entry"))
-        if self.health in (Health.FROZEN, Health.TRIPPED) and entry >= 0:
+        if entry >= 0 and (self.health == Health.FROZEN or self.trip == Trip.UNSEEN):
             return self._control.measurement_names[entry].split(" ")[0]
         names = self._control.watched
         return names[sensor] if self.health and 0 <= sensor < len(names) else None

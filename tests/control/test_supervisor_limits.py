@@ -429,6 +429,15 @@ def test_the_path_of_a_command_counts_for_what_it_moves():
         assert watch.state.path[0] == pytest.approx(expected)
 
 
+@pytest.mark.parametrize(("verdict", "calls"), [("MISSING", LONG), ("OUTLIER", LONG), ("FROZEN", 401)])
+def test_a_device_contradicts_as_long_as_it_is_not_frozen(verdict, calls):
+    """What was measured before a reading was found to be frozen is no evidence; without that nothing would end it."""
+    watch = Watch(mismatch=(0.0, 30.0, 0.0), echo=(0.0, 1.0), ahead=(0.0, 2.0))
+    assert watch.when(tripped(Trip.CONTRADICTED), verdict=(0, MeasurementVerdict[verdict])) == calls
+    assert watch.state.mismatch[1] == (0.0 if verdict == "FROZEN" else 30.0)
+    assert (watch.state.echo[1], watch.state.ahead[1]) == ((0.0, 0.0) if verdict == "FROZEN" else (1.0, 2.0))
+
+
 def test_means_are_over_windows():
     """A window of innovations and motions, five of echoes, half a window of readings; none before the delay."""
     watch = Watch()

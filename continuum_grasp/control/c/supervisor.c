@@ -137,6 +137,22 @@ static int supervisor_silent(supervisor_state *state, const supervisor_settings 
   return most >= enough || state->together[sensor] >= enough;
 }
 
+/* Whether a reading of a device is frozen. */
+static int supervisor_stuck(const supervisor_settings *o, const int *verdict, int sensor)
+{
+  for (int j = 0; j < CONTROLLER_NM; ++j)
+    if (o->sensor[j] == sensor && verdict[j] == CG_FROZEN) return 1;
+  return 0;
+}
+
+/* Begin the means of a device anew. Those of one that is frozen are of numbers that it repeated before that was noticed; no
+ * reading would bring them down, so that they would count as a contradiction that lasts. */
+static void supervisor_forget(supervisor_state *state, int sensor)
+{
+  state->mismatch[sensor] = state->echo[sensor] = state->along[sensor] = state->travel[sensor] = 0;
+  state->ahead[sensor] = state->change[sensor] = 0;
+}
+
 /* Means over a window, and the device that contradicts most. */
 static void supervisor_average(supervisor_state *state, const supervisor_settings *o, const supervisor_evidence *seen,
                                supervisor_report *report)
@@ -144,7 +160,10 @@ static void supervisor_average(supervisor_state *state, const supervisor_setting
   if (state->calls < o->delay) ++state->calls;  /* the first innovations contain the error of the start */
   else {
     for (int sensor = 0; sensor < CONTROLLER_NS; ++sensor) {
-      if (!(seen->nis[sensor] >= 0)) continue;
+      if (!(seen->nis[sensor] >= 0)) {
+        if (supervisor_stuck(o, seen->verdict, sensor)) supervisor_forget(state, sensor);
+        continue;
+      }
       supervisor_mean(o, &state->mismatch[sensor], seen->nis[sensor]);
       state->echo[sensor] += (seen->echo[sensor] - state->echo[sensor]) / (real)(5 * o->window);
       state->along[sensor] += (seen->along[sensor] - state->along[sensor]) / (real)(5 * o->window);
