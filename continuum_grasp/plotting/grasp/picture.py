@@ -146,7 +146,8 @@ def _title(result: GraspResult, width: float) -> str:
         return f"{name}\n{wrapped(f'{status}: {result.message}', width)}"
     what = _DRAWN[result.answer]
     why = wrapped(f"{result.message[:1].upper()}{result.message[1:]}.", width)
-    return f"{name}\nno grasp ({status}); drawn: {what}\n{why}"
+    drawn = wrapped(f"no grasp ({status}); drawn: {what}", width)
+    return f"{name}\n{drawn}\n{why}"
 
 
 def _title_style(result: GraspResult) -> dict[str, Any]:
