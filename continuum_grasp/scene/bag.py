@@ -1,4 +1,4 @@
-"""Bags of ROS 2 in MCAP files: fields of messages as columns of a table."""
+"""Bags of ROS 2, in MCAP or SQLite files: fields of messages as columns of a table."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from typing import Any, NamedTuple
 
 from continuum_grasp.base import InputError, nearest
 from continuum_grasp.scene.bag_fields import cell_of, is_number, joined, leaves, parts_of
+from continuum_grasp.scene.bag_sqlite import MAGIC as SQLITE
+from continuum_grasp.scene.bag_sqlite import SqliteReader
 from continuum_grasp.scene.bag_topics import NANOSECONDS, field_name, ros_module
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -54,10 +56,13 @@ class _Samples(NamedTuple):
 
 
 def is_bag(path: str | Path) -> bool:
-    """Whether a file is MCAP by its first bytes, or by its name; not if it cannot be read, which others report."""
+    """Whether a file is MCAP or SQLite by its first bytes or its name; not if it cannot be read: others report that."""
     try:
         with open(path, "rb") as stream:
-            return stream.read(len(MAGIC)) == MAGIC or Path(path).suffix.lower() == ".mcap"
+            return stream.read(len(SQLITE)).startswith((MAGIC, SQLITE)) or Path(path).suffix.lower() in (
+                ".mcap",
+                ".db3",
+            )
     except (OSError, ValueError):
         return False
 
@@ -80,7 +85,7 @@ def bag_cells(
 
 
 class _Bag:
-    """An MCAP file that is open for reading."""
+    """An MCAP or SQLite file that is open for reading."""
 
     def __init__(self, file: str, stamps: str) -> None:
         self.file = file
@@ -88,9 +93,10 @@ class _Bag:
         self._mcap = ros_module("mcap.reader", file)
         self._decoders = ros_module("mcap_ros2.decoder", file).DecoderFactory()
         with open(file, "rb") as stream:
-            data_is_mcap = stream.read(len(MAGIC)) == MAGIC
-        if not data_is_mcap:
-            raise self.error("is no MCAP file; expected a bag that ROS 2 recorded as mcap")
+            begin = stream.read(len(SQLITE))
+        if not begin.startswith((MAGIC, SQLITE)):
+            raise self.error("is no MCAP or SQLite file; expected a bag that ROS 2 recorded as mcap or sqlite3")
+        self._in_sqlite = begin == SQLITE
         self.topics = self._channels()
         self._first = dict[str, Any]()
 
@@ -124,6 +130,8 @@ class _Bag:
     def _read(self, work: Any) -> Any:
         """Something that is read from the file; an `InputError` where the file is cut off or damaged."""
         try:
+            if self._in_sqlite:
+                return work(SqliteReader(self.file, self._decoders))
             with open(self.file, "rb") as stream:
                 return work(self._mcap.make_reader(stream, validate_crcs=True, decoder_factories=[self._decoders]))
         except InputError:
@@ -135,6 +143,8 @@ class _Bag:
 
     def _readable(self) -> str:
         """Summary of the messages before the fault."""
+        if self._in_sqlite:
+            return "recover it by `sqlite3 FILE .recover`"
         records = import_module("mcap.records")
         counts, topics, first, last = Counter[int](), dict[int, str](), math.inf, -math.inf
         try:

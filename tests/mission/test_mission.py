@@ -32,7 +32,7 @@ from continuum_grasp.cli import app
 from continuum_grasp.control import Prediction, stages_of
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.results import read_run
-from continuum_grasp.scene import load
+from continuum_grasp.scene import DataTable, load
 from continuum_grasp.simulation import simulate
 from tests.declared import assert_declared
 from tests.mission_cases import COARSE, MUG, QUICK, SHORT, begun, planned
@@ -606,6 +606,24 @@ def test_the_command_keeps_what_there_is(monkeypatch, held, tmp_path):
     assert done.exit_code == 130
     assert "3 of 3 plants" in done.output
     assert len((tmp_path / "many/trials.csv").read_text().splitlines()) == 4
+
+
+def test_the_command_writes_a_bag_of_a_mission(monkeypatch, held, tmp_path):
+    """Read back to the bit, with the topics of each finger where there are several."""
+    pytest.importorskip("mcap", reason="bags; in the extra 'test'")
+    done = command(monkeypatch, held, "--mcap", tmp_path / "mug.mcap", "--out", tmp_path / "one", "--no-pictures")
+    assert done.exit_code == 0, done.output
+    assert "mug.mcap" in done.output
+    (run,) = held.fingers.values()
+    table = DataTable.read(tmp_path / "mug.mcap", columns=["/commands.commanded_tension_1", "/measured.tip_x"])
+    assert np.array_equal(table.numbers("/commands.commanded_tension_1"), run.u[:, 0])
+    assert np.array_equal(table.numbers("/measured.tip_x", gaps=True), run.y[:, 0], equal_nan=True)
+    run.write_mcap(tmp_path / "two.mcap", {"left": run, "right": run})
+    both = DataTable.read(tmp_path / "two.mcap", columns=[f"/{name}/measured.tip_x" for name in ("left", "right")])
+    for name in ("left", "right"):
+        assert np.array_equal(both.numbers(f"/{name}/measured.tip_x", gaps=True), run.y[:, 0], equal_nan=True)
+    refused = command(monkeypatch, held, "--mcap", tmp_path / "mug.mcap", "--trials", "3", "--out", tmp_path / "many")
+    assert refused.exit_code == 2
 
 
 def test_the_command_of_many_plants_fails_with_one(monkeypatch, held, tmp_path):

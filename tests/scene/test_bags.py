@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sqlite3
 import sys
+from contextlib import closing
 from functools import cache
 from pathlib import Path
 
@@ -217,12 +219,58 @@ def test_a_file_that_is_cut_off_says_what_was_read(tmp_path):
     with pytest.raises(InputError, match="no message can be read"):
         DataTable.read(bag)
     bag.write_bytes(b"t,x\n0,1\n")
-    with pytest.raises(InputError, match="is no MCAP file"):
+    with pytest.raises(InputError, match="is no MCAP or SQLite file"):
         DataTable.read(bag)
     text = tmp_path / "points.csv"
     text.write_text("t,x\n0,1\n")
     with pytest.raises(InputError, match="max_age: is for bags"):
         DataTable.read(text, max_age=0.1)
+
+
+def in_sqlite(bag, path, *, defined=True):
+    """The messages of an MCAP bag in a file as rosbag2 writes them by sqlite3 (its schema 4; 3 without definitions)."""
+    with open(bag, "rb") as stream, closing(sqlite3.connect(path)) as data, data:
+        data.execute(
+            "CREATE TABLE topics (id INTEGER PRIMARY KEY, name, type, serialization_format, offered_qos_profiles)"
+        )
+        data.execute("CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id, timestamp, data)")
+        if defined:
+            data.execute(
+                "CREATE TABLE message_definitions (id INTEGER PRIMARY KEY, topic_type, encoding, "
+                "encoded_message_definition, type_description_hash)"
+            )
+        known = set()
+        for schema, channel, message in make_reader(stream).iter_messages():
+            if channel.id not in known:
+                known.add(channel.id)
+                data.execute("INSERT INTO topics VALUES (?, ?, ?, 'cdr', '')", (channel.id, channel.topic, schema.name))
+                if defined:
+                    row = (schema.name, schema.encoding, schema.data.decode())
+                    data.execute("INSERT INTO message_definitions VALUES (NULL, ?, ?, ?, '')", row)
+            row = (channel.id, message.log_time, message.data)
+            data.execute("INSERT INTO messages VALUES (NULL, ?, ?, ?)", row)
+    return path
+
+
+def test_a_bag_in_sqlite_is_read_as_the_same_in_mcap(tmp_path):
+    messages = sorted(tips(NUMBERS) + joints(NUMBERS, [10_000_000 * k for k in range(20)]), key=lambda each: each[2])
+    bag = written(tmp_path / "a.mcap", messages)
+    other = in_sqlite(bag, tmp_path / "a.db3")
+    for options in ({}, {"columns": ["/finger/tip.position.x"], "leader": "/joint_states", "max_age": 0.1}):
+        one, same = (DataTable.read(file, **options) for file in (bag, other))
+        assert (one.headings, one.units, one.rows) == (same.headings, same.units, same.rows)
+    with pytest.raises(InputError, match="no topic '/finger/tap'"):
+        DataTable.read(other, columns=["/finger/tap.position.x"])
+    with pytest.raises(InputError, match=r"ros2 bag convert -i .* storage_id: mcap"):
+        DataTable.read(in_sqlite(bag, tmp_path / "old.db3", defined=False))
+    text = tmp_path / "text.db3"
+    text.write_text("t [s],x [m]\n0,1\n")
+    with pytest.raises(InputError, match="is no MCAP or SQLite file"):
+        DataTable.read(text)
+    torn = tmp_path / "torn.db3"
+    torn.write_bytes(other.read_bytes()[:9000])
+    with pytest.raises(InputError, match="cut off or damaged"):
+        DataTable.read(torn)
 
 
 def test_without_its_libraries_a_bag_names_the_command(tmp_path, monkeypatch):

@@ -1,0 +1,71 @@
+"""Bags of ROS 2 in SQLite files (``.db3``), read as the library for MCAP reads its files."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import closing
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from continuum_grasp.base import InputError
+
+MAGIC = b"SQLite format 3\0"
+"""First bytes of every SQLite file."""
+_DEFINED = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions ORDER BY id"
+_TOPICS = "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
+_MESSAGES = "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
+
+
+class SqliteReader:
+    """Topics, definitions and messages of a file, under the names of the reader of the ``mcap`` library.
+
+    Only bags that carry the definitions of their messages can be read: ROS 2 writes them since the release Iron.
+    """
+
+    def __init__(self, file: str, decoders: Any) -> None:
+        self._file, self._decoders = file, decoders
+        tables = {name for (name,) in self._rows("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        if not {"topics", "messages"} <= tables:
+            raise InputError("is no bag of ROS 2: it has no tables topics and messages", file=file)
+        definitions = [*self._rows(_DEFINED)] if "message_definitions" in tables else []
+        if not definitions:
+            raise InputError(
+                "the bag has no definitions of its messages, as ROS 2 wrote before the release Iron: convert it, by "
+                f"`ros2 bag convert -i {Path(file).parent} -o convert.yaml` with convert.yaml: "
+                "`output_bags: [{uri: converted, storage_id: mcap, all: true}]`",
+                file=file,
+            )
+        numbers = {kind: k for k, (kind, _, _) in enumerate(definitions, 1)}
+        schemas = {
+            k: SimpleNamespace(id=k, name=kind, encoding=encoding, data=text.encode())
+            for k, (kind, encoding, text) in enumerate(definitions, 1)
+        }
+        channels = {
+            number: SimpleNamespace(topic=topic, message_encoding=encoding, schema_id=numbers.get(kind, 0))
+            for number, topic, kind, encoding in self._rows(_TOPICS)
+        }
+        self._summary = SimpleNamespace(channels=channels, schemas=schemas)
+
+    def get_summary(self) -> Any:
+        """Channels and schemas by their numbers."""
+        return self._summary
+
+    def iter_decoded_messages(self, topics: Iterable[str]) -> Iterator[Any]:
+        """Channel, message and decoded message of some topics, in the order in which they were logged."""
+        wanted, decoders = {*topics}, dict[int, Any]()
+        for number, stamp, data in self._rows(_MESSAGES):
+            channel = self._summary.channels.get(number)
+            if channel is None or channel.topic not in wanted:
+                continue
+            if number not in decoders:
+                schema = self._summary.schemas.get(channel.schema_id)
+                decoders[number] = self._decoders.decoder_for(channel.message_encoding, schema)
+            message = SimpleNamespace(log_time=stamp)
+            yield SimpleNamespace(channel=channel, message=message, decoded_message=decoders[number](data))
+
+    def _rows(self, query: str) -> Iterator[tuple[Any, ...]]:
+        # read-only, and without the write-ahead files beside it: a bag on a stick that cannot be written
+        with closing(sqlite3.connect(f"{Path(self._file).absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as data:
+            yield from data.execute(query)
