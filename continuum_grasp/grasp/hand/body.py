@@ -128,7 +128,7 @@ class BodySurface:
         _, gradient, bending = self._level(place)
         slope = np.linalg.norm(gradient, axis=1)
         normal, distance = gradient / slope[:, None], away * slope
-        # Curvatures of the surface, then those of the surface through the point, which is parallel to it.
+        # Curvatures of the surface, then of the parallel surface through the point.
         across = np.eye(3) - normal[:, :, None] * normal[:, None, :]
         curved = across @ bending @ across / slope[:, None, None]
         curved = np.linalg.solve(np.eye(3) + distance[:, None, None] * curved, curved)
@@ -162,7 +162,7 @@ class BodySurface:
         return of_grid(self._along(directions).reshape(count, 2 * count, 3))
 
     def convex_parts(self) -> list[Array]:
-        """Corners (N, 3) of convex bodies that make it up, in its own frame [m]; of a mesh that of its hull alone."""
+        """Corners (N, 3) of the convex bodies that make it up, in its own frame [m]; for a mesh, of its hull alone."""
         from scipy.spatial import ConvexHull
 
         corners, _ = self.triangles(_COARSE)
@@ -194,7 +194,7 @@ _SHAPES = {
 
 
 def _local(shape: Callable[[Any], Any], solid: Any) -> Any:
-    """The surface of a solid in its frame; that of the shape that was asked for last is there already."""
+    """The surface of a solid in its frame; the last one asked for is stored."""
     key = solid.replaced(
         mass=1.0, density=None, center_of_mass=None, position=(0.0, 0.0, 0.0), rotation=(0.0, 0.0, 0.0)
     )

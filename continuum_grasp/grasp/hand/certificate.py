@@ -96,7 +96,7 @@ class HandCertificate(Summarized):
 
     @cached_property
     def passed_at_rest(self) -> bool:
-        """Whether every check passed, but for those of a weight of any direction."""
+        """Whether every check passed; checks of a weight in any direction do not count."""
         return all(check.passed for check in self.checks if not check.name.endswith(TURNED))
 
     @cached_property
@@ -154,7 +154,7 @@ class HandCertificate(Summarized):
 
     @cached_property
     def _bounds(self) -> tuple[HandResponse, ...]:
-        """Responses of which the best counts: contacts with torsional friction hold no less than points do."""
+        """Responses; the best one counts, since contacts with torsional friction hold no less than points."""
         points = None if self.hand is None else points_response(self.hand)
         return tuple(response for response in (self.response, points) if response is not None)
 
@@ -227,7 +227,7 @@ def certify_hand(scene: HandScene, arrays: Mapping[str, Any]) -> HandCertificate
             Check("numbers that are not finite", float(_not_finite(scene, arrays)), 0.0),
             Check("stored arrays that are missing or do not fit", float(_misfits(scene, arrays)), 0.0),
         ]
-        if not all(check.passed for check in checks):  # what is wrong here stops the rest
+        if not all(check.passed for check in checks):  # a fault here stops the rest
             return HandCertificate(tuple(checks))
         lengths = [length_check(setup.name, setup.finger.rod.length, arrays) for setup in scene.setups]
         if not all(check.passed for check in lengths):
@@ -371,7 +371,7 @@ def _support_clearances(hand: RecomputedHand) -> Iterator[Check]:
             free = finger.plane.rod.edges >= support.clear_from(base.position, base.direction, finger.radius)
             away = finger.points[free] - point
             heights = away @ normal
-            # What is behind a disc stands on it: a pillar.
+            # The part behind a disc stands on it: a pillar.
             beside = np.linalg.norm(away - heights[:, None] * normal, axis=1) - support.radius
             outside = np.hypot(np.maximum(heights, 0.0), np.maximum(beside, 0.0))
             distance = outside + np.minimum(np.maximum(heights, beside), 0.0)
@@ -385,7 +385,7 @@ def backbone_gap(points: tuple[Array, Array], halves: tuple[Array, Array]) -> fl
     """
     (a, b), (thick, other) = points, halves
     gaps = np.linalg.norm(a[:, None] - b, axis=2) - thick[:, None] - other
-    # What is nearest lies on panels that end where the points are nearly nearest.
+    # The nearest places lie on panels that end where the points are nearly nearest.
     reach = sum(
         float((np.linalg.norm(np.diff(line, axis=0), axis=1) + np.abs(np.diff(half))).max())
         for line, half in zip(points, halves, strict=True)

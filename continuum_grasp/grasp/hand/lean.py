@@ -1,8 +1,8 @@
 """Displacement of a finger out of its plane in the problem of a hand.
 
 Sections turn by a small vector psi in the plane, the backbone is displaced by w along the plane's normal z. With the
-tangent t, across = z x t, and loads of force f and couple c at the distance D in the plane, the moments of what is
-beyond a section, in its turned axes, bend and twist it:
+tangent t, across = z x t, and loads of force f and couple c at the distance D in the plane, the moments of all
+loads beyond a section, in its turned axes, bend and twist it:
 
     along t        sum c . t + f_z D . across - (w_c - w) f . across - M_z psi . across  =  G J psi' . t
     along across   sum c . across - f_z D . t + (w_c - w) f . t + M_z psi . t            =  E I_l psi' . across

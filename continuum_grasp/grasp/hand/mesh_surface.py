@@ -20,7 +20,7 @@ SAMPLES = 40_000
 TRIED = 4
 """Nearest samples whose triangles a scan measures."""
 COARSE, BAND = 2000, 0.6
-"""Samples of which one is near enough for a point that is farther than a part of the size from the surface."""
+"""Number of samples, and share of the size beyond which a point takes the nearest sample for the surface."""
 ON_EDGE = 1e-9
 """Barycentric coordinate below which a place is on an edge [1]: rounding."""
 SLACK = 0.05
@@ -109,7 +109,7 @@ class MeshSurface:
     # -- from points ---------------------------------------------------------------------------------------------
 
     def distance(self, points: Array) -> tuple[Array, Array]:
-        """Distance (N,) of points (N, 3), and outward normals (N, 3): those of the nearest triangles."""
+        """Distance (N,) of points (N, 3), and outward normals (N, 3), of the nearest triangles."""
         apart, few = self.coarse.query(points)
         near = np.repeat(self.owner[few * self.every][:, None], TRIED, axis=1)
         # Deep inside, thousands are nearly as near: there one of a few samples will do.

@@ -100,7 +100,7 @@ def surfaces(body: BodySurface, places: Array, thick: Array, length: float) -> A
     with a unit of length [m].
 
     With d beyond such a surface these are d + k d^2 / 2 to third order, which vanishes where d does. With k a mean
-    curvature, that of balls and cylinders is of second order, and exact.
+    curvature, the distance from balls and cylinders is of second order, and exact.
     """
     near = body.near(places)
     foot, normal = places + (thick - near.distance)[:, None] * near.normal, near.normal
@@ -133,7 +133,7 @@ def finger_bounds(setup: FingerSetup) -> tuple[list[float], list[float]]:
 
 @dataclass(frozen=True)
 class ForceColumns:
-    """Columns of the force of a contact, of which the first is the normal force, and its limits."""
+    """Columns of the force of a contact, the normal force first, and its limits."""
 
     owner: int  # index of the finger; -1 of palm and table
     columns: slice
@@ -219,7 +219,7 @@ class ForceRows:
             high[normal], width[c, normal] = contact.normal_force_max, contact.friction
             across[c, range(len(others)), others] = 1.0
         cones = Cones(across, np.zeros(across.shape[:2]), width, np.zeros(len(self.contacts)))
-        # 1e-6: weight of forces beside what is left, so that they are unique
+        # 1e-6: weight of forces beside the residual, so that they are unique
         squares = np.concatenate([np.full(sought, 1e-6), np.ones(self.offset.size)])
         wholes = np.hstack([self.matrix, -np.eye(self.offset.size)])
         found = solve_conic(np.zeros(size), wholes, -self.offset, -self.offset, low, high, cones, squares)

@@ -105,7 +105,7 @@ class HandPart:
         self.rows.require("object moment balance", moment / self.numbers("size"), "moment per size", "object")
 
     def _aim(self, forces: list[ca.SX], tension: ca.SX, grip: ca.SX, level: ca.SX) -> None:
-        """Objective, and what is bounded of the sum of normal forces and of stability; last of all unknowns."""
+        """Objective, and bounded terms of the sum of normal forces and of stability; last of all unknowns."""
         weight, reference = self.numbers("effort weight"), self.numbers("force reference")
         if self.aims.steadied:
             x = self.x.symbol
@@ -160,7 +160,7 @@ class SpatialTouch:
     backbone: ca.SX  # (3,) point of the finger's line
     beyond: ca.SX  # the surface a half thickness from the object, to first order the distance of that point
     normal: ca.SX  # (3,) outward, of the object
-    sine: ca.SX  # of the angle between the normal and that of the finger's plane
+    sine: ca.SX  # of the angle between the normal and the normal of the finger's plane
     force: ca.SX  # (3,) N and friction: along a, in the plane across the normal, and along b = n x a
     world: ca.SX  # (3,) force on the finger
     torsion: ca.SX  # moment about the normal on the finger per arm, as a force; none of a point

@@ -1,4 +1,4 @@
-"""Points of the problem of a hand: unknowns and numbers by postures, what is near them, and what is stored of them."""
+"""Points of the problem of a hand: unknowns and numbers by postures, their neighbors, and their stored arrays."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ class HandPoints:
         return x, p
 
     def bounds(self, problem: HandProblem, relaxed: str = "") -> tuple[Array, Array]:
-        """Bounds of the unknowns; of one limit that is ``relaxed`` those of its slack."""
+        """Bounds of the unknowns, and of the slack of a limit that is ``relaxed``."""
         low: Values = {f"relaxed {name}": 0.0 for name in RELAXED}
         high: Values = dict(low)
         if relaxed:
@@ -133,7 +133,7 @@ class HandPoints:
             low[f"force, {name}"] = [0.0, -np.inf, -np.inf]
         return problem.x.pack(low, -np.inf), problem.x.pack(high, np.inf)
 
-    # -- what is near a point --------------------------------------------------------------------------------------
+    # -- the neighborhood of a point -------------------------------------------------------------------------------
 
     def near(self, problem: HandProblem, x: Array, p: Array) -> Array:
         """Numbers that have the object as it is near the contacts and guarded places of a point."""
@@ -278,7 +278,7 @@ class HandPoints:
 
 
 def _gaps(first: tuple[Array, Array], second: tuple[Array, Array]) -> Array:
-    """Gaps (K, M) between places of a finger (K, 3), half as thick as (K,), and those of another."""
+    """Gaps (K, M) between places of a finger (K, 3), half as thick as (K,), and places of another."""
     (points, halves), (others, theirs) = first, second
     return np.asarray(np.linalg.norm(points[:, None] - others, axis=2) - halves[:, None] - theirs)
 

@@ -27,8 +27,8 @@ from continuum_grasp.rod import DenseRod
 from continuum_grasp.scene import HandScene
 
 PANEL = 1 / 16
-"""Length of the panels for displacements to the side, per length of the finger, with five Gauss points each: those of
-shipped hands are then 2e-13 of the length off at most."""
+"""Length of the panels for displacements to the side, per length of the finger, with five Gauss points each: in
+shipped hands the displacements are then 2e-13 of the length off at most."""
 IDLE = 1e-3
 """Greatest friction force, per greatest force, up to which palm or table hold nothing [1]: optima leave 3e-4 of the
 weight at contacts that carry nothing."""
@@ -82,7 +82,7 @@ class ObjectTouch:
 
 @dataclass
 class SupportTouch(ObjectTouch):
-    """A contact with palm or table; the point is that of the surface nearest to the stored one."""
+    """A contact with palm or table, at the point of the surface nearest to the stored one."""
 
     support: Any  # palm or table of the scene
 
@@ -101,7 +101,7 @@ class SupportTouch(ObjectTouch):
 
 @dataclass
 class HandTouch(ObjectTouch):
-    """A contact of a finger, its geometry found anew; as the hand sees it but for what is in the plane."""
+    """A contact of a finger with recomputed geometry, as the hand sees it, without the part in the plane."""
 
     kind: str  # middle or tip
     joint: int  # number of elements between the finger's base and it
@@ -124,7 +124,7 @@ class SpatialFinger:
         self, plane: RecomputedFinger, frame: PlaneFrame, gravity: Array, stiffness: tuple[float, float]
     ) -> None:
         self.plane, self.frame, self.name, self.length = plane, frame, plane.name, plane.length
-        self.lateral, self.torsion = stiffness  # E I_l and G J [N m2], where E I is that of the uniform finger
+        self.lateral, self.torsion = stiffness  # E I_l and G J [N m2], with E I of the uniform finger
         self.radius = float(plane.thickness[0])  # half the thickness of its base [m]
         self.gravity = gravity  # along the axes of the plane and its normal (3,) [m/s2]
         self.contacts: list[HandTouch] = []
@@ -153,7 +153,7 @@ class SpatialFinger:
         self.points = self.frame.world(np.column_stack([plane.points, self.deflections]))
 
     def _moments(self, rod: DenseRod, along: Array, across: Array, shifting: Array) -> tuple[Array, Array]:
-        """Moments in the plane (2 N,) of what is beyond each node, in the axes of its section where it did not turn,
+        """Moments in the plane (2 N,) of all loads beyond each node, in the axes of its section where it did not turn,
         and the matrix (2 N, 2 N) of what turns of the sections add to them [N m].
         """
         plane, mesh, s = self.plane, rod.mesh, rod.nodes

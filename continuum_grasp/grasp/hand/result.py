@@ -143,7 +143,7 @@ class HandResult(Result):
         run = cls.read(folder)
         config, meta = run.meta.get("config") or {}, run.meta
         if "hand" not in config:
-            raise InputError("expected the grasp of a hand, got that of a planar scene", file=fspath(folder))
+            raise InputError("expected the grasp of a hand, got the grasp of a planar scene", file=fspath(folder))
         scene = HandScene.model_validate(config)
         status = GraspStatus(str(meta["status"]))
         # Numbers of a repair, or of the nearest point, are no grasp of this scene: nothing certifies them.

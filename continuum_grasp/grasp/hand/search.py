@@ -128,7 +128,7 @@ class HandSearch:
                 if self.held and not thorough:
                     break
                 if n == 0 and len(modes) > 1:
-                    # Fingers whose contacts are of different kinds, where those of one kind hold nothing.
+                    # Mix kinds of contacts across fingers if one kind alone holds nothing.
                     mixed = self._ranked(list(touching.values()))
                 yield from self._round([mixed], n)
 
@@ -183,7 +183,7 @@ class HandSearch:
     def relaxed(self, tried: HandTried, limit: str, eased: HandSearch, amount: float) -> tuple[HandTried, float]:
         """The nearest point with a limit relaxed as little as can be, and by how much, in units of the problem.
 
-        The forces to start with are those of a search whose limit is ``eased`` by an amount.
+        The search starts from the forces of another search whose limit is ``eased`` by an amount.
         """
         problem = tried.problem
         x, _ = eased.points.start(problem, tried.chosen)
@@ -235,7 +235,7 @@ class HandSearch:
         return candidates
 
     def _ranked(self, sets: Sequence[Sequence[Sequence[PostureCandidate]]]) -> list[HandStart]:
-        """Combinations of the candidates of each finger, the one whose best forces leave the least first: those of one
+        """Combinations of the candidates of each finger, by the remainder of their best forces: of one
         set of contacts, or of several sets, not all from the same; none where a finger has no posture.
         """
         fingers, most = range(len(self.scene.setups)), MIXED if len(sets) > 1 else None
@@ -315,6 +315,6 @@ class HandSearch:
 
 
 def _likeliest(each: Sequence[Sequence[PostureCandidate]]) -> list[tuple[PostureCandidate, ...]]:
-    """Combinations of a posture of each finger, those of least scores first."""
+    """Combinations of a posture of each finger, least scores first."""
     combined = sorted(product(*each), key=lambda chosen: sum(one.posture.score for one in chosen))
     return combined[:COMBINED]

@@ -1,6 +1,6 @@
 """Second-order test of a hand's grasp: does every small motion in space that the contacts allow raise the energy?
 
-Fingers and the points that touch are those of `continuum_grasp.grasp.certificate.space`.
+`continuum_grasp.grasp.certificate.space` describes the fingers and the points that touch.
 At palm and table, with reaction N against n and the radii of curvature rho of the surface, the object rolls:
 
     u + phi x a = 0,  2 E += N (phi x n) . rho (phi x n)
@@ -26,7 +26,7 @@ trials count it as lost beyond."""
 BESIDE = 1e-3
 """Distance from a contact, per size of the object, at which the surface's normals give its curvature [1]."""
 ASSUMPTIONS = (
-    "contacts that press stick as pins, those of fingers without rolling; others are left out; "
+    "contacts that press stick as pins, on fingers without rolling; others are left out; "
     "bases are fixed; tendons do not stiffen the fingers against twist"
 )
 
@@ -186,7 +186,7 @@ class HandSystem(SpatialSystem):
 def curvature_radii(hand: RecomputedHand, contact: ObjectTouch) -> Array:
     """Radii of curvature (3, 3) of the object's surface at a contact [m], as a tensor of the tangent plane.
 
-    At the border of a flat part, that of the side which curves: the object then rolls over the border.
+    At the border of a flat part the curved side counts: the object then rolls over the border.
     """
     normal = contact.normal
     first = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])

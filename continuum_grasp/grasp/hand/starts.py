@@ -67,7 +67,7 @@ STRAIGHT = TouchingPosture(0.0, 0.0, (0.0, 0.0), 0.5, 0.0)
 
 class FingerPlane:
     """A finger in its plane, with lengths per its own. Its bending moment is linear, so that its curvature is a linear
-    function times the ratio of the mean stiffness and that of each section.
+    function times the mean stiffness over the stiffness of each section.
     """
 
     def __init__(self, setup: FingerSetup, frame: PlaneFrame, distance: Distance) -> None:

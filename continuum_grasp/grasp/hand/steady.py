@@ -32,7 +32,7 @@ _STEP = 1e-6
 
 
 def steadied(search: HandSearch, tried: HandTried, certificate: HandCertificate) -> Iterator[HandTried]:
-    """Grasps next to one, of which each is more stable than the one before, until one is stable."""
+    """Grasps next to one, each more stable than the one before, until one is stable."""
     problem = hand_problem(replace(tried.problem.spec, aims=Aims(steadied=True)))
     share = 1.0
     slope = eigenvalue_slope(search, tried)

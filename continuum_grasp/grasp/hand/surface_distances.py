@@ -140,7 +140,7 @@ def _level(y: Array, half: Array, exponents: tuple[float, float]) -> tuple[Array
 class TriangleDistance:
     """Distances from a closed surface of triangles by trimesh, with normals that go smoothly over blunt edges.
 
-    The scene has read normals A, B, C at the corners a, b, c of each triangle. Grown along them by t, it is that of
+    The scene has read normals A, B, C at the corners a, b, c of each triangle. Grown along them by t, its corners are
     a + t A, b + t B and c + t C; a point has the normal of the triangle that reaches it so. At an edge where normals
     of both sides differ, the normals between them reach the points; about a sharp corner, directions from it.
     """

@@ -93,7 +93,7 @@ class PlacedSolid:
 
 
 def _turned(points: Array, body: Any) -> tuple[Array, Array]:
-    """Distances and normals from a solid of revolution: those of its section in the half plane of its axis."""
+    """Distances and normals from a solid of revolution, found in the half plane of its axis."""
     radial = np.hypot(points[:, 0], points[:, 1])
     flat = np.column_stack([radial, points[:, 2]])
     if body.shape == "cylinder":  # a rounded box there
@@ -123,7 +123,7 @@ def _grown_box(points: Array, half: Array, radius: float) -> tuple[Array, Array]
     beyond = np.abs(points) - half
     outside = np.maximum(beyond, 0.0)
     away = np.linalg.norm(outside, axis=1)
-    # Inside of the box the nearest face is that of the axis along which the least is missing.
+    # Inside of the box the nearest face belongs to the axis along which the least is missing.
     face = np.eye(half.size)[beyond.argmax(axis=1)]
     normal = np.where(away[:, None] > 0.0, outside / np.maximum(away, 1e-300)[:, None], face)
     return away + np.minimum(beyond.max(axis=1), 0.0) - radius, normal * np.copysign(1.0, points)

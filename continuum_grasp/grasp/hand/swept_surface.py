@@ -193,7 +193,7 @@ class ExtrudedSurface:
         reach = np.hypot(np.maximum(across, 0.0), np.maximum(above, 0.0))
         inside = reach <= 1e-12
         hessian = (total - _outer(normal)) / np.where(inside, 1.0, reach)[:, None, None]
-        # Deep inside, that of the nearest side or cap.
+        # Deep inside, the nearest side or cap decides.
         deep = np.where(is_across, found.curvature, 0.0)[:, None, None] * _outer(along)
         return distance, normal, np.where(inside[:, None, None], deep, hessian)
 

@@ -23,7 +23,7 @@ from continuum_grasp.grasp.hand.stability import HandResponse
 MOST = 20.0
 """Friction above which none is said to be enough."""
 _RATIOS, _SAME = 40, 1e-10
-"""Steps to the worst direction at most, of which each takes the friction needed at the one before (W. Dinkelbach,
+"""Steps to the worst direction at most, each with the friction needed at the one before (W. Dinkelbach,
 Management Science 13 (1967), doi:10.1287/mnsc.13.7.492), and relative change that ends them; 3 to 8 are enough."""
 _HALVINGS = 50
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
@@ -127,7 +127,7 @@ def _margin(whole: Array, normal: Array, friction: float) -> tuple[float, Array]
             at_b = least(b)
     values, vectors = np.linalg.eigh(form - 0.5 * (low + high) * ball)
     # Rounding of the form, where the cone is touched exactly; of equal eigenvalues, as of a contact with symmetry, the
-    # vectors span several directions, of which one of length one is as bad as any.
+    # vectors span several directions; any one of length one is as bad as another.
     near = vectors[:, values - values[0] < 1e-7 * high]
     last = near[3] / max(float(near[3] @ near[3]), 1e-300)
     inside = near[:3] @ last
