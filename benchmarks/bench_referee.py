@@ -1,0 +1,93 @@
+"""An outside referee: the cases of cosseratbench, solved by this package, by MuJoCo's cable and by PyElastica.
+
+Run ``python -m benchmarks.bench_referee`` (20 min) with an interpreter that has ``pip install "cosseratbench[all]"
+"mujoco<4"`` beside the package (tried: cosseratbench 0.3.0, whose cable needs an element that MuJoCo 4 took away).
+Scenes, references and errors are the referee's. Two of its experiments are planar rods held at one end, which
+``cosserat_adapter`` can describe; the report lists the others with the reason.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+
+from cosseratbench import registry
+from cosseratbench.experiment import Experiment, Result, run
+
+from benchmarks.cosserat_adapter import ContinuumGrasp
+from benchmarks.report import Report, begun
+
+ELEMENTS = (1, 2, 4, 8)
+"""Of ours."""
+OTHERS = ("mujoco", "pyelastica")
+"""Solvers that the referee brings and that pip installs."""
+FITTING = ("cantilever", "pendulum")
+"""Experiments whose rods are planar, held at one end, and touch nothing."""
+STIFFNESSES = (1e6, 1e7, 1e8)
+"""Young's moduli of the pendulum that the referee proposes [Pa]."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A solver with its settings."""
+
+    label: str
+    solver: Any
+    nodes: int | None
+
+
+def entries(experiment: Experiment, report: Report) -> list[Entry]:
+    """Ours with several numbers of elements; the others as they come, and with twice the elements."""
+    found = [Entry(f"this package, {n} clothoid{'s' * (n > 1)}", ContinuumGrasp(n), None) for n in ELEMENTS]
+    for name in OTHERS:
+        try:
+            solver = registry.load_solver(name)
+        except ImportError as error:
+            report.missing.append(f"{name}: {error}")
+            continue
+        for nodes in (experiment.n_elements, 2 * experiment.n_elements):
+            found.append(Entry(f"{name}, {nodes} elements", solver, nodes))
+    return found
+
+
+def measure(report: Report, name: str, values: dict[str, float], title: str) -> dict[str, Result]:
+    """One scene by all, and its table."""
+    experiment = registry.load_experiment(name)
+    metrics = list(experiment.metrics)
+    table = report.table(title, ["", *(text.replace("_", " ") for text in metrics), "wall time [s]"])
+    results = {}
+    for entry in entries(experiment, report):
+        result = run(experiment, entry.solver, values=values, n_elements=entry.nodes)
+        results[entry.label] = result
+        failure = result.failure or ", ".join(result.missing)
+        cells = [failure, *[None] * (len(metrics) - 1)] if failure else [result.metrics[key] for key in metrics]
+        table.add(entry.label, *cells, result.wall_time)
+    return results
+
+
+def main() -> None:
+    """Measure what fits, list what does not, write the report."""
+    _, report = begun(__doc__, "referee")
+    report.machine |= {package: version(package) for package in ("cosseratbench", *OTHERS)}
+    held = measure(report, "cantilever", {}, "Cantilever: a small force at the tip, against Euler-Bernoulli")
+    error = held[f"this package, {ELEMENTS[1]} clothoids"].metrics["tip_deflection_error"]
+    report.claim("cantilever, 2 clothoids: error of the tip's deflection", error, "<=", 1e-3)
+    for modulus in STIFFNESSES:
+        values = {"youngs_modulus": modulus}
+        swung = measure(
+            report, "pendulum", values, f"Pendulum: a hanging cable of {modulus:g} Pa, against linear theory"
+        )
+        error = swung[f"this package, {ELEMENTS[2]} clothoids"].metrics["period_error"]
+        report.claim(f"pendulum of {modulus:g} Pa, 4 clothoids: error of the period", error, "<=", 1e-3)
+    table = report.table("Experiments outside of this package's model", ["experiment", "why"])
+    for name in registry.names("cosseratbench.experiments"):
+        if name not in FITTING:
+            result = run(registry.load_experiment(name), ContinuumGrasp())
+            table.add(name, f"needs {', '.join(result.missing)}")
+    table.note = "A capability that the experiment asks for; where it asks for none, what our adapter takes."
+    report.finish()
+
+
+if __name__ == "__main__":
+    main()
