@@ -189,7 +189,7 @@ def _stabilize(search: GraspSearch, at: Tried) -> None:
         if search.budget.over or not np.isfinite(slope).all() or not np.abs(slope).max() > _STEP:
             return
         wanted = value + share * ((LEAST_IN_SPACE if in_space else LEAST) - value)
-        numbers = {"stability slope": slope, "stability level": wanted - value + float(slope @ at.attempt.x)}
+        numbers = solver.problem.steadying(slope, wanted - value + float(slope @ at.attempt.x))
         start, features = replace(at.attempt.start, label="stable"), at.attempt.features
         tried = search.attempt(
             start, solver, features=features, x0=at.attempt.x, numbers=numbers, iterations=OPTION_SETS[0][1]

@@ -15,9 +15,6 @@ n is the gradient of its distance d there, x = p + w z - h n the point touched:
 Where h is constant, n . t = 0 with a gap of h says that the line touches the section of the grown object.
 The object has no shape here: for each contact and place that stays clear, numbers are a cubic that stands for the
 surface d = h near by. The search moves them until they are where contacts and places are; there they are exact.
-
-Parts have names of their own, in which {0} and {1} stand for the names of fingers: fingers that are alike share them,
-and their derivatives. Rows of the same name in several parts are summed: the balance of the object.
 """
 
 from __future__ import annotations
@@ -28,12 +25,10 @@ from functools import cached_property, lru_cache
 import casadi as ca
 
 from continuum_grasp.grasp.hand.lean import EndLoad, Lean
-from continuum_grasp.grasp.problem.blocks import Columns, Expressed
-from continuum_grasp.grasp.problem.limits import friction_cone, keep_limits
-from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
+from continuum_grasp.grasp.problem.limits import keep_limits
+from continuum_grasp.grasp.problem.parts import ProblemPart
 from continuum_grasp.grasp.problem.structure import FingerSpec
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
-from continuum_grasp.nlp import NLP
 
 RELAXED = ("tension", "friction", "normal force", "mass")
 """Limits of a hand that may be relaxed."""
@@ -69,48 +64,22 @@ PLAIN = Aims()
 """The least sum of tensions, no more."""
 
 
-class HandPart:
-    """Unknowns, numbers and rows of a part, and its part of the objective."""
+class HandPart(ProblemPart):
+    """A part of the problem of a hand."""
 
     def __init__(self, aims: Aims) -> None:
+        super().__init__(RELAXED)
         self.aims = aims
-        self.x, self.numbers, self.rows = Columns(), Columns(), Expressed()
-        self.slack = {
-            r.name: self.x(f"relaxed {r.name}") if r.name in RELAXED else ca.SX(r.size, 1) for r in RELAXATIONS
-        }
-        self.objective = ca.SX(0)
 
-    @cached_property
-    def nlp(self) -> NLP:
-        """The part as a problem."""
-        return NLP("part", self.x.symbol, self.objective, self.rows.g, self.numbers.symbol)
-
-    def read(self, *values: ca.SX) -> ca.Function:
-        """Function of unknowns and numbers."""
-        return ca.Function("read", [self.x.symbol, self.numbers.symbol], list(values))
-
-    def _bound(self, name: str, force: ca.SX, slack: ca.SX) -> None:
-        cone = friction_cone(self.numbers, self.numbers(f"{name}.friction") + slack, force)
-        self.rows.require(f"friction cone, {name}", cone, "N", f"contacts.friction ({name})", upper=ca.inf)
-        limit = self.numbers(f"{name}.normal_force_max") + self.slack["normal force"]
-        self.rows.require(f"normal force, {name}", limit - force[0], "N", "contacts.normal_force_max", upper=ca.inf)
-
-    def _balance(self, force: ca.SX, loads: list[tuple[ca.SX, ca.SX, ca.SX]]) -> None:
-        """A force on the object at its center of mass, and loads (point, force, moment) that it bears on others."""
-        center, moment = self.numbers("center of mass", 3), ca.SX(3, 1)
-        for point, load, couple in loads:
-            force = force - load
-            moment -= ca.cross(point - center, load) + couple
-        self.rows.require("object force balance", force, "N", "object.mass")
-        self.rows.require("object moment balance", moment / self.numbers("size"), "moment per size", "object")
+    def arm(self, point: ca.SX) -> ca.SX:
+        """A point (3,) from the object's center of mass."""
+        return point - self.numbers("center of mass", 3)
 
     def _aim(self, forces: list[ca.SX], tension: ca.SX, grip: ca.SX, level: ca.SX) -> None:
         """Objective, and bounded terms of the sum of normal forces and of stability; last of all unknowns."""
         weight, reference = self.numbers("effort weight"), self.numbers("force reference")
         if self.aims.steadied:
-            x = self.x.symbol
-            value = ca.dot(self.numbers(f"{self.name}stability slope", x.numel()), x) - level
-            self.rows.require("stability", value, "1", "stability", upper=ca.inf)
+            self.steady(level)
         if self.aims.gripped:
             pressed = sum((force[0] for force in forces), ca.SX(0))
             self.rows.require("grip", pressed - grip, "N", "contacts")
@@ -119,30 +88,32 @@ class HandPart:
             return
         self.objective += weight * (tension + LITTLE * ca.sumsqr(ca.vertcat(*forces) / reference))
 
-    name = ""
-    """Beginning of the names of numbers that each part has."""
-
 
 class ObjectPart(HandPart):
     """The object, and what palm and table carry of it."""
 
     def __init__(self, carried: tuple[str, ...], aims: Aims) -> None:
         super().__init__(aims)
-        forces, loads = list[ca.SX](), list[tuple[ca.SX, ca.SX, ca.SX]]()
+        forces, points, loads = list[ca.SX](), list[ca.SX](), list[ca.SX]()
         for name in carried:
             force = self.x(f"force, {name}", 3)
             forces.append(force)
-            loads.append((self.numbers(f"{name}.point", 3), self._axes(name) @ force, ca.SX(3, 1)))
+            points.append(self.numbers(f"{name}.point", 3))
+            loads.append(self._axes(name) @ force)
             # Friction of a palm or table of its own is not relaxed.
-            self._bound(name, force, self.numbers(f"{name}.as elsewhere") * self.slack["friction"])
-        self._balance(self.numbers("weight", 3) * (1.0 - self.slack["mass"]), loads)
+            more = self.numbers(f"{name}.as elsewhere") * self.slack["friction"]
+            self.bound(name, force, self.numbers(f"{name}.friction") + more)
+        weight = self.numbers("weight", 3) * (1.0 - self.slack["mass"])
+        none = ca.SX(3, 1)
+        self.balance(weight, none, [(self.arm(point), load, none) for point, load in zip(points, loads, strict=True)])
         grip = self.numbers("grip") if aims.gripped else ca.SX(0)
         self._aim(forces, ca.SX(0), grip, self.numbers("stability level") if aims.steadied else ca.SX(0))
         if not aims.gripped:
             relaxed = ca.vertcat(*(self.slack[name] for name in RELAXED))
             self.objective += ca.dot(self.numbers("relaxation weights", len(RELAXED)), relaxed)
         # Of each contact with palm or table point, normal and force on them (3,).
-        touches = [(point, self._axes(name)[:, 0], load) for name, (point, load, _) in zip(carried, loads, strict=True)]
+        normals = [self._axes(name)[:, 0] for name in carried]
+        touches = zip(points, normals, loads, strict=True)
         self.touched = self.read(*(value for touch in touches for value in touch))
 
     def _axes(self, name: str) -> ca.SX:
@@ -249,9 +220,10 @@ class FingerPart(HandPart):
         self._keep_clear(planes)
         keep_limits(self, self.finger)
         for touch in self.touches:
-            self._bound(touch.name, touch.across, self.slack["friction"])
-        loads = [(self._point(touch), touch.world, touch.moment) for touch in self.touches]
-        self._balance(ca.SX(3, 1), loads)
+            friction = self.numbers(f"{touch.name}.friction") + self.slack["friction"]
+            self.bound(touch.name, touch.across, friction)
+        loads = [(self.arm(self._point(touch)), touch.world, touch.moment) for touch in self.touches]
+        self.balance(ca.SX(3, 1), ca.SX(3, 1), loads)
         tension = self.finger.number("tension weight") * ca.sum1(self.finger.pulls)
         self._aim([touch.across for touch in self.touches], tension, ca.SX(0), ca.SX(0))
 
@@ -306,11 +278,6 @@ class FingerPart(HandPart):
     def owners(self) -> list[int]:
         """Elements that the guarded places are on."""
         return self.finger.guarded[1]
-
-    @property
-    def coordinates(self) -> int:
-        """Number of bending coordinates."""
-        return int(self.finger.q.numel())
 
     def _keep_clear(self, planes: tuple[str, ...]) -> None:
         """Guarded places keep clear of the object as it is near them, and of palm and table."""

@@ -23,7 +23,6 @@ from continuum_grasp.grasp.hand.parts import RELAXED, SURFACE
 from continuum_grasp.grasp.hand.problem import HandProblem, grown_function
 from continuum_grasp.grasp.hand.starts import DEPTH, FingerPlane, TouchingPosture, postures
 from continuum_grasp.grasp.problem.points import bending_arrays, coordinates, wound_start
-from continuum_grasp.grasp.problem.unknowns import FingerLayout
 from continuum_grasp.grasp.problem.values import Values, node_places
 from continuum_grasp.scene import HandScene
 
@@ -69,7 +68,7 @@ class HandPoints:
         _, x[rows.columns] = rows.best(self.scene)
         for k, (plane, posture) in enumerate(zip(self.planes, chosen, strict=True)):
             pulls = x[problem.x.at[f"{plane.setup.name}.pulls"]]
-            wound = wound_start(plane.setup, self._layout(problem, k), plane.bend(posture), pulls)
+            wound = wound_start(plane.setup, problem.finger(k).finger, plane.bend(posture), pulls)
             for name, value in wound.items():
                 x[problem.x.at[f"{plane.setup.name}.{name}"]] = value
         return with_shifts(problem, x, p), p
@@ -82,7 +81,7 @@ class HandPoints:
             setup, (knots, curvatures) = plane.setup, plane.knots(posture)
             lengths = np.diff(node_places(setup, [posture.joint * plane.length])) / plane.length
             values |= {
-                f"{setup.name}.q": coordinates(setup, self._layout(problem, k), lengths, knots[None], curvatures[None]),
+                f"{setup.name}.q": coordinates(setup, problem.finger(k).finger, lengths, knots[None], curvatures[None]),
                 f"{setup.name}.joint_0": posture.joint,
             }
             for name, place in ((setup.middle_names[0], posture.joint), (setup.tip_name, 1.0)):
@@ -233,10 +232,6 @@ class HandPoints:
 
     # -- results -------------------------------------------------------------------------------------------------
 
-    @staticmethod
-    def _layout(problem: HandProblem, k: int) -> FingerLayout:
-        return FingerLayout(problem.spec.fingers[k], problem.finger(k).coordinates, [], [])
-
     def arrays(self, problem: HandProblem, x: Array, p: Array) -> dict[str, Array]:
         """Stored arrays of a point (SI)."""
         units, contacts = self.units, problem.spec.contacts
@@ -264,7 +259,7 @@ class HandPoints:
             elements = shares.ravel() * length
             tensions = pulls.ravel() * setup.stiffness / length / setup.tendons.offset
             bending = bending_arrays(
-                setup, self._layout(problem, k), q.ravel(), elements, float(tip.ravel()[0]), tensions
+                setup, problem.finger(k).finger, q.ravel(), elements, float(tip.ravel()[0]), tensions
             )
             line = np.array(finger.finger.shared.line(*placed.values(finger.state, x, p))).T
             out |= {f"{name}.{key}": value for key, value in bending.items()} | {

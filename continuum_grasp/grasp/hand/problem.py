@@ -3,29 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
-from typing import Any, Generic, TypeVar
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.base import Indices
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.hand.parts import (
     PLAIN,
     SURFACE,
     Aims,
     FingerPart,
-    HandPart,
     finger_part,
     grown,
     object_part,
     pair_part,
 )
-from continuum_grasp.grasp.problem.blocks import ConstraintRows, Places
+from continuum_grasp.grasp.problem.parts import PartedProblem
 from continuum_grasp.grasp.problem.structure import FingerSpec
-from continuum_grasp.grasp.problem.values import Values
-from continuum_grasp.nlp import NLP, Summand, summed
 from continuum_grasp.scene import HandScene
 
 
@@ -64,66 +59,21 @@ class HandSpec:
         return HandSpec(tuple(fingers), tuple(contacts), carried, planes, soft=soft)
 
 
-Part = TypeVar("Part", bound=HandPart)
-
-
-@dataclass(frozen=True, eq=False)
-class PlacedPart(Generic[Part]):
-    """A part and the places of its own in the whole."""
-
-    part: Part
-    names: tuple[str, ...]  # of its fingers
-    unknowns: Indices
-    numbers: Indices
-    rows: Indices
-
-    def values(self, function: ca.Function, x: Array, p: Array) -> list[Array]:
-        """Values of a function that reads the part."""
-        return [np.array(value) for value in function.call([x[self.unknowns], p[self.numbers]])]
-
-
-class HandProblem:
-    """Unknowns, numbers and rows of the grasp of a hand by their names, and the problem itself."""
+class HandProblem(PartedProblem):
+    """The problem of the grasp of a hand."""
 
     def __init__(self, spec: HandSpec) -> None:
-        self.spec, self.parts = spec, list[PlacedPart[Any]]()
-        self.x, self.numbers, self.rows = Places(), Places(), ConstraintRows()
+        super().__init__()
+        self.spec = spec
         alike = [replace(finger, name="{0}") for finger in spec.fingers]
-        self.whole = self._add(object_part(spec.carried, spec.aims))
+        self.whole = self.add(object_part(spec.carried, spec.aims))
         self.fingers = [
-            self._add(finger_part(finger, spec.planes, spec.soft, spec.aims), own.name)
+            self.add(finger_part(finger, spec.planes, spec.soft, spec.aims), own.name)
             for finger, own in zip(alike, spec.fingers, strict=True)
         ]
         for k, m in spec.pairs:
             part = pair_part(alike[k], replace(alike[m], name="{1}"), spec.soft)
-            self._add(part, spec.fingers[k].name, spec.fingers[m].name)
-
-    def _add(self, part: Part, *names: str) -> PlacedPart[Part]:
-        unknowns, numbers, rows = list[Indices](), list[Indices](), list[Indices]()
-        for own, whole, found in ((part.x, self.x, unknowns), (part.numbers, self.numbers, numbers)):
-            for name, size in own.sizes.items():
-                named = name.format(*names)
-                if named not in whole.at:
-                    whole.add(named, size)
-                found.append(np.arange(whole.size)[whole.at[named]])
-        known = {block.name: block for block in self.rows.blocks}
-        for block in part.rows.blocks:
-            named = block.name.format(*names)
-            if named in known:
-                rows.append(known[named].rows.ravel())
-                continue
-            key, unit, count = block.key.format(*names), block.unit.format(*names), block.rows.size
-            rows.append(self.rows.rows(named, key, unit, count, 1.0, block.lower, block.upper).ravel())
-        placed = PlacedPart(part, names, *(np.concatenate([*found, np.zeros(0, dtype=int)]).astype(int)
-                                           for found in (unknowns, numbers, rows)))  # fmt: skip
-        self.parts.append(placed)
-        return placed
-
-    @cached_property
-    def nlp(self) -> NLP:
-        """The problem with its derivatives."""
-        parts = [Summand(placed.part.nlp, placed.unknowns, placed.numbers, placed.rows) for placed in self.parts]
-        return summed("hand", (self.x.size, self.numbers.size, self.rows.count), parts)
+            self.add(part, spec.fingers[k].name, spec.fingers[m].name)
 
     def finger(self, k: int) -> FingerPart:
         """The part of a finger."""
@@ -148,17 +98,6 @@ class HandProblem:
         """Point, normal and force on them (3,) of each contact with palm or table."""
         values = self.whole.values(self.whole.part.touched, x, p)
         return [values[at : at + 3] for at in range(0, len(values), 3)]
-
-    def steadying(self, slope: Array, level: float) -> Values:
-        """Numbers by which ``slope . x`` is not below a level, where stability is bounded."""
-        numbers: Values = {"stability level": level}
-        taken = np.zeros(slope.size, dtype=bool)
-        for placed in self.parts:
-            if f"{placed.part.name}stability slope" in placed.part.numbers.at:
-                own = np.where(taken[placed.unknowns], 0.0, slope[placed.unknowns])
-                taken[placed.unknowns] = True
-                numbers[f"{placed.part.name}stability slope".format(*placed.names)] = own
-        return numbers
 
 
 hand_problem = lru_cache(maxsize=16)(HandProblem)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array
+from continuum_grasp.base import Array, Indices
 from continuum_grasp.nlp import Constraints, Violation
 
 
@@ -27,6 +27,18 @@ class Places:
         """Append entries under a name."""
         self.at[name] = slice(self.size, self.size + size)
         self.size += size
+
+    def placed(self, part: Places, names: Sequence[str]) -> Indices:
+        """Places here of the entries of a part, in whose names {0}, {1} ... stand for ``names``; new ones are
+        appended.
+        """
+        found = [np.zeros(0, dtype=int)]
+        for name, size in part.sizes.items():
+            named = name.format(*names)
+            if named not in self.at:
+                self.add(named, size)
+            found.append(np.arange(self.size)[self.at[named]])
+        return np.concatenate(found)
 
     @property
     def sizes(self) -> dict[str, int]:

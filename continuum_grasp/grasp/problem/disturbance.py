@@ -22,9 +22,9 @@ from collections.abc import Iterator
 import casadi as ca
 
 from continuum_grasp.grasp.problem.blocks import Columns, rotation
-from continuum_grasp.grasp.problem.limits import friction_cone
+from continuum_grasp.grasp.problem.parts import friction_cone
+from continuum_grasp.grasp.problem.planar import PlanarPart, Touch
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
-from continuum_grasp.grasp.problem.unknowns import Touch, Unknowns
 
 LEAST = 0.02
 """Least sum of the curvatures of two surfaces that touch, per size of the object: below it the contact
@@ -34,38 +34,33 @@ _Row = tuple[str, ca.SX, str, str]
 """Name, expression, unit and key of what must stay zero."""
 
 
-def add_disturbances(problem: Unknowns) -> ca.SX:
-    """Add unknowns and constraints for all wrenches; returns the factor by which each of them is resisted."""
-    factor = problem.x("resisted disturbance")
-    count = problem.spec.wrenches
-    wrenches = ca.reshape(problem.numbers("wrenches", 3 * count), 3, count)
+def add_disturbances(problem: PlanarPart, wrenches: ca.SX) -> None:
+    """Add unknowns and constraints of a part for all wrenches (3, W), which act on it."""
     changes = Columns()
     rows = list(_yielded(problem, changes))
     z = changes.symbol
     slopes = [ca.substitute(ca.jacobian(row, z), z, ca.DM.zeros(z.numel())) for _, row, _, _ in rows]
-    for k in range(count):
+    for k in range(problem.spec.wrenches):
         change = {name: problem.x(f"{name}, {k}", at.stop - at.start) for name, at in changes.at.items() if at.start}
-        column = ca.vertcat(factor * wrenches[:, k], *change.values())
+        column = ca.vertcat(wrenches[:, k], *change.values())
         for (name, _, unit, key), slope in zip(rows, slopes, strict=True):
             problem.rows.require(f"{name}, {k}", slope @ column, unit, key)
         _keep_limits(problem, change, k)
-    return factor
 
 
-def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
+def _yielded(problem: PlanarPart, changes: Columns) -> Iterator[_Row]:
     """Rows that stay zero as a grasp yields, right to first order, in ``changes``: the wrench (3,), then changes of
     coordinates, tensions, contact forces along axes that turn with the contact, and the object's pose.
     """
     wrench = changes("wrench", 3)
-    size = problem.numbers("size")
-    fingers, contacts = problem.fingers, problem.contacts
-    bends = [changes(f"{finger.spec.name}.change of q", finger.q.numel()) for finger in fingers]
-    pulls = [changes(f"{finger.spec.name}.change of pulls", 2) for finger in fingers]
+    contacts = problem.contacts
+    bends = [changes(f"{finger.spec.name}.change of q", finger.q.numel()) for finger in problem.fingers]
+    pulls = [changes(f"{finger.spec.name}.change of pulls", 2) for finger in problem.fingers]
     forces = [contact.force[:2] + changes(f"change of force, {contact.spec.name}", 2) for contact in contacts]
     pose = changes("change of pose", 3)
     spun = rotation(pose[2])
     states = []
-    for index, (finger, bend, pull) in enumerate(zip(fingers, bends, pulls, strict=True)):
+    for index, (finger, bend, pull) in enumerate(zip(problem.fingers, bends, pulls, strict=True)):
         # A round tip rolls about its own center.
         couple = sum(
             -finger.half(c.spec) * (force[1] - c.force[1]) / _moment(finger)
@@ -73,8 +68,8 @@ def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
             if c.spec.finger == index and c.spec.joint < 0
         )
         states.append((finger.q + bend, finger.u + finger.input(pull, ca.SX(couple))))
-    ends = [finger.backbone.joints(*state, finger.p) for finger, state in zip(fingers, states, strict=True)]
-    loads: list[tuple[dict[int, ca.SX], dict[int, ca.SX]]] = [({}, {}) for _ in fingers]
+    ends = [finger.backbone.joints(*state, finger.p) for finger, state in zip(problem.fingers, states, strict=True)]
+    loads: list[tuple[dict[int, ca.SX], dict[int, ca.SX]]] = [({}, {}) for _ in problem.fingers]
     force = wrench[:2]
     moment = wrench[2]
     gaps = list[_Row]()
@@ -84,7 +79,8 @@ def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
         turned = ca.SX(0)
         gap = pose[:2] + spun @ (contact.point - problem.pose[:2])
         if spec.finger >= 0:
-            finger, (places, angles), end = fingers[spec.finger], ends[spec.finger], fingers[spec.finger].end_of(spec)
+            finger, (places, angles) = problem.fingers[spec.finger], ends[spec.finger]
+            end = finger.end_of(spec)
             half = finger.half(spec)
             turned = angles[end] + finger.base[2] - finger.angles[end]
             gap += half * rotation(turned) @ contact.normal - finger.world(places[:, end])
@@ -100,14 +96,14 @@ def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
             on[spec.joint] = rotation(-finger.base[2]) @ load / finger.number("force share")
             couples[spec.joint] = (contact.force[0] * lever - half * components[1]) / _moment(finger)
         gaps.append((f"sticking contact, {spec.name}", gap, "m", "disturbances"))
-    for finger, (q, u), carried, pull in zip(fingers, states, loads, pulls, strict=True):
+    for finger, (q, u), carried, pull in zip(problem.fingers, states, loads, pulls, strict=True):
         missing = _moment(finger) * finger.missing_force(q, u, finger.loads(*carried))
         yield f"disturbed finger, {finger.spec.name}", missing, "N m", "disturbances"
         if problem.spec.locked:
             retained = _retained(finger, finger.backbone.drawn(q, u, finger.p), pull)
             yield f"locked tendons, {finger.spec.name}", retained, "rad", "disturbances.tendons"
     yield "disturbed object, forces", force, "N", "disturbances"
-    yield "disturbed object, moment", moment / size, "moment per size", "disturbances"
+    yield "disturbed object, moment", moment / problem.numbers("size"), "moment per size", "disturbances"
     yield from gaps
 
 
@@ -115,7 +111,7 @@ def _moment(finger: UnitFinger) -> ca.SX:
     return finger.number("force share") * finger.number("length")
 
 
-def _rolled(problem: Unknowns, contact: Touch, finger_turn: ca.SX, object_turn: ca.SX) -> tuple[ca.SX, ca.SX]:
+def _rolled(problem: PlanarPart, contact: Touch, finger_turn: ca.SX, object_turn: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Turn of the normal and step along the surface, rolling without slipping: the arc lengths traveled on both
     surfaces are equal.
     """
@@ -124,7 +120,7 @@ def _rolled(problem: Unknowns, contact: Touch, finger_turn: ca.SX, object_turn: 
     return (theirs * object_turn + ours * finger_turn) / both, (finger_turn - object_turn) / both
 
 
-def _curvatures(problem: Unknowns, contact: Touch) -> tuple[ca.SX, ca.SX]:
+def _curvatures(problem: PlanarPart, contact: Touch) -> tuple[ca.SX, ca.SX]:
     """Curvatures of the object's surface and of what touches it, convex positive."""
     spec = contact.spec
     name = contact.spec.name
@@ -165,7 +161,7 @@ def _retained(finger: UnitFinger, drawn: ca.SX, pulls: ca.SX) -> ca.SX:
     return ca.vertcat(*rows)
 
 
-def _keep_limits(problem: Unknowns, change: dict[str, ca.SX], k: int) -> None:
+def _keep_limits(problem: PlanarPart, change: dict[str, ca.SX], k: int) -> None:
     require = problem.rows.require
     number = problem.numbers
     for contact in problem.contacts:

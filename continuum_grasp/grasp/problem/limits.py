@@ -1,67 +1,19 @@
-"""The inequalities of a grasp: friction cones, clearance, limits of fingers and models."""
+"""The inequalities of fingers: clearance, limits of their tendons, drives and models."""
 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
 
 import casadi as ca
 
-from continuum_grasp.grasp.problem.blocks import Columns, rotation
+from continuum_grasp.grasp.problem.blocks import rotation
+from continuum_grasp.grasp.problem.parts import ProblemPart
+from continuum_grasp.grasp.problem.planar import PlanarPart
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
-from continuum_grasp.grasp.problem.unknowns import Unknowns
 from continuum_grasp.model import SHORTEST, TouchingCircle
 
 
-def add_limits(problem: Unknowns) -> None:
-    """Add the inequalities to a problem whose unknowns and contacts are there."""
-    _bound_contacts(problem)
-    places = [_keep_clear(problem, finger) for finger in problem.fingers]
-    for finger in problem.fingers:
-        keep_limits(problem, finger)
-    for first, other in problem.spec.pairs:
-        _keep_apart(problem, (first, other), (places[first], places[other]))
-    if problem.spec.free:
-        _keep_object_clear(problem)
-
-
-def friction_cone(numbers: Columns, friction: ca.SX, force: ca.SX) -> ca.SX:
-    """Rows that are not negative for a force (2 to 4,) within a friction cone, less its reserve, where nothing pulls
-    (n >= 0).
-    """
-    friction = numbers("cone share") * friction
-    n, f = force[0], force[1]
-    if force.numel() > 2:
-        # The hyperboloid (mu N)^2 >= f^2 + l^2 + e^2 within the cone. The cone has a kink where nothing presses, at
-        # which IPOPT would zigzag; so does a root in its place, which is nearly one.
-        apex = numbers("cone rounding")
-        cone: ca.SX = friction * n - apex - ca.sumsqr(force[1:]) / (friction * n + apex)
-        return cone
-    # In the plane the cone is two half planes: linear, nothing to round.
-    return ca.vertcat(friction * n - f, friction * n + f)
-
-
-def _bound_contacts(problem: Unknowns) -> None:
-    require = problem.rows.require
-    number = problem.numbers
-    for contact in problem.contacts:
-        name = contact.spec.name
-        force = contact.force[: problem.spec.dimensions]
-        friction = number(f"{name}.friction") + problem.slack["friction"]
-        if "greatest_friction_margin" in problem.spec.aims:
-            friction *= 1.0 - problem.x("friction margin")
-        cone = friction_cone(problem.numbers, friction, force)
-        if problem.reserve is not None:
-            cone -= problem.reserve * number("force reference")
-            # Also without friction a contact presses.
-            pressed = force[0] - problem.reserve * number("force reference")
-            require(f"pressed, {name}", pressed, "N", "contacts", upper=ca.inf)
-        require(f"friction cone, {name}", cone, "N", f"contacts.friction ({name})", upper=ca.inf)
-        limit = number(f"{name}.normal_force_max") + problem.slack["normal force"]
-        require(f"normal force, {name}", limit - force[0], "N", "contacts.normal_force_max", upper=ca.inf)
-
-
-def _keep_clear(problem: Unknowns, finger: UnitFinger) -> ca.SX:
+def keep_clear(problem: PlanarPart, finger: UnitFinger) -> ca.SX:
     """A finger keeps clear of object and supports at its guarded places, world positions (2, K)."""
     name = finger.spec.name
     number = problem.numbers
@@ -95,14 +47,14 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> ca.SX:
     return points
 
 
-def _keep_apart(problem: Unknowns, pair: tuple[int, int], places: tuple[ca.SX, ca.SX]) -> None:
+def keep_apart(problem: PlanarPart, pair: tuple[UnitFinger, UnitFinger], places: tuple[ca.SX, ca.SX]) -> None:
     """Two fingers keep clear of each other, or one of itself: of each element, the place nearest to the other finger,
     or to what follows along it.
 
     The places are between guarded ones (2, K), with weights that the search renews; the gaps needed make up for the
     bend between these.
     """
-    finger, other = (problem.fingers[k] for k in pair)
+    finger, other = pair
     name = f"{finger.spec.name}, {other.spec.name}"
     number = problem.numbers
     count = finger.spec.elements + (other.spec.elements if other is not finger else 0)
@@ -120,7 +72,7 @@ def _keep_apart(problem: Unknowns, pair: tuple[int, int], places: tuple[ca.SX, c
     problem.rows.require(f"overlap of fingers, {name}", spare, "m", "overlap", upper=ca.inf)
 
 
-def keep_limits(problem: Any, finger: UnitFinger) -> None:
+def keep_limits(problem: ProblemPart, finger: UnitFinger) -> None:
     """A finger keeps the limits of its tendons, drives and model."""
     require = problem.rows.require
     slack = problem.slack
@@ -148,24 +100,3 @@ def keep_limits(problem: Any, finger: UnitFinger) -> None:
         # The moments of shorter elements are all but dependent.
         gaps = ca.vertcat(*(b - a for a, b in pairwise(on))) - SHORTEST
         require(f"order of the middle contacts, {name}", gaps, "1", "contacts.middle", upper=ca.inf)
-
-
-def _keep_object_clear(problem: Unknowns) -> None:
-    number = problem.numbers
-    spec = problem.spec
-    tolerance = problem.numbers("tolerance")
-    back = rotation(-problem.pose[2])
-    spare = []
-    for k in range(spec.planes):
-        normal, at = number(f"plane_{k}.normal", 2), number(f"plane_{k}.point", 2)
-        for part, surface in enumerate(spec.surfaces):
-            angle = number(f"plane_{k}.angle")
-            shape = number(f"part_{part}", surface.number_count)
-            spare += surface.wall_clearance(normal, at, angle, problem.pose, shape)
-    for k in range(spec.pegs):
-        local = back @ (number(f"peg_{k}.position", 2) - problem.pose[:2])
-        for part in range(spec.obstacles):
-            near = number(f"peg_{k}.near_{part}", TouchingCircle.SIZE)
-            spare.append(TouchingCircle(near).distance(local) - number(f"peg_{k}.radius"))
-    if spare:
-        problem.rows.require("object in a support", ca.vertcat(*spare) + tolerance, "m", "supports", upper=ca.inf)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.problem.unknowns import FingerLayout, Layout
+from continuum_grasp.grasp.problem.parts import PlacedPart
+from continuum_grasp.grasp.problem.problem import GraspProblem
+from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.values import Units, Values, node_places
 from continuum_grasp.grasp.starts.curves import curvature_at, turning
 from continuum_grasp.grasp.starts.values import GraspStart
@@ -19,11 +21,12 @@ PRESSED = 1e-2
 """Least normal force of a contact to start with, as a part of the weight."""
 
 
-def starting_point(problem: Layout, scene: GraspScene, start: GraspStart, features: dict[str, Feature]) -> Array:
+def starting_point(problem: GraspProblem, scene: GraspScene, start: GraspStart, features: dict[str, Feature]) -> Array:
     units = Units.of(scene)
     values: Values = {"object pose": units.pose(start.object_pose)}
-    for setup, finger in zip(scene.setups, problem.fingers, strict=True):
-        values |= {f"{setup.name}.{key}": value for key, value in _finger_start(setup, finger, start, units).items()}
+    for setup, placed in zip(scene.setups, problem.fingers, strict=True):
+        unknowns = _finger_start(setup, placed.part.finger, start, units)
+        values |= {f"{setup.name}.{key}": value for key, value in unknowns.items()}
     force = max(scene.weight / units.force, 1.0)
     lift = -scene.object.mass * scene.gravity[2] / units.force / max(len(problem.spec.contacts), 1)
     values["greatest normal force"] = force
@@ -41,7 +44,7 @@ def starting_point(problem: Layout, scene: GraspScene, start: GraspStart, featur
     return problem.x.pack(values, 0.0)
 
 
-def _finger_start(setup: FingerSetup, finger: FingerLayout, whole: GraspStart, units: Units) -> Values:
+def _finger_start(setup: FingerSetup, finger: UnitFinger, whole: GraspStart, units: Units) -> Values:
     """The unknowns of a finger, whose curvature equals the start's at the places of its family."""
     tendons = setup.tendons
     start = whole.fingers[setup.name]
@@ -63,7 +66,7 @@ def _finger_start(setup: FingerSetup, finger: FingerLayout, whole: GraspStart, u
     }
 
 
-def wound_start(setup: FingerSetup, finger: FingerLayout, turn: float, pulls: Sequence[float] | Array) -> Values:
+def wound_start(setup: FingerSetup, finger: UnitFinger, turn: float, pulls: Sequence[float] | Array) -> Values:
     """Cable that drives have wound up at pulls (2,) where the tip has turned; none where tensions can be chosen."""
     law, drive, length = setup.drive, finger.spec.drive, setup.finger.rod.length
     if drive is None or law is None:
@@ -77,7 +80,7 @@ def wound_start(setup: FingerSetup, finger: FingerLayout, turn: float, pulls: Se
     return {"command": [each[0] - law.start / length] if drive.pulley else each}
 
 
-def coordinates(setup: FingerSetup, finger: FingerLayout, lengths: Array, knots: Array, curvatures: Array) -> Array:
+def coordinates(setup: FingerSetup, finger: UnitFinger, lengths: Array, knots: Array, curvatures: Array) -> Array:
     """Coordinates of the unit finger near a shape, curvatures being linear between knots (1, K) along it."""
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
     family = finger.family
@@ -91,7 +94,7 @@ def coordinates(setup: FingerSetup, finger: FingerLayout, lengths: Array, knots:
 
 
 def bending_arrays(
-    setup: FingerSetup, finger: FingerLayout, q: Array, lengths: Array, tip: float, pulls: Array
+    setup: FingerSetup, finger: UnitFinger, q: Array, lengths: Array, tip: float, pulls: Array
 ) -> Values:
     """Coordinates above rest, their shapes and the curvature at the tip, as a result stores them (SI)."""
     length = setup.finger.rod.length
@@ -113,36 +116,54 @@ def bending_arrays(
     return {"q": bent[: finger.size], "curvature_shapes": shapes, "tip_curvature": np.array(float(bent[-1]))}
 
 
-def stored_arrays(problem: Layout, scene: GraspScene, start: GraspStart, values: list[ca.DM]) -> dict[str, Array]:
-    """Stored arrays of a point, from the ``values`` that the problem's reader gives there."""
+def stored_arrays(problem: GraspProblem, scene: GraspScene, start: GraspStart, x: Array, p: Array) -> dict[str, Array]:
+    """Stored arrays of a point."""
     units = Units.of(scene)
-    spec = problem.spec
-    pose, points, normals, forces, stations, *rest = (np.array(v) for v in values)
     m = units.length
-    out: dict[str, Array] = {"object.pose": pose.ravel() * [m, m, 1.0]}
-    for k, setup in enumerate(scene.setups):
-        q, shares, tip, pulls, base, line = rest[6 * k : 6 * k + 6]
-        name = setup.name
-        length = setup.finger.rod.length
+    out: dict[str, Array] = {"object.pose": problem.pose(x, p) * [m, m, 1.0]}
+    contacts = _stored_contacts(problem.whole, x, p, [])
+    for setup, placed in zip(scene.setups, problem.fingers, strict=True):
+        part, name, length = placed.part, setup.name, setup.finger.rod.length
+        q, shares, tip, pulls, base, joints = placed.values(part.stored, x, p)
+        base = base.ravel()
         elements = shares.ravel() * length
         tensions = pulls.ravel() * setup.stiffness / length / setup.tendons.offset
-        bending = bending_arrays(setup, problem.fingers[k], q.ravel(), elements, float(tip.ravel()[0]), tensions)
+        bending = bending_arrays(setup, part.finger, q.ravel(), elements, float(tip.ravel()[0]), tensions)
+        line = np.array(part.finger.shared.line(*placed.values(part.state, x, p))).T
+        points = (line[:, 1] + 1j * line[:, 2]) * np.exp(1j * base[2]) * length
+        points += m * (base[0] + 1j * base[1])
         out |= {f"{name}.{key}": value for key, value in bending.items()} | {
             f"{name}.family": np.array(setup.family),
             f"{name}.lengths": elements,
             f"{name}.tensions": tensions,
-            f"{name}.base": base.ravel() * [m, m, 1.0],
-            f"{name}.backbone": line.T * [length, m, m, 1.0],
+            f"{name}.base": base * [m, m, 1.0],
+            f"{name}.backbone": np.stack([line[:, 0] * length, points.real, points.imag, line[:, 3] + base[2]], axis=1),
         }
         if name in start.friction_states:
             out[f"{name}.friction_states"] = np.array(start.friction_states[name])
-    # Supports have no station.
-    lengths = [scene.setups[c.finger].finger.rod.length if c.finger >= 0 else np.nan for c in spec.contacts]
+        contacts |= _stored_contacts(placed, x, p, [*(length * joints.ravel()), length])
+    names = [contact.name for contact in problem.spec.contacts]
+    point, normal, force, station = (np.array([contacts[name][k] for name in names]) for k in range(4))
     return out | {
-        "contact_names": np.array([contact.name for contact in spec.contacts]),
-        "contact_positions": points.T * m,
-        "contact_normals": normals.T,
-        "contact_forces": forces.T * units.force,
-        "contact_stations": stations.ravel() * lengths,
-        "contact_parts": np.array([start.contacts[contact.name].part for contact in spec.contacts], dtype=int),
+        "contact_names": np.array(names),
+        "contact_positions": point.reshape(-1, 2) * m,
+        "contact_normals": normal.reshape(-1, 2),
+        "contact_forces": force.reshape(-1, 3) * units.force,
+        "contact_stations": station,
+        "contact_parts": np.array([start.contacts[name].part for name in names], dtype=int),
     }
+
+
+def _stored_contacts(
+    placed: PlacedPart[Any], x: Array, p: Array, stations: Sequence[float]
+) -> dict[str, tuple[Array, Array, Array, float]]:
+    """Point, normal, force and station [m] of each contact of a part, by name; stations are those of middle contacts
+    and tip, supports have none.
+    """
+    points, normals, forces, _ = placed.values(placed.part.touched, x, p)
+    names = placed.names[-len(placed.part.contacts) :] if placed.part.contacts else ()
+    stored = {}
+    for k, (name, contact) in enumerate(zip(names, placed.part.contacts, strict=True)):
+        station = stations[contact.spec.joint] if stations else np.nan
+        stored[name] = points[:, k], normals[:, k], forces[:, k], float(station)
+    return stored

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.check import EXACT
-from continuum_grasp.grasp.problem.equations import equations
 from continuum_grasp.grasp.problem.points import starting_point, stored_arrays
+from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, RelaxedLimit
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.surroundings import NearbySearch
@@ -90,11 +90,9 @@ class GraspSolverRun:
     """A grasp problem, and solvers prepared for all scenes of its structure."""
 
     def __init__(self, spec: ProblemSpec) -> None:
-        made = equations(spec)
-        self.problem = made.layout
-        self.nlp = made.nlp
-        self._read = made.read
-        self.near = NearbySearch(self.problem, made.places)
+        self.problem = GraspProblem(spec)
+        self.nlp = self.problem.nlp
+        self.near = NearbySearch(self.problem)
         self._solvers: dict[tuple[Any, ...], Solver] = {}
 
     @classmethod
@@ -283,7 +281,7 @@ class GraspSolverRun:
 
     def arrays(self, scene: GraspScene, attempt: GraspAttempt) -> dict[str, Array]:
         """The physical numbers of an attempt; see `continuum_grasp.grasp.GraspResult`."""
-        return stored_arrays(self.problem, scene, attempt.start, self._read.call([attempt.x, attempt.numbers]))
+        return stored_arrays(self.problem, scene, attempt.start, attempt.x, attempt.numbers)
 
     def bounds(self, scene: GraspScene, start: GraspStart, features: dict[str, Feature]) -> tuple[Array, Array]:
         """Bounds of the unknowns of a scene next to a start, with no limit relaxed."""
@@ -309,7 +307,7 @@ class GraspSolverRun:
         numbers = self.problem.numbers
         at = self.problem.numbers.at
         values = problem_values(self.problem, scene, start, features)
-        fingers = (finger.spec.name for finger in self.problem.fingers)
+        fingers = (finger.name for finger in self.problem.spec.fingers)
         probes = {name: attempt.numbers[at[f"{name}.probes"]] for name in fingers}
         values |= self.near.look(scene, attempt.x, numbers.pack(values, 0.0), probes)[1]
         stay = [name for name in at if name.endswith((".strain probes", "effort weight", "relaxation weights"))]

@@ -73,6 +73,16 @@ class FingerSpec:
         return next((n for n, on in zip(self.before, self.touching, strict=True) if on), self.before[0])
 
     @property
+    def held(self) -> str:
+        """Name of the unknowns that stay while friction or the object change: tensions, or what drives hold."""
+        return "pulls" if self.drive is None else "command"
+
+    @property
+    def lands(self) -> bool:
+        """Whether its tip stays where it met an object that yields: of a finger that slides along it, it does not."""
+        return not any(self.touching)
+
+    @property
     def tapered(self) -> bool:
         """Whether the thickness changes along the finger."""
         return any(curve.name == "thickness" and curve.panels * (curve.degree + 1) > 1 for curve in self.curves.curves)
@@ -162,6 +172,11 @@ class ProblemSpec:
         """Components of a force: three where forces act out of the plane of the fingers."""
         return 3 if 2 in self.balances else 2
 
+    @property
+    def shared(self) -> ProblemSpec:
+        """What all parts of the problem share."""
+        return replace(self, fingers=(), contacts=(), surfaces=(), pairs=())
+
     def fits(self, scene: GraspScene, contacts: dict[str, ContactStart]) -> bool:
         """Whether the problem of a scene with these contacts on has this structure."""
         return ProblemSpec.of(scene, contacts) == self
@@ -216,5 +231,5 @@ class ProblemSpec:
         return replace(self, fingers=fingers, free=free, yielding=yielding, aims=aims, wrenches=0, locked=False)
 
     def lands(self, contact: ContactSpec) -> bool:
-        """Whether a contact stays where it met the object: of a finger that slides along it, none does."""
-        return self.yielding and contact.finger >= 0 and not any(self.fingers[contact.finger].touching)
+        """Whether a contact stays where it met the object."""
+        return self.yielding and contact.finger >= 0 and self.fingers[contact.finger].lands

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.problem.points import bending_arrays
-from continuum_grasp.grasp.problem.unknowns import FingerLayout, Layout
+from continuum_grasp.grasp.problem.problem import GraspProblem
+from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.values import FINE, Units, Values
 from continuum_grasp.grasp.shape import ROUNDING, FingerShape, skin
 from continuum_grasp.grasp.starts.curves import rough_distance, sample
@@ -61,9 +61,8 @@ def _obstacles(scene: GraspScene, setup: FingerSetup, emerging: int, base: Array
 class NearbySearch:
     """Looks for bodies near the fingers of one problem."""
 
-    def __init__(self, problem: Layout, places: ca.Function) -> None:
+    def __init__(self, problem: GraspProblem) -> None:
         self._problem = problem
-        self._places = places
 
     def look(
         self, scene: GraspScene, x: Array, numbers: Array, probes: Mapping[str, Array] | None = None
@@ -76,12 +75,11 @@ class NearbySearch:
         """
         units = Units.of(scene)
         seen = Values()
-        pose, *rest = (np.array(v) for v in self._places(x, numbers))
-        pose = pose.ravel()
+        pose = self._problem.pose(x, numbers)
         at = self._problem.x.at
         allowed = [float(x[at[f"relaxed clearance at the {name}"]][0]) for name in ("supports", "object")]
         traced = [
-            self._along(scene, setup, k, rest[9 * k : 9 * k + 9], pose, allowed, seen, numbers, probes)
+            self._along(scene, setup, k, x, numbers, pose, allowed, seen, probes)
             for k, setup in enumerate(scene.setups)
         ]
         depths = [-np.inf, *(finger.deepest for finger in traced)]
@@ -99,17 +97,19 @@ class NearbySearch:
         scene: GraspScene,
         setup: FingerSetup,
         index: int,
-        values: list[Array],
+        x: Array,
+        numbers: Array,
         pose: Array,
         allowed: list[float],
         seen: Values,
-        numbers: Array,
         earlier: Mapping[str, Array] | None,
     ) -> _Traced:
         """Look along one finger; supports and object may be ``allowed`` deep in it."""
-        finger, name, units = self._problem.fingers[index], setup.name, Units.of(scene)
+        placed, name, units = self._problem.fingers[index], setup.name, Units.of(scene)
+        finger = placed.part.finger
         clear = ~np.array(finger.touches)  # which guarded places do not touch the object
-        touched, points, half, curvatures, q, lengths, tip, pulls, base = values
+        touched = placed.values(placed.part.touched, x, numbers)[3][:, placed.part.along]
+        points, half, curvatures, q, lengths, tip, pulls, base = placed.values(placed.part.places, x, numbers)
         half = half.ravel()
         lengths = lengths.ravel()
         base = base.ravel()
@@ -144,7 +144,7 @@ class NearbySearch:
         at, owner, thick = along(probes)
         at = np.concatenate([points.T, at])
         thick = np.concatenate([half, thick])
-        owner = np.concatenate([finger.elements, owner]).astype(int)
+        owner = np.concatenate([finger.unprobed, owner]).astype(int)
         beside = _beside(pieces, count, _local(at, pose), units, (~clear, touched.T))
         sharp = np.any([TouchingCircle(circles[:, -probes.size :]).is_corner for circles, _ in beside], axis=0)
         # Next to an end a corner is what touches there.
@@ -244,7 +244,7 @@ class _Line:
     def of(
         cls,
         setup: FingerSetup,
-        finger: FingerLayout,
+        finger: UnitFinger,
         curvatures: Array,
         q: Array,
         lengths: Array,

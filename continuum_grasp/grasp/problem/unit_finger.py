@@ -15,7 +15,7 @@ import casadi as ca
 
 from continuum_grasp.grasp.problem.blocks import Columns, rotation
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec
-from continuum_grasp.model import FingerModel, backbone_of, soft
+from continuum_grasp.model import Family, FingerModel, backbone_of, soft
 from continuum_grasp.scene import Finger, MomentLoad
 
 _OFFSET = 0.5
@@ -75,6 +75,16 @@ class UnitFinger:
         values += [number(key) for key in _optional(self.spec) if key != "gravity"]
         return ca.vertcat(*values)
 
+    @property
+    def family(self) -> Family:
+        """Family of the elements."""
+        return self.shared.model.structure.family
+
+    @property
+    def size(self) -> int:
+        """Number of bending coordinates."""
+        return int(self.q.numel())
+
     def number(self, name: str, size: int = 1) -> ca.SX:
         """A run-time number of this finger."""
         return self._numbers(f"{self.spec.name}.{name}", size)
@@ -117,6 +127,16 @@ class UnitFinger:
         half = [self.curves.at(s)("thickness") for s in (*ca.vertsplit(at), *self.edges[1:], *deep)]
         clear = [*touches, *(False for _ in range(count * len(joints)))]
         return points, elements, clear, ca.cse(self.number("length") * ca.vertcat(*half))
+
+    @property
+    def unprobed(self) -> list[int]:
+        """Elements of the guarded places that follow from the unknowns: probes are where a look puts them."""
+        return [*self.shared.owners, *range(self.spec.elements)]
+
+    @property
+    def touches(self) -> list[bool]:
+        """Whether the finger touches the object, of all guarded places."""
+        return self.guarded[2]
 
     @property
     def guarded_shares(self) -> list[ca.SX]:
@@ -215,11 +235,6 @@ class UnitFinger:
         else:
             beyond = ca.vertsplit(self.command - servo * self.pulls - ca.vertcat(path, -path))
         return ca.vertcat(*rows, *(a - soft(b, onset) for a, b in zip(stretched, beyond, strict=True)))
-
-    @property
-    def held(self) -> ca.SX:
-        """Quantities that stay while friction or the object change."""
-        return self.pulls if self.spec.drive is None else self.command
 
     def curvatures(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Curvatures for the strain limit; curvatures (degree + 1, N) at the family's places on each element; and the

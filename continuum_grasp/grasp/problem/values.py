@@ -13,9 +13,9 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.drives import StoredFinger
 from continuum_grasp.grasp.problem.curves import curve_numbers
+from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import inner_masses
-from continuum_grasp.grasp.problem.unknowns import Layout
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart
 from continuum_grasp.grasp.values import LITTLE, NEAR
 from continuum_grasp.model import SHARP, Feature, surface_of
@@ -113,7 +113,7 @@ def moved_features(
     return moved
 
 
-def problem_values(problem: Layout, scene: GraspScene, start: GraspStart, features: dict[str, Feature]) -> Values:
+def problem_values(problem: GraspProblem, scene: GraspScene, start: GraspStart, features: dict[str, Feature]) -> Values:
     """All run-time numbers except clearances, with no limit relaxed."""
     units = Units.of(scene)
     values: Values = {
@@ -138,7 +138,7 @@ def problem_values(problem: Layout, scene: GraspScene, start: GraspStart, featur
     return values
 
 
-def problem_bounds(problem: Layout, scene: GraspScene, features: dict[str, Feature]) -> tuple[Array, Array]:
+def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str, Feature]) -> tuple[Array, Array]:
     """Bounds of the unknowns, with no limit relaxed."""
     units = Units.of(scene)
     low: Values = {f"relaxed {r.name}": np.zeros(r.size) for r in RELAXATIONS}

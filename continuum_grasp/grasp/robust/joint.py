@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.problem.blocks import rotation
-from continuum_grasp.grasp.problem.equations import expressions
 from continuum_grasp.grasp.problem.points import starting_point
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.solver_run import (
@@ -34,7 +33,6 @@ from continuum_grasp.grasp.problem.solver_run import (
     settings_of,
     solve_clear,
 )
-from continuum_grasp.grasp.problem.unknowns import Layout
 from continuum_grasp.grasp.problem.values import Units, contact_features, moved_features, problem_values
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.starts.values import ContactStart, GraspStart, with_contacts
@@ -55,29 +53,39 @@ def _link_functions(
 ) -> tuple[ca.Function, ca.Function]:
     """Functions of what an error's problem shares with the nominal one: values, and second derivatives by forces."""
     error = ca.SX.sym("error", 3)
-    args = [nominal.x.symbol, nominal.numbers.symbol, other.x.symbol, error]
-    rows = link(nominal, other, error, left)
+    args = [ca.SX.sym("x", nominal.x.size), ca.SX.sym("p", nominal.numbers.size), ca.SX.sym("x_k", other.x.size), error]
+    rows = link(nominal, other, left, *args)
     force = ca.SX.sym("force", rows.numel())
     bend = ca.triu(ca.hessian(ca.dot(force, rows), args[0])[0])
     return ca.Function("link", args, [rows]), ca.Function("bends", [*args[:2], error, force], [bend])
 
 
-def link(nominal: GraspProblem, other: GraspProblem, error: ca.SX, left: tuple[int, ...]) -> ca.SX:
-    """Unknowns that an error's problem shares with the nominal one; ``error`` (3,) is by how much its object's pose is
-    off where it lies, in units of the problem, and ``left`` are the coordinates that the supports leave.
+def link(
+    nominal: GraspProblem, other: GraspProblem, left: tuple[int, ...], x: ca.SX, p: ca.SX, its: ca.SX, error: ca.SX
+) -> ca.SX:
+    """Unknowns that an error's problem shares with the nominal one, at ``its`` unknowns and those and the numbers of
+    that; ``error`` (3,) is by how much its object's pose is off where it lies, in units of the problem, and ``left``
+    are the coordinates that the supports leave.
     """
     rows = []
-    for mine, its in zip(nominal.fingers, other.fingers, strict=True):
-        rows.append(its.held - mine.held)
-        if mine.spec.free:
-            rows.append(its.base - mine.base)
+
+    def same(name: str) -> ca.SX:
+        return its[other.x.at[name]] - x[nominal.x.at[name]]
+
+    for finger in nominal.spec.fingers:
+        rows.append(same(f"{finger.name}.{finger.held}"))
+        if finger.free:
+            rows.append(same(f"{finger.name}.base"))
     if nominal.spec.free and not other.spec.yielding:
-        rows += [other.pose[k] - nominal.pose[k] - error[k] for k in left]
-    on = {contact.spec.name for contact in other.contacts}
-    for contact in nominal.contacts:
-        if contact.spec.name in on and other.spec.lands(contact.spec):
-            shifted = contact.local.point - rotation(-nominal.pose[2]) @ error[:2]
-            rows.append(other.x(f"landing, {contact.spec.name}", 2) - rotation(-error[2]) @ shifted)
+        rows += [same("object pose")[k] - error[k] for k in left]
+    on = {contact.name for contact in other.spec.contacts}
+    pose = x[nominal.x.at["object pose"]] if nominal.spec.free else p[nominal.numbers.at["object pose"]]
+    for placed, finger in zip(nominal.fingers, other.spec.fingers, strict=True):
+        *_, local = placed.part.touched(x[placed.unknowns.tolist()], p[placed.numbers.tolist()])
+        for k, name in enumerate(placed.names[1:]):
+            if name in on and other.spec.yielding and finger.lands:
+                shifted = local[:, k] - rotation(-pose[2]) @ error[:2]
+                rows.append(its[other.x.at[f"landing, {name}"]] - rotation(-error[2]) @ shifted)
     return ca.vertcat(*rows)
 
 
@@ -100,8 +108,7 @@ def robust_problem(
     xs = ca.vertsplit(x, _starts(sizes))
     ps = ca.vertsplit(p, _starts([*numbers, *[3] * count]))
     ps, errors = ps[: count + 1], ps[count + 1 :]
-    mine = expressions(nominal.problem.spec)
-    made = {solver: _link_functions(mine, expressions(solver.problem.spec), left) for solver in dict.fromkeys(others)}
+    made = {solver: _link_functions(nominal.problem, solver.problem, left) for solver in dict.fromkeys(others)}
     links = [made[other] for other in others]
 
     values = [part.nlp.values(a, b) for part, a, b in zip(parts, xs, ps, strict=True)]
@@ -110,7 +117,7 @@ def robust_problem(
     g = ca.vertcat(*(value[1] for value in values), *linked)
     rows_linked = [int(each.numel()) for each in linked]
 
-    # Of the parts, which may be compiled functions, and whose blocks CasADi would not see as soon.
+    # Of the parts, whose blocks CasADi would not see as soon.
     slopes = [part.nlp.functions["grad_f"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
     gradient = ca.Function("nlp_grad_f", [x, p], [f, ca.vertcat(*slopes)], ["x", "p"], ["f", "grad_f_x"])
     jacobians = [part.nlp.functions["jac_g"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
@@ -162,7 +169,7 @@ class JointSolverRun:
         self.nlp, self._links = robust_problem(self.nominal, others, in_error.left)
 
     @property
-    def problem(self) -> Layout:
+    def problem(self) -> GraspProblem:
         return self.nominal.problem
 
     def run(
