@@ -57,7 +57,8 @@ class GraspSearch:
         self._solvers: dict[tuple[tuple[str, int], ...], GraspSolverRun] = {}  # by names and parts of contacts
         self._maps = SceneMaps(scene)
         self._sampled = False  # whether postures were tried that maps do not lead to
-        self.curled = frozenset[str]()  # fingers that passed through themselves in an attempt
+        # Fingers that passed through each other in an attempt, or of the same name through themselves.
+        self.apart = frozenset[tuple[str, str]]()
 
     @property
     def best(self) -> Tried | None:
@@ -307,13 +308,21 @@ class GraspSearch:
         return tried
 
     def keep_clear(self, certificate: Certificate) -> bool:
-        """From now on, keep fingers clear of themselves that are not in a grasp; whether there are new ones."""
-        curled = certificate.curled - self.curled
-        if curled:
-            # Few grasps are so curled: what keeps a finger clear of itself costs nothing before one is.
-            self.curled |= curled
+        """From now on, keep fingers apart that are not in a grasp; whether there are new ones."""
+        crossed = certificate.crossed - self.apart
+        # Few grasps cross: what keeps fingers apart costs nothing before one does.
+        self._keep_apart(crossed)
+        return bool(crossed)
+
+    def keep_all_apart(self) -> None:
+        """From now on, keep all fingers apart that could meet."""
+        names = [setup.name for setup in self.scene.setups]
+        self._keep_apart(frozenset((names[k], names[m]) for k, m in self.scene.pairs))
+
+    def _keep_apart(self, names: frozenset[tuple[str, str]]) -> None:
+        if not names <= self.apart:
+            self.apart |= names
             self._solvers.clear()
-        return bool(curled)
 
     def adopt(self, relaxed: GraspAttempt) -> None:
         """Verify an attempt with limits relaxed by nothing, which is a grasp of the scene, though not its optimum."""
@@ -343,7 +352,7 @@ class GraspSearch:
         began = time.perf_counter()
         contacts = tuple((name, contact.part) for name, contact in start.contacts.items())
         if contacts not in self._solvers:
-            self._solvers[contacts] = GraspSolverRun.of(self.scene, start.contacts, self.curled)
+            self._solvers[contacts] = GraspSolverRun.of(self.scene, start.contacts, self.apart)
             self._solvers[contacts].prepare(self.scene)
         self.build_seconds += time.perf_counter() - began
         return self._solvers[contacts]

@@ -331,6 +331,8 @@ class _Verdict:
     def _reasons(self, further: bool = False) -> list[Reason]:
         """Limits that are in the way, alone or two at once; ``further`` ones where those at sight do not convince."""
         repairs, before = self.repairs, self._before
+        # A limit that is relaxed may be the distance of fingers.
+        self.search.keep_all_apart()
         repairs.look_further() if further else repairs.look()
         if before is None:
             return repairs.reasons()
@@ -417,8 +419,8 @@ class _Verdict:
             held = amount_text(min(candidate.start.estimate for candidate in self.search.held_exactly), "N", ".4g")
             message = f"exact rods hold with {held} in all, but {self._elements} elements per finger cannot follow them"
             advice = "Raise fidelity.elements, or omit it: the program then uses as many as it needs."
-        elif curled := self.search.curled:
-            message = f"no grasp was found in which {', '.join(sorted(curled))} does not pass through itself"
+        elif curled := sorted(finger for finger, other in self.search.apart if finger == other):
+            message = f"no grasp was found in which {', '.join(curled)} does not pass through itself"
             advice = "Use a shorter finger, or a base where it need not curl up: base_free lets the search find one."
         elif closest is not None and closest.attempt.optimal:
             names = ", ".join(check.name for check in closest.certificate.failed)

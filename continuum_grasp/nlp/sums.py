@@ -42,16 +42,14 @@ def summed(name: str, sizes: tuple[int, int, int], parts: Sequence[Summand]) -> 
     """
     n, m, count = sizes
     x, p, f_force, g_forces = (ca.MX.sym(key, size) for key, size in (("x", n), ("p", m), ("lf", 1), ("lg", count)))
-    values, gradients, jacobians, hessians, slopes = ([] for _ in range(5))
+    values, gradients, jacobians, hessians = ([] for _ in range(4))
     for part in parts:
         at = x[part.unknowns.tolist()], p[part.parameters.tolist()]
         functions = part.nlp.functions
         values.append(part.nlp.values(*at))
         gradients.append(ca.densify(functions["grad_f"](*at)[1]))
         jacobians.append(functions["jac_g"](*at)[1])
-        forces = f_force, g_forces[part.constraints.tolist()]
-        hessians.append(functions["hess_lag"](*at, *forces))
-        slopes.append(ca.densify(part.nlp.slope(*at, *forces)))
+        hessians.append(functions["hess_lag"](*at, f_force, g_forces[part.constraints.tolist()]))
     f = sum((value for value, _ in values), ca.MX(0.0))
     g = _scattered(count, [part.constraints for part in parts], [ca.densify(value) for _, value in values])
     gradient = _scattered(n, [part.unknowns for part in parts], gradients)
@@ -62,13 +60,12 @@ def summed(name: str, sizes: tuple[int, int, int], parts: Sequence[Summand]) -> 
     second = [part.unknowns[h.sparsity().get_col()] for part, h in zip(parts, hessians, strict=True)]
     upper = [(np.minimum(a, b), np.maximum(a, b)) for a, b in zip(first, second, strict=True)]
     hessian = _assembled((n, n), [a for a, _ in upper], [b for _, b in upper], hessians)
-    slope = _scattered(m, [part.parameters for part in parts], slopes)
-    weighted = [x, p, f_force, g_forces], ["x", "p", "lam_f", "lam_g"]
     derivatives = {
         "grad_f": ca.Function("nlp_grad_f", [x, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
         "jac_g": ca.Function("nlp_jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
-        "hess_lag": ca.Function("nlp_hess_l", weighted[0], [hessian], weighted[1], ["triu_hess_gamma_x_x"]),
-        "slope": ca.Function("nlp_slope", weighted[0], [slope], weighted[1], ["grad_gamma_p"]),
+        "hess_lag": ca.Function(
+            "nlp_hess_l", [x, p, f_force, g_forces], [hessian], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
+        ),
     }
     return NLP(name, x, f, g, p, derivatives)
 

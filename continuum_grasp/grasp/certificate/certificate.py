@@ -19,6 +19,7 @@ import numpy as np
 
 from continuum_grasp.base import Array, Summarized, check_arguments
 from continuum_grasp.grasp.certificate.check import (
+    CROSSED,
     CURLED,
     EXACT,
     Check,
@@ -85,10 +86,10 @@ class Certificate(Summarized):
         return tuple(check for check in self.checks if not check.passed)
 
     @property
-    def curled(self) -> frozenset[str]:
-        """Names of the fingers that pass through themselves."""
-        names = (check.name.partition(", ") for check in self.failed)
-        return frozenset(finger for name, _, finger in names if name == CURLED)
+    def crossed(self) -> frozenset[tuple[str, str]]:
+        """Names of the fingers that pass through each other; of one twice, through itself."""
+        names = (check.name.split(", ") for check in self.failed)
+        return frozenset((fingers[0], fingers[-1]) for name, *fingers in names if name in (CURLED, CROSSED))
 
     def data(self, *, error: bool = True) -> dict[str, Any]:
         """The certificate as plain data, with the model's ``error``, for which exact rods are solved, or without."""

@@ -25,7 +25,7 @@ EXACT = 1e-6
 """Limit of residuals of moments and forces, as a part of the greatest moment or force in play; of contact gaps, stored
 positions and slopes, as a part of the finger's length (slopes: rad); and part of it by which a limit may be exceeded.
 Optima of IPOPT, recomputed independently, stay below 2e-7 (400 random scenes)."""
-CURLED = "passes through itself"
+CURLED, CROSSED = "passes through itself", "overlap of fingers"
 """Name of the check of a finger against itself, before the finger's."""
 GUARDED = 1e-4
 """Limit of what depends on the places at which the optimizer looks at clearance, some eight per element: penetration of
@@ -136,7 +136,7 @@ def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
     for what, depth in depths:
         yield Check.part(f"penetration of the object into {what}", depth, length, "m", GUARDED)
     for first, other in combinations(grasp.fingers, 2) if grasp.scene.overlap == "forbid" else ():
-        name = f"overlap of fingers, {first.name}, {other.name}"
+        name = f"{CROSSED}, {first.name}, {other.name}"
         yield Check.part(name, overlap(first, other), other.length, "m", GUARDED)
 
 

@@ -97,13 +97,13 @@ class GraspSolverRun:
 
     @classmethod
     def of(
-        cls, scene: GraspScene, contacts: dict[str, ContactStart], curled: frozenset[str] = frozenset()
+        cls, scene: GraspScene, contacts: dict[str, ContactStart], apart: frozenset[tuple[str, str]] | None = None
     ) -> GraspSolverRun:
         """The solver for a problem, with the arguments of `ProblemSpec.of`.
 
         It is built once in a process for all scenes of its structure.
         """
-        return solver_for(ProblemSpec.of(scene, contacts, curled))
+        return solver_for(ProblemSpec.of(scene, contacts, apart))
 
     def prepare(self, scene: GraspScene) -> Solver:
         """The solver for the options of a scene; built once."""

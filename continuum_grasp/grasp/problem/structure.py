@@ -178,13 +178,16 @@ class ProblemSpec:
         return replace(self, fingers=(), contacts=(), surfaces=(), pairs=())
 
     def fits(self, scene: GraspScene, contacts: dict[str, ContactStart]) -> bool:
-        """Whether the problem of a scene with these contacts on has this structure."""
-        return ProblemSpec.of(scene, contacts) == self
+        """Whether the problem of a scene with these contacts on has this structure, whatever keeps apart."""
+        return replace(ProblemSpec.of(scene, contacts), pairs=self.pairs) == self
 
     @staticmethod
-    def of(scene: GraspScene, contacts: dict[str, ContactStart], curled: frozenset[str] = frozenset()) -> ProblemSpec:
+    def of(
+        scene: GraspScene, contacts: dict[str, ContactStart], apart: frozenset[tuple[str, str]] | None = None
+    ) -> ProblemSpec:
         """The structure of the problem of a scene with some contacts on, which sit where a start has them; fingers that
-        are ``curled``, by name, must not pass through themselves.
+        keep ``apart`` are given by their names, one that must not pass through itself twice. By default all do that
+        could meet.
         """
         aims = scene.aims
         setups = scene.setups
@@ -203,6 +206,10 @@ class ProblemSpec:
             finite = support is not None and support.name in bounded
             specs.append(ContactSpec(name, *place, isinstance(support, Peg), surfaces[start.part], finite))
         disturbed = "greatest_disturbance" in aims
+        pairs = scene.pairs
+        if apart is not None:
+            count = range(len(setups))
+            pairs = tuple((k, m) for k in count for m in count if (setups[k].name, setups[m].name) in apart)
         return ProblemSpec(
             fingers=tuple(FingerSpec.of(setup, on, weighs) for setup in setups),
             contacts=tuple(specs),
@@ -211,7 +218,7 @@ class ProblemSpec:
             planes=len(scene.walls) - len(bounded),
             edges=len(bounded),
             pegs=len(scene.pegs),
-            pairs=(*scene.pairs, *((k, k) for k, setup in enumerate(setups) if setup.name in curled)),
+            pairs=pairs,
             free=scene.object.free is not None,
             balances=scene.balances,
             aims=aims,
