@@ -219,7 +219,7 @@ def scene_of(kind: type[Value], feature: Feature, more: Mapping[str, Any]) -> Va
 
 def _problem(scene: GraspScene) -> Iterator[object]:
     """The problem of a grasp without contacts."""
-    yield GraspProblem(ProblemSpec.of(scene, {})).objective
+    yield GraspProblem(ProblemSpec.of(scene, {})).nlp.f
 
 
 def _fit(scene: Scene) -> Iterator[object]:

@@ -79,13 +79,6 @@ class Cache:
             os.utime(entry)
         return entry
 
-    def forget_oldest(self, stored: int) -> None:
-        """Remove all entries but so many, those used last."""
-        with suppress(OSError):  # another process removes them, too
-            for entry in sorted(private_folder(self.kind).glob(f"*{self.suffix}"), key=os.path.getmtime)[:-stored]:
-                entry.with_suffix(".json").unlink(missing_ok=True)
-                entry.unlink(missing_ok=True)
-
     def total(self, identity: str, more: float = 0.0) -> float:
         """Add to the number that is stored for an identity, which is zero at first and where no folder lasts.
 
@@ -104,18 +97,6 @@ class Cache:
                 written.write_text(repr(total), encoding="ascii")
                 os.replace(written, entry)
         return total
-
-    @property
-    def lasts(self) -> bool:
-        """Whether entries outlast this process: their folder can be had for this user alone."""
-        return _lasting_folder(self.kind) is not None
-
-    @property
-    def is_building(self) -> bool:
-        """Whether a process builds an entry."""
-        folder = private_folder(self.kind)
-        _remove_left_builds(folder)
-        return any(folder.glob("build-*"))
 
     @staticmethod
     @cache

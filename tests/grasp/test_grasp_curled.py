@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
+from benchmarks.grasp_images import scene_of
+from benchmarks.grasp_populations import document
 from continuum_grasp import SolverError, optimize_grasp
 from continuum_grasp.scene import GraspScene
 
@@ -63,3 +65,16 @@ def test_where_every_posture_passes_through_itself_the_message_says_so():
     with pytest.raises(SolverError, match="no grasp was found in which finger does not pass through itself") as error:
         optimize_grasp(scene(*asked, middle="on").changed({"fidelity.elements": 8}))
     assert "shorter finger" in error.value.advice
+
+
+def test_where_the_best_postures_cross_others_are_found():
+    """Fingers keep apart in the problem only once they crossed in an attempt."""
+    asked = scene_of(document("two", 6), 8)
+    far = {}
+    for overlap in ("allow", "forbid"):
+        arrays = optimize_grasp(asked.changed({"overlap": overlap})).arrays
+        lines = [shapely.LineString(arrays[f"{name}.backbone"][:, 1:3]) for name in asked.named_fingers]
+        far[overlap] = lines[0].distance(lines[1])
+    thick = sum(float(setup.finger.profile.half_thickness(0.0)) for setup in asked.setups)
+    assert far["allow"] < 0.9 * thick
+    assert far["forbid"] > thick - 1e-4 * asked.setups[0].finger.rod.length

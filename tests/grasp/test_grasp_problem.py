@@ -18,10 +18,11 @@ from scipy.integrate import simpson
 from continuum_grasp.grasp import GraspResponse, Resistance, optimize_grasp
 from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem import points, surroundings, values
-from continuum_grasp.grasp.problem.limits import friction_cone
+from continuum_grasp.grasp.problem.parts import friction_cone
+from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.problem.solver_run import OPTION_SETS
-from continuum_grasp.grasp.problem.structure import FingerSpec
+from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, GraspSolverRun
+from continuum_grasp.grasp.problem.structure import FingerSpec, ProblemSpec
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.model import CurvesSpec, FingerModel, TouchingCircle, backbone_of, surface_of
@@ -46,7 +47,7 @@ from continuum_grasp.scene import (
     Tendons,
     load,
 )
-from tests.grasp.test_grasp_problem_limits import posed
+from tests.grasp.test_grasp_problem_limits import first_start, posed
 
 SHARP = OffsetPolygon(((-0.05, -0.03), (0.05, -0.03), (0.05, 0.03), (-0.05, 0.03)))
 PARTS = {
@@ -320,6 +321,45 @@ def test_the_tip_does_not_come_from_within():
     assert depth.value < 3e-6
 
 
+def test_fingers_that_are_alike_share_their_derivatives():
+    """Of three parts of a wrap by two fingers, those of the fingers are the same."""
+    scene = load(CONFIGS / "pinch.yaml")
+    start = GraspStart.of(scene, dict(optimize_grasp(scene).arrays))
+    problem = GraspSolverRun.of(scene, start.contacts).problem
+    first, second = (placed.part for placed in problem.fingers)
+    assert first is second
+    assert [placed.names[0] for placed in problem.fingers] == [finger.name for finger in problem.spec.fingers]
+
+
+@pytest.mark.parametrize(
+    ("name", "aim"),
+    [("pinch", "greatest_disturbance"), ("mug_hanging", "least_tension"), ("wrap", "least_normal_force")],
+)
+def test_derivatives_of_a_sum_of_parts_are_those_of_its_values(name, aim):
+    scene = load(CONFIGS / f"{name}.yaml").changed({"objective": aim, "fidelity.elements": 4})
+    start = first_start(scene)
+    problem = GraspProblem(ProblemSpec.of(scene, start.contacts))
+    features = values.contact_features(scene, start.contacts)
+    p = problem.numbers.pack(values.problem_values(problem, scene, start, features), 0.3)
+    rng = np.random.default_rng(2)
+    x = points.starting_point(problem, scene, start, features) + 0.03 * rng.uniform(0.5, 1.0, problem.x.size)
+    force, along, h = rng.normal(size=problem.rows.count), rng.normal(size=x.size), 1e-6
+
+    def slope(x):
+        gradient, jacobian = (np.array(problem.nlp.functions[key](x, p)[1]) for key in ("grad_f", "jac_g"))
+        return gradient.ravel() + jacobian.T @ force
+
+    def lagrangian(x):
+        f, g = problem.nlp.values(x, p)
+        return float(f) + float(np.array(g).ravel() @ force)
+
+    numeric = (lagrangian(x + h * along) - lagrangian(x - h * along)) / (2.0 * h)
+    assert slope(x) @ along == pytest.approx(numeric, rel=1e-6)
+    upper = np.array(problem.nlp.functions["hess_lag"](x, p, 1.0, force))
+    bent, difference = (upper + np.triu(upper, 1).T) @ along, (slope(x + h * along) - slope(x - h * along)) / (2.0 * h)
+    assert_allclose(bent, difference, atol=1e-6 * float(np.abs(difference).max()))
+
+
 # -- guarded places, cones, unique forces, elements of a taper -------------------------------------------------------
 
 
@@ -335,8 +375,7 @@ def places_seen(base):
 def test_amounts_of_several_components_have_a_derivative_at_zero():
     _, problem, numbers, x, _ = posed()
     packed = problem.numbers.pack({**numbers, "effort weight": 0.0, "relaxation weights": np.ones(len(RELAXATIONS))}, 0)
-    slope = ca.gradient(problem.objective, problem.x.symbol)
-    value, slope = ca.Function("f", [problem.x.symbol, problem.numbers.symbol], [problem.objective, slope])(x, packed)
+    value, slope = problem.nlp.functions["grad_f"](x, packed)
     assert np.isfinite(np.array(slope)).all()
     assert float(value) < 3e-6  # of a unit of the problem
 
@@ -344,9 +383,12 @@ def test_amounts_of_several_components_have_a_derivative_at_zero():
 def test_contact_forces_are_unique_and_cost_next_to_nothing():
     _, problem, numbers, x, _ = posed()
     forces = np.concatenate([np.r_[at] for name, at in problem.x.at.items() if name.startswith("force, ")])
-    bend, slope = ca.hessian(problem.objective, problem.x.symbol)
-    function = ca.Function("f", [problem.x.symbol, problem.numbers.symbol], [problem.objective, slope, bend])
-    value, slope, bend = (np.array(v) for v in function(x, problem.numbers.pack(numbers, 0)))
+    packed = problem.numbers.pack(numbers, 0)
+    value, slope = (np.array(v) for v in problem.nlp.functions["grad_f"](x, packed))
+    bend = np.zeros((x.size, x.size))
+    for placed in problem.parts:
+        bent = placed.part.read(ca.hessian(placed.part.objective, placed.part.x.symbol)[0])
+        bend[np.ix_(placed.unknowns, placed.unknowns)] += placed.values(bent, x, packed)[0]
     assert np.linalg.eigvalsh(bend[np.ix_(forces, forces)]).min() > 0.0
     assert 0.5 * slope[forces, 0] @ x[forces] < 1e-6 * value.item()
 

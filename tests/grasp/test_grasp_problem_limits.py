@@ -19,7 +19,7 @@ from continuum_grasp import nlp
 from continuum_grasp.grasp.finger_map import places_of
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import disturbance, limits, points, solver_run, surroundings, values
-from continuum_grasp.grasp.problem.equations import equations, expressions
+from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.solver_run import GraspSolverRun, allowed_depth, solve_clear
 from continuum_grasp.grasp.problem.structure import ProblemSpec
@@ -125,12 +125,11 @@ def posed(objective="least_tension"):
     """The problem of a mug, its numbers and unknowns at a start, and the bounds of these."""
     scene = make_scene(objective=objective)
     start = first_start(scene)
-    problem = expressions(ProblemSpec.of(scene, start.contacts))
-    layout = equations(problem.spec).layout
+    problem = GraspProblem(ProblemSpec.of(scene, start.contacts))
     features = values.contact_features(scene, start.contacts)
-    numbers = values.problem_values(layout, scene, start, features)
-    x = points.starting_point(layout, scene, start, features)
-    return scene, problem, numbers, x, values.problem_bounds(layout, scene, features)
+    numbers = values.problem_values(problem, scene, start, features)
+    x = points.starting_point(problem, scene, start, features)
+    return scene, problem, numbers, x, values.problem_bounds(problem, scene, features)
 
 
 def relaxed(*names):
@@ -142,19 +141,18 @@ def relaxed(*names):
 def weighed_change():
     """What it costs beside the reserve of the cones to change one tension by its most."""
     scene, problem, numbers, _, _ = posed()
-    made = equations(problem.spec.in_error(yielding=False))
-    robust, start = made.layout, first_start(scene)
+    robust, start = GraspProblem(problem.spec.in_error(yielding=False)), first_start(scene)
     values_there = values.problem_values(robust, scene, start, values.contact_features(scene, start.contacts))
     packed, x = robust.numbers.pack({**numbers, **values_there}, 0.0), np.zeros(robust.x.size)
     x[robust.x.at["finger.pulls"]] = values_there["finger.pull_held"]
     taken = x.copy()
     taken[robust.x.at["finger.pulls"].start] += values_there["finger.pull_max"]
     sums = values_there["finger.tension weight"] * values_there["finger.pull_max"]
-    return float(made.nlp.values(taken, packed)[0] - made.nlp.values(x, packed)[0]) - sums
+    return float(robust.nlp.values(taken, packed)[0] - robust.nlp.values(x, packed)[0]) - sums
 
 
 def points_of_backbones():
-    return equations(posed()[1].spec).read.size_out(10)
+    return posed()[1].fingers[0].part.finger.shared.line.size_out(0)
 
 
 COUNTS = [
@@ -190,10 +188,10 @@ def test_a_finger_that_may_be_inside_may_point_anywhere():
     """By a five-hundredth of the length, where that is relaxed."""
     _, problem, numbers, x, _ = posed()
     (block,) = (b for b in problem.rows.blocks if b.name.startswith("contact direction"))
-    rows = ca.Function("g", [problem.x.symbol, problem.numbers.symbol], [problem.rows.g])
     inside = x.copy()
     inside[problem.x.at["relaxed clearance at the object"]] = 2e-3
-    more = rows(inside, problem.numbers.pack(numbers, 0)) - rows(x, problem.numbers.pack(numbers, 0))
+    packed = problem.numbers.pack(numbers, 0)
+    more = problem.nlp.values(inside, packed)[1] - problem.nlp.values(x, packed)[1]
     assert float(np.array(more)[block.rows].item()) >= 1.0
 
 

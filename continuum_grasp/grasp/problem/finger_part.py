@@ -14,7 +14,7 @@ from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec, Pro
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 
 
-class FingerPart(PlanarPart):
+class PlanarFinger(PlanarPart):
     """A finger, and its contacts with the object; ``curled``: it must not pass through itself."""
 
     name = "{0}."
@@ -128,7 +128,7 @@ class FingerPart(PlanarPart):
         return self.read(self.finger.q, self.finger.u, self.finger.p)
 
 
-class PairPart(PlanarPart):
+class PlanarPair(PlanarPart):
     """Two fingers that keep clear of each other; ``tips`` are the contacts at theirs, where they touch."""
 
     def __init__(self, spec: ProblemSpec, pair: tuple[FingerSpec, FingerSpec], tips: tuple[ContactSpec | None, ...]):
@@ -140,6 +140,6 @@ class PairPart(PlanarPart):
         keep_apart(self, (first, other), (first.guarded[0], other.guarded[0]))
 
 
-finger_part = lru_cache(maxsize=64)(FingerPart)
+finger_part = lru_cache(maxsize=64)(PlanarFinger)
 """The part of a finger; built once in a process."""
-pair_part = lru_cache(maxsize=64)(PairPart)
+pair_part = lru_cache(maxsize=64)(PlanarPair)

@@ -16,7 +16,7 @@ from continuum_grasp.grasp.problem.structure import ContactSpec, ProblemSpec
 from continuum_grasp.model import Surface, TouchingCircle
 
 
-class ObjectPart(PlanarPart):
+class PlanarObject(PlanarPart):
     """The object, whose parts have ``surfaces``, and its contacts with supports."""
 
     def __init__(self, spec: ProblemSpec, surfaces: tuple[Surface[Any], ...], supports: tuple[ContactSpec, ...]):
@@ -102,5 +102,5 @@ class ObjectPart(PlanarPart):
         return total
 
 
-object_part = lru_cache(maxsize=64)(ObjectPart)
+object_part = lru_cache(maxsize=64)(PlanarObject)
 """The part of an object; built once in a process."""

@@ -19,8 +19,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.problem.finger_part import FingerPart, finger_part, pair_part
-from continuum_grasp.grasp.problem.object_part import ObjectPart, object_part
+from continuum_grasp.grasp.problem.finger_part import PlanarFinger, finger_part, pair_part
+from continuum_grasp.grasp.problem.object_part import PlanarObject, object_part
 from continuum_grasp.grasp.problem.parts import PartedProblem, PlacedPart
 from continuum_grasp.grasp.problem.structure import ContactSpec, ProblemSpec
 
@@ -31,8 +31,8 @@ class GraspProblem(PartedProblem):
     Attributes
     ----------
     spec : ProblemSpec
-    whole : PlacedPart of ObjectPart
-    fingers : list of PlacedPart of FingerPart
+    whole : PlacedPart of PlanarObject
+    fingers : list of PlacedPart of PlanarFinger
     """
 
     def __init__(self, spec: ProblemSpec) -> None:
@@ -42,7 +42,7 @@ class GraspProblem(PartedProblem):
         supports = tuple(contact for contact in spec.contacts if contact.finger < 0)
         names = [contact.name for contact in supports]
         surfaces = spec.surfaces if spec.free else ()
-        self.whole: PlacedPart[ObjectPart] = self.add(object_part(shared, surfaces, _placed(supports, 0)), *names)
+        self.whole: PlacedPart[PlanarObject] = self.add(object_part(shared, surfaces, _placed(supports, 0)), *names)
         self.fingers = [self._finger(k) for k in range(len(spec.fingers))]
         for k, other in spec.pairs:
             if k != other:
@@ -52,7 +52,7 @@ class GraspProblem(PartedProblem):
         """Pose of the object (3,) at a point."""
         return x[self.x.at["object pose"]] if self.spec.free else p[self.numbers.at["object pose"]]
 
-    def _finger(self, k: int) -> PlacedPart[FingerPart]:
+    def _finger(self, k: int) -> PlacedPart[PlanarFinger]:
         spec, finger = self.spec, self.spec.fingers[k]
         contacts = tuple(contact for contact in spec.contacts if contact.finger == k)
         part = finger_part(spec.shared, replace(finger, name="{0}"), _placed(contacts, 1), (k, k) in spec.pairs)
