@@ -142,6 +142,12 @@ class BodySurface:
 
     def sections(self, frame: PlaneFrame, count: int = 161) -> list[Array]:
         """Closed lines (N, 2) in which a plane cuts it, in the plane's x and y [m]; none where the plane misses it."""
+        if self.solid.shape == "mesh":
+            from trimesh import Trimesh
+
+            cut = Trimesh(*self.triangles(), process=False).section(frame.axes[:, 2], frame.base)
+            lines = [] if cut is None else cut.discrete
+            return [np.asarray((line - frame.base) @ frame.axes[:, :2]) for line in lines]
         from contourpy import contour_generator
 
         middle = (self.center - frame.base) @ frame.axes[:, :2]
