@@ -113,7 +113,8 @@ def stable(*found, value=-0.09):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stations, "_slope", lambda *_: np.ones(1))
-        patch.setattr(stations, "solver_for", lambda spec: None)
+        problem = Some(steadying=lambda slope, level: {"stability level": level})
+        patch.setattr(stations, "solver_for", lambda spec: Some(problem=problem))
         patch.setattr(stations, "replace", lambda some, **_: some)
         stations._stabilize(searching(attempt=attempt), grasp(value))
     return asked
