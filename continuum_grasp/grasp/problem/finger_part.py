@@ -90,7 +90,7 @@ class PlanarFinger(PlanarPart):
             self.rows.require(f"landing, {contact.spec.name}", off, "m", "robust")
 
     def _effort(self) -> ca.SX:
-        """What tensions add to the objective."""
+        """The aims that concern tensions."""
         finger = self.finger
         # Tensions always count, if only by a little: they are unique then.
         total = finger.number("tension weight") * ca.sum1(finger.pulls)

@@ -85,7 +85,7 @@ class PlanarObject(PlanarPart):
             self.rows.require("object in a support", clear, "m", "supports", upper=ca.inf)
 
     def _effort(self) -> ca.SX:
-        """What is sought of the whole."""
+        """The aims that concern the whole."""
         number, aims = self.numbers, self.spec.aims
         total = ca.SX(0)
         if "least_normal_force" in aims:

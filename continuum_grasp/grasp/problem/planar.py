@@ -1,4 +1,4 @@
-"""What the parts of a planar grasp problem have in common: the object's pose, and contacts with it as expressions."""
+"""Parts of a planar grasp problem: they share the object's pose, and have contacts with it as expressions."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class PlanarPart(ProblemPart):
         self.balance(force, moment, loads)
 
     def aim(self, effort: ca.SX) -> None:
-        """What the contacts add to an effort, and this to the objective."""
+        """Add to an effort what makes contact forces unique, and this to the objective."""
         number = self.numbers
         if "least_normal_force" in self.spec.aims:
             # Least maximum as a smooth problem: a bound on all normal forces, which is minimized.

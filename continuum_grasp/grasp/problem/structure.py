@@ -174,7 +174,7 @@ class ProblemSpec:
 
     @property
     def shared(self) -> ProblemSpec:
-        """What all parts of the problem share."""
+        """The structure that all parts of the problem share."""
         return replace(self, fingers=(), contacts=(), surfaces=(), pairs=())
 
     def fits(self, scene: GraspScene, contacts: dict[str, ContactStart]) -> bool:
