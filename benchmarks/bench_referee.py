@@ -1,6 +1,6 @@
 """An outside referee: the cases of cosseratbench, solved by this package, by MuJoCo's cable and by PyElastica.
 
-Run ``python -m benchmarks.bench_referee`` (20 min) with an interpreter that has ``pip install "cosseratbench[all]"
+Run ``python -m benchmarks.bench_referee`` (10 min) with an interpreter that has ``pip install "cosseratbench[all]"
 "mujoco<4"`` beside the package (tried: cosseratbench 0.3.0, whose cable needs an element that MuJoCo 4 took away).
 Scenes, references and errors are the referee's. Two of its experiments are planar rods held at one end, which
 ``cosserat_adapter`` can describe; the report lists the others with the reason.
@@ -37,8 +37,8 @@ class Entry:
     nodes: int | None
 
 
-def entries(experiment: Experiment, report: Report) -> list[Entry]:
-    """Ours with several numbers of elements; the others as they come, and with twice the elements."""
+def entries(experiment: Experiment, report: Report, doubled: bool) -> list[Entry]:
+    """Ours with several numbers of elements; the others as they come and, if ``doubled``, with twice the elements."""
     found = [Entry(f"this package, {n} clothoid{'s' * (n > 1)}", ContinuumGrasp(n), None) for n in ELEMENTS]
     for name in OTHERS:
         try:
@@ -46,7 +46,7 @@ def entries(experiment: Experiment, report: Report) -> list[Entry]:
         except ImportError as error:
             report.missing.append(f"{name}: {error}")
             continue
-        for nodes in (experiment.n_elements, 2 * experiment.n_elements):
+        for nodes in (experiment.n_elements, 2 * experiment.n_elements)[: 1 + doubled]:
             found.append(Entry(f"{name}, {nodes} elements", solver, nodes))
     return found
 
@@ -57,7 +57,8 @@ def measure(report: Report, name: str, values: dict[str, float], title: str) -> 
     metrics = list(experiment.metrics)
     table = report.table(title, ["", *(text.replace("_", " ") for text in metrics), "wall time [s]"])
     results = {}
-    for entry in entries(experiment, report):
+    doubled = experiment.values(**values) == experiment.values()
+    for entry in entries(experiment, report, doubled):
         result = run(experiment, entry.solver, values=values, n_elements=entry.nodes)
         results[entry.label] = result
         failure = result.failure or ", ".join(result.missing)

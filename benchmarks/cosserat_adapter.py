@@ -45,12 +45,8 @@ class ContinuumGrasp:
 
     def settings(self, scenario: Scenario, *, n_elements: int, n_frames: int) -> dict[str, Any]:
         """Numerical choices, which the referee stores beside its results."""
-        case = PlanarCase(scenario, self.elements)
-        return {
-            "elements": self.elements,
-            "family": case.finger_scene.fidelity.family or "matched_clothoid",
-            "time_step": None if scenario.quasi_static else self._step(scenario, n_frames),
-        }
+        step = None if scenario.quasi_static else self._step(scenario, n_frames)
+        return {"elements": self.elements, "family": "matched_clothoid", "time_step": step}
 
     def run(self, scenario: Scenario, *, n_elements: int, n_frames: int) -> Trajectory:
         """Equilibrium of a quasi-static scenario in every frame, the motion of another."""

@@ -207,5 +207,5 @@ def _end_output() -> None:
     try:
         sys.stdout.flush()
     except OSError:
-        # The interpreter flushes once more at its end, into what is open then.
+        # The interpreter flushes once more at its end, into the stream that is open then.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

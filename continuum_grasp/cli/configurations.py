@@ -36,7 +36,7 @@ def new(
         Path | None,
         typer.Argument(metavar="DIR", parser=named_path, help="Target folder; created if missing.", show_default=False),
     ] = None,
-    name: str = option("Which one.", "--example", default=_FIRST, metavar="NAME"),
+    name: str = option("Example to copy.", "--example", default=_FIRST, metavar="NAME"),
     listed: bool = option("Copy nothing: list all examples, by command.", "--list", default=False),
     notebooks: bool = option("Copy the notebooks instead of an example.", "--notebooks", default=False),
 ) -> None:
@@ -128,7 +128,7 @@ def validate(
         list[Path],
         typer.Argument(metavar="FILE", help="YAML configurations.", show_default=False),
     ],
-    picture: Path | None = option("Draw the scene before anything is solved.", metavar="FILE"),
+    picture: Path | None = option("Draw the scene; solve nothing.", metavar="FILE"),
 ) -> None:
     """Check configurations. Whether a finger can be modeled so is part of it."""
     from continuum_grasp.control import Prediction

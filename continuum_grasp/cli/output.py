@@ -194,7 +194,7 @@ class Output:
             with self.busy(what) as report:
                 result = work(report)
         except (NumericalError, Interrupted) as error:
-            # The result of an error may be that of one step of the work, as a simulation of a fit is.
+            # An error may carry the result of one step of the work, such as a simulation of a fit.
             if getattr(error.result, "kind", None) == self.verb:
                 with self.saving():
                     error.result.save(self.folder)

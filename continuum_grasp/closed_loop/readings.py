@@ -53,7 +53,7 @@ class Readings:
     def _rows(self, value: ca.SX, x: Array, u: Array, w: Array) -> Array:
         """Rows (K, size) of an expression of the plant at states, inputs and forces."""
         function = self.plant.function("read", value=value)
-        # A map takes and returns columns; those of one call with several columns are side by side.
+        # A map takes and returns columns; a call with several columns has them side by side.
         mapped = function.map(len(x))(x.T, u.T, w.T)
         return np.array(mapped).reshape(-1, len(x), order="F").T
 
@@ -90,7 +90,7 @@ class Readings:
         plant = self.plant.quantities(self._prediction, u, (u - held) / self._stages.stage)
         of_state = ca.vertcat(*[term.value(plant, cost) for term in terms if term.of_state])
         columns = [self._rows(of_state, x, u, w)]
-        # Terms of the input are those of the commands as they were given, whatever the drive made of them.
+        # Terms of the input count the commands as given, whatever the drive made of them.
         return np.hstack([*columns, *[term.value(plant, cost) for term in terms if not term.of_state]])
 
     # -- what is bounded ----------------------------------------------------------------------------------------------

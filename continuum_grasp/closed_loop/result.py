@@ -335,7 +335,7 @@ class ControlRun(MotionResult):
                 beyond = f"{bound.name}: exceeded by {amount(bound.excess[k], bound.unit)} at {self.t[k]:.3g} s"
                 warnings.append(
                     f"{beyond}; likely cause: a start or a setpoint beyond it, a low penalty, or a finger that differs "
-                    "from the model (more clearance, or a bound that is tighter)"
+                    "from the model (more clearance, or a tighter bound)"
                 )
         use = self.readings.range_use(self.x, self._inputs, self.w)
         if use.max(initial=0.0) > 1.0:

@@ -169,7 +169,7 @@ class SharedModel:
             before, known = (0, lead.finger_parameters) if states == "x" else (self._first[0], 0)
             mass = first["p"][known + lead.object_parameters.index("object_mass")]
             rate[lead.x_names.index(_RISE) - before] += exerted[3] / mass
-        rates[at[0]] = rate  # last: what is shared moves as the first plant says
+        rates[at[0]] = rate  # last: the shared object moves as the first plant says
         return rates, [of_lead, *outputs]
 
 

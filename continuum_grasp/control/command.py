@@ -178,7 +178,7 @@ class Command(Summarized):
         True
         """
         s, plan, p = self._control.stages, self.plan, self._part("p")
-        if s.scenarios is not None:  # the plan is that of the first
+        if s.scenarios is not None:  # the plan of the first
             p = s.scenarios.scale[0] * p + s.scenarios.shift[0]
         largest = np.abs(s.ends(plan.x[:-1], plan.u, p) - plan.x[1:]).max(axis=0).tolist()
         return {split_unit(name).name: value for name, value in zip(s.x_names, largest, strict=True)}

@@ -36,7 +36,7 @@ def controller_source(parts: ControlParts, real: str) -> str:
     # The clock of timing.h is POSIX, which a compiler asked for plain C11 hides without the macro.
     texts = ["#define _POSIX_C_SOURCE 199309L\n#include <stddef.h>", iterations, *parts.macros(controls=True)]
     texts += ["#define CG_SINGLE" if real == "float" else "", _templates("checks.h")]
-    # CasADi defines the prefix of its helpers' names once per file; here those of the stages come first.
+    # CasADi defines the prefix of its helpers' names once per file; here the stages come first.
     if estimation is not None:
         texts += ["#undef CASADI_PREFIX", *_estimator(parts, real, has_lanes="#define EKF_VECTOR" in iterations)]
     texts += [

@@ -218,7 +218,7 @@ class CompiledController(Remade, Summarized):
             value = CheckedArgument(name, setting).vector(getattr(self.stages, name).size)
             if name[:2] not in ("u_", "c_") and np.any(value < 0.0):
                 raise InputError(f"expected no negative entry, got {value.tolist()}", key=name)
-            # The safe ramp and the supervisor's scales are those of the nominal limits.
+            # The safe ramp and the supervisor's scales follow the nominal limits.
             if name.startswith("u_") and (np.any(value < self.stages.u_min) or np.any(value > self.stages.u_max)):
                 raise InputError("expected entries within the limits of the scene", key=name)
             changed[f"rti.{name}"] = value

@@ -62,7 +62,7 @@ class ControlLog:
                 got = getattr(self, key).shape
                 raise InputError(f"{self.name}.{key}: expected ({count}, {len(names)}) numbers, got {got}", key="data")
         if count < 2 or not np.allclose(np.diff(self.t), self.period, rtol=0.0, atol=1e-3 * abs(self.period)):
-            raise InputError(f"{self.name}: expected two or more instants that are evenly spaced", key="data")
+            raise InputError(f"{self.name}: expected two or more evenly spaced instants", key="data")
         if self.period <= 0.0 or not np.all(np.isfinite(self.u)):
             raise InputError(f"{self.name}: expected instants that increase and finite commands", key="data")
 

@@ -268,7 +268,7 @@ def _filter(scene: ControlScene, model: Prediction, stages: Stages, estimation: 
         for k, name in enumerate(estimation.z_names)
     ]
     drives = {drive.state for drive in model.driven}
-    # Steps as long as those of the stages, which the stiffness allows; rounding must not add one.
+    # Steps as long as the stages, if the stiffness allows them; rounding must not add one.
     substeps = max(1, math.ceil(stages.substeps * period / stages.stage - 1e-9))
     settings: Settings = {
         "noise": process,
@@ -364,7 +364,7 @@ def _correction(scene: ControlScene, stages: Stages, estimation: Estimation | No
     if touches or "tip_x [m]" not in measured or "tip_x [m]" not in stages.r_names:
         return dict(_UNCORRECTED)
     return {
-        # Means over five windows, as those of the supervisor, from a horizon after the setpoint moved.
+        # Means over five of the supervisor's windows, from a horizon after the setpoint moved.
         "correction": 1.0 / (5 * _window(scene)),
         "correction_most": _CORRECTED * scene.finger.rod.length,
         "correction_after": math.ceil(stages.stages * stages.stage / scene.controller.step - 1e-9),

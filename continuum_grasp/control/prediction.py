@@ -325,7 +325,7 @@ class Prediction(Remade):
         Errors are as in ``initial_state``.
         """
         finger, scene = self.system.finger_model, self.scene
-        # Equilibria are those of simulated scenes: of the finger alone.
+        # Equilibria are of the finger alone, as in simulated scenes.
         alone = Scene(
             finger=scene.finger,
             gravity=scene.gravity,

@@ -144,7 +144,7 @@ def _solve_again(scene: GraspScene, result: GraspResult, budget: Budget) -> Trie
         return {"clock": "stopped by the clock", "iterations": "the iterations were used up"}[budget.cut]
     if search.unstable is not None:
         return NONE
-    # A solver that fails shows nothing; one that converges to what is no grasp does.
+    # A solver that fails shows nothing; one that converges without a grasp does.
     ended = {tried.attempt.status for tried in search.tried}
     return (
         NONE

@@ -46,7 +46,7 @@ class GraspSearch:
     def __init__(self, scene: GraspScene, budget: Budget) -> None:
         self.scene = scene
         self.budget = budget
-        self.settled: list[Candidate] = []  # fingers that hold the object, those of least tension first
+        self.settled: list[Candidate] = []  # fingers that hold the object, least tension first
         self.tried: list[Tried] = []
         self.good: list[Tried] = []  # those that the certificate confirms
         self.fallback: Tried | None = None  # a grasp with least tension, where something else is sought

@@ -46,7 +46,7 @@ class FingerShape:
         self.matches_tip = self._family.matches_tip
         # Of the channels at the stored tensions [N m].
         self.amplitudes = [np.dot(channel.arms, stored("tensions")) for channel in self.channels]
-        # Only the difference to what is linear on each element matters: none for tendons of constant offset to the tip.
+        # Only the part that is not linear on an element matters: none for tendons of constant offset to the tip.
         self._inside = [
             (channel.shape, amplitude)
             for channel, amplitude in zip(self.channels, self.amplitudes, strict=True)

@@ -94,7 +94,7 @@ def _on_nearest(scene: GraspScene, before: GraspScene, arrays: Mapping[str, Arra
             continue
         finger_start = plain.fingers[setup.name]
         joints = list(setup.stations)
-        # Names of old stations are those of others now.
+        # Other stations have the names of old ones now.
         contacts = {name: start for name, start in contacts.items() if name not in old.middle_names}
         forces = {name: force for name, force in forces.items() if name not in old.middle_names}
         for name, at in zip(old.middle_names, finger_start.joints, strict=True):

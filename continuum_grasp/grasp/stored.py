@@ -70,7 +70,7 @@ STORED = (
     Stored("{trials}.errors", "(draw, error)", "", "errors of the object that were drawn, where the scene has robust"),
     Stored("{held trials}.friction_states", "(draw, cell)", "1", "friction states that were drawn"),
     Stored("{trials}.margins", "(draw,)", "1", "least friction margin of each; -inf: a contact parts, NaN: no answer"),
-    Stored("{trials}.nominal_margins", "(nominal draw,)", "1", "the same of the grasp that is best without errors"),
+    Stored("{trials}.nominal_margins", "(nominal draw,)", "1", "the same, of the best grasp without errors"),
 )
 """Stored arrays; where there is no grasp: of the first repair, or of the point that comes closest, or none of them."""
 OF_FINGERS = (

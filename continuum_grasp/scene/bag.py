@@ -321,7 +321,7 @@ class _Bag:
             if stamps[k] < stamps[k - 1]:
                 back = (stamps[k - 1] - stamps[k]) / NANOSECONDS
                 raise self.error(
-                    f"topic {topic}: the stamp of message {k + 1} is {back:g} s before that of message {k}; expected "
+                    f"topic {topic}: message {k + 1} has a stamp {back:g} s before message {k}; expected "
                     "instants of one run, in their order"
                 )
 
@@ -329,7 +329,7 @@ class _Bag:
         """Rows of one stamp each, with the messages that have it."""
         for column in columns:
             if not column.parts:
-                raise self.error("expected a field of the topic: its stamps are those of t", column.heading)
+                raise self.error("expected a field of the topic: the column t has its stamps", column.heading)
         samples = self._samples(columns)
         rows = dict[tuple[int, int], dict[str, str]]()
         for topic, found in samples.items():
@@ -342,7 +342,7 @@ class _Bag:
         keys = sorted(rows)
         if not keys:
             listed = ", ".join(sorted(self.topics)[:_LISTED]) or "none"
-            raise self.error(f"no topic has a number at a stamp that is asked for (the bag has {listed})")
+            raise self.error(f"no topic has a number at a requested stamp (the bag has {listed})")
         begin = keys[0][0]
         headings = [column.heading for column in columns]
         cells = [

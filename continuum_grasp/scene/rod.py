@@ -159,7 +159,7 @@ class Rod(Section):
             self.check_shape()
             for key in ("youngs_modulus", "density"):
                 if key in self.left_open:
-                    raise ValueError(f"a section that is given by its shape needs {key}")
+                    raise ValueError(f"a section given by its shape needs {key}")
             for key in ("thickness", "diameter"):
                 check_shorter(key, max(ends(getattr(self, key) or 0.0)), self.length)
         if self.graded:

@@ -146,7 +146,7 @@ def test_the_certificate_refuses_states_with_other_contacts(scene, arrays, chang
     changed = {**arrays, "held.contact_names": names, "held.contact_forces": forces}
     failed = {check.name for check in certify(scene, changed).failed}
     # What pulls, or has no forces, is the worst of all, beside which none was tried.
-    failed -= {"friction states next to the worst that are missing"} if change in ("moved", "pulls") else set()
+    failed -= {"untested neighbors of the worst friction state"} if change in ("moved", "pulls") else set()
     assert failed
     assert all(name.startswith("held with friction states") for name in failed)
 

@@ -15,7 +15,7 @@ def test_a_search_that_stops_early_is_not_certified(monkeypatch):
     monkeypatch.setattr("continuum_grasp.grasp.robust.search.descended", lambda *_: iter(()))
     found = optimize_grasp(sticking(), raise_on_failure=False)
     assert found.status is GraspStatus.NOT_SOLVED
-    assert "friction states next to the worst that are missing" in found.message
+    assert "untested neighbors of the worst friction state" in found.message
 
 
 @pytest.mark.deep
@@ -23,7 +23,7 @@ def test_a_grasp_whose_worst_vertex_is_not_stored_fails():
     found = optimize_grasp(sticking())
     fewer = {key: value[:2] if key.startswith("held.") else value for key, value in found.arrays.items()}
     assert certify(found.scene, found.arrays).passed
-    missing = certify(found.scene, fewer)["friction states next to the worst that are missing"]
+    missing = certify(found.scene, fewer)["untested neighbors of the worst friction state"]
     assert missing.value > 0.0
     assert not missing.passed
 

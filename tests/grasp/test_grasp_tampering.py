@@ -9,10 +9,10 @@ from continuum_grasp.grasp import certify
 from tests import certificate_cases as cases
 from tests.grasp.test_grasp_limits import MOTOR, ONE, SERVO, WINCH, held
 
-MISSING = "stored arrays that are missing or do not fit"
-STATES = "arrays of friction states that are missing or do not fit"
-WAYS = "pulled and released fingers that are not among the friction states"
-BESIDE = "friction states next to the worst that are missing"
+MISSING = "missing or misshapen arrays"
+STATES = "missing or misshapen arrays of friction states"
+WAYS = "pulled and released fingers missing from the friction states"
+BESIDE = "untested neighbors of the worst friction state"
 
 
 def failed(scene, arrays):
@@ -120,7 +120,7 @@ def test_every_stored_array_is_needed_as_it_is(key):
     if value.dtype.kind == "f" and key != "contact_stations":
         value = value.copy()
         value[(0,) * value.ndim] = np.nan
-        assert "numbers that are not finite" in failed(scene, arrays | {key: value})
+        assert "non-finite numbers" in failed(scene, arrays | {key: value})
 
 
 @pytest.mark.parametrize(("part", "missing"), [(0.999, 0.0), (1.001, 12.0)])
@@ -171,7 +171,7 @@ def test_fingers_may_have_names_with_which_arrays_begin(name):
 def test_all_coordinates_of_a_family_are_balanced(family):
     """With one coordinate, the bend as it is, a finger would be balanced along that bend alone."""
     scene, arrays = cases.squeezed_disc(family=family)
-    name = "curvature shapes that do not span the family, finger"
+    name = "incomplete curvature shapes, finger"
     assert certify(scene, arrays)[name].passed
     shapes, tip = arrays["finger.curvature_shapes"], family == "matched_clothoid"
     for columns in ([0, *range(2, shapes.shape[2])], [0, 0, *range(2, shapes.shape[2])]):

@@ -51,9 +51,7 @@ def test_torsional_friction_bears_moments_about_normals_within_the_cone():
     ):
         assert [check.name for check in certify_hand(scene, missing).failed] == ["object moment balance"]
     without = {name: value for name, value in arrays.items() if name != "contact_moments"}
-    assert [check.name for check in certify_hand(scene, without).failed] == [
-        "stored arrays that are missing or do not fit"
-    ]
+    assert [check.name for check in certify_hand(scene, without).failed] == ["missing or misshapen arrays"]
     # As much off the line as the cone bears, to 1e-6 of the greatest force.
     most = math.sqrt((0.5 * PRESS) ** 2 - FORCE**2) * arm
     for part, passes in ((0.999, True), (1.001, False)):
@@ -399,7 +397,7 @@ def test_contacts_with_supports_are_those_of_the_scene(touch, names):
         BALL, [(0.0, 0.0, 0.0)] * len(names), MASS, table={"point": (0, 0, 0), "touch": touch}
     )
     arrays["contact_names"] = np.array(names, dtype=str)
-    assert not certify_hand(scene, arrays)["contacts as the scene has them"].passed
+    assert not certify_hand(scene, arrays)["contacts match the scene"].passed
 
 
 def test_a_finger_that_passes_through_itself_is_seen():
@@ -413,7 +411,7 @@ def test_contacts_that_the_scene_does_not_have_are_seen(names):
     scene, arrays = cases.squeezed_box(PRESS, MASS)
     arrays = {key: value[: len(names)] if key.startswith("contact_") else value for key, value in arrays.items()}
     failed = {check.name for check in certify_hand(scene, {**arrays, "contact_names": np.array(names)}).failed}
-    assert "contacts as the scene has them" in failed
+    assert "contacts match the scene" in failed
 
 
 def test_what_is_missing_misshapen_or_not_finite_is_no_grasp():

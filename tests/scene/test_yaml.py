@@ -281,7 +281,7 @@ def test_several_problems_in_the_order_of_the_file(write):
     ("rod", "expected"),
     [
         ("{length: -1, diameter: 0.002, density: 1, youngs_modulus: 1}", "finger.rod.length: out of range"),
-        ("{length: 1, diameter: 0.002}", "finger.rod: a section that is given by its shape needs youngs_modulus"),
+        ("{length: 1, diameter: 0.002}", "finger.rod: a section given by its shape needs youngs_modulus"),
         (
             "{length: 1e-300, diameter: 0.002, density: 1e3, youngs_modulus: 1e9}",
             "3:24: finger.rod.length: out of range: expected a number at least 1e-06 (length L [m]), got 1e-300",

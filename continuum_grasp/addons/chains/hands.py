@@ -142,12 +142,12 @@ def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
         f"contacts are MuJoCo's own, as stiff as the step of {step:g} s allows; fingers do not touch each other",
         f"hinges have inertia: {_ADDED:.1%} of a finger, or of {_OBJECT_SHARE:.0%} of the object, at its tip",
         *(
-            ["tendon friction: at each hinge the share of the tension is that of the grasp"]
+            ["tendon friction: each hinge gets the share of the tension that it has in the grasp"]
             if has_tendon_friction
             else ()
         ),
         *(["finger.damping.material: raised, so that a finger settles"] if slow else ()),
-        *(["object: convex bands in place of a surface that is not convex"] if len(meshes) > 1 else ()),
+        *(["object: convex bands replace its concave surface"] if len(meshes) > 1 else ()),
     )
     about = {"version": __version__, "hinges": hinges}
     explanation = fill("mjcf/hand.txt", {**about, "differences": "".join(f"Differs: {d}.\n" for d in differences)})

@@ -206,7 +206,7 @@ class TipPath:
         if self.start_sigma is not None:
             key = f"{self.name}.start_sigma"
             if self.start != "estimated" or np.shape(self.start_sigma) != (2,):
-                raise InputError("expected two numbers, for a start that is estimated", key=key)
+                raise InputError("expected two numbers for an estimated start", key=key)
             for deviation in self.start_sigma:
                 CheckedArgument(key, deviation).number()
 

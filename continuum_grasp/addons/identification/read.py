@@ -184,7 +184,7 @@ def _read(data_set: DataSet, table: DataTable, scene: Scene, name: str, key: str
     readings = [reading for k, of in enumerate(data_set.measured) for reading in points.readings(of, f"measured[{k}]")]
     there = np.isfinite([np.asarray(reading.values) for reading in readings]).all(axis=0)
     if not (there & inside).any():
-        raise InputError("every row has an empty cell in a column that is read", file=table.file)
+        raise InputError("every row has an empty cell in one of the columns", file=table.file)
     inside &= there
     earlier = [reading.selected(there & (t < t[inside][0])) for reading in readings]
     selected = [reading.selected(inside) for reading in readings]

@@ -265,7 +265,7 @@ class _SweepRun:
 def _folder(config: Sweep | str | os.PathLike[str] | Mapping[str, Any], folder: str | os.PathLike[str] | None) -> Path:
     if folder is None:
         if not isinstance(config, str | os.PathLike):
-            raise InputError("a sweep that is not given as a file needs a folder", key="folder")
+            raise InputError("a sweep without a file needs a folder", key="folder")
         return Path("runs") / "sweep" / Path(config).stem
     if Path(folder).exists() and not Path(folder).is_dir():
         raise InputError("expected a folder, got a file", file=os.fspath(folder))

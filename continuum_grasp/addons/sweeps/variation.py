@@ -71,7 +71,7 @@ def variation_of(data: ConfigurationData) -> Variation:
     numeric = {varied.key for varied in listed if all(map(_is_number, varied.values))}
     for key, follow in sweep.follow.items():
         if follow.key not in numeric:
-            message = f"{follow.key!r} has values that are no numbers"
+            message = f"{follow.key!r} has values that are not numbers"
             raise data.nearest(("follow", key, "key")).error(message, ("follow", key))
     allowed = [*sweep.vary, *(draw.key for draw in draws), *sweep.follow, *sweep.columns]
     for name, part in product(("maps", "pareto"), ("x", "y", "color")):

@@ -87,5 +87,5 @@ def _tells(rows: Array, nx: int) -> bool:
         scaled = scaled / np.where(size > 0.0, size, 1.0)
     _, sizes, vectors = np.linalg.svd(scaled)
     sizes = np.concatenate([sizes, np.zeros(vectors.shape[0] - sizes.size)])
-    # Rounding leaves 1e-16 of what is zero, and the least of shipped loops is 7e-8 (configs/mpc/spirob.yaml).
+    # Rounding leaves 1e-16 in place of zero, and the least of shipped loops is 7e-8 (configs/mpc/spirob.yaml).
     return bool(np.all(np.abs(vectors[sizes <= SAME * sizes[0], nx:]) <= SAME))

@@ -343,7 +343,7 @@ def _bounds(key: str, least: Any, greatest: Any) -> tuple[float, float]:
     """Two bounds in order; infinite ones are absent."""
     low, high = (float(np.clip(value, -ABSENT, ABSENT)) for value in (least, greatest))
     if not low <= high:  # NaN too
-        raise InputError(f"expected a least value that is not above the greatest, got {least!r}, {greatest!r}", key=key)
+        raise InputError(f"expected a least value no greater than the greatest, got {least!r}, {greatest!r}", key=key)
     return low, high
 
 

@@ -103,7 +103,7 @@ def statics(subject: Subject) -> PackagePart:
         "balance",
         "Balance of the finger at rest: the missing force for equilibrium.",
         (
-            Field("residual", unit, "generalized force that is missing, by coordinate", shape=(n,)),
+            Field("residual", unit, "missing generalized force, by coordinate", shape=(n,)),
             Field("stiffness", f"{unit} per unit of the coordinate", "derivative of the residual", shape=(n, n)),
         ),
     )

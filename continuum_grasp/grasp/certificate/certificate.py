@@ -208,10 +208,10 @@ def _recomputed(
     were pulled, so that no friction states are stored.
     """
     checks = [
-        Check("numbers that are not finite", float(_not_finite(scene, arrays)), 0.0),
-        Check("stored arrays that are missing or do not fit", float(_misfits(scene, arrays, reached=reached)), 0.0),
+        Check("non-finite numbers", float(_not_finite(scene, arrays)), 0.0),
+        Check("missing or misshapen arrays", float(_misfits(scene, arrays, reached=reached)), 0.0),
     ]
-    # What is wrong here stops the rest.
+    # A fault here stops the rest.
     if not all(check.passed for check in checks):
         return checks, None
     lengths = [length_check(setup.name, setup.finger.rod.length, arrays) for setup in scene.setups]
@@ -295,7 +295,7 @@ def equilibrium_checks(finger: RecomputedFinger) -> Iterator[Check]:
 
 def storage_checks(finger: RecomputedFinger) -> Iterator[Check]:
     """Stored shape of a finger against the recomputed one."""
-    yield Check(f"curvature shapes that do not span the family, {finger.name}", float(not finger.shape.complete), 0.0)
+    yield Check(f"incomplete curvature shapes, {finger.name}", float(not finger.shape.complete), 0.0)
     stored, length = finger.stored_backbone, finger.length
     s = np.clip(stored[:, 0], 0.0, finger.rod.joints[-1])
     points, angles = finger.rod.at(finger.curvature, s)

@@ -148,7 +148,7 @@ class FingerChain:
         spatial = np.einsum("k,kia,a,kja->kij", self.springs, self.frames, shares, self.frames)
         force, moment = self._beyond()
         pulls = [twice_turned(-f, t) * d for f, t, d in zip(force, self.chords, self.ds, strict=True)]
-        # In the turns at nodes 0 to N, of which the first does not turn.
+        # In the turns at nodes 0 to N; node 0 does not turn.
         nodal = np.zeros((count + 1, 3, count + 1, 3))
         for k in range(count):
             nodal[k, :, k] += pulls[k] / 3.0

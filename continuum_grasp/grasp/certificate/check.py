@@ -80,7 +80,7 @@ def mode_check(grasp: RecomputedGrasp) -> Check:
         wrong += ends == 1 or (ends == 2 and whole)  # a face lies on both of its ends; other bodies touch once
         wrong += _amiss(body.touch, whole or ends == 2)
     wrong += sum(_amiss(switch, name in present) for name, switch in switches.items())
-    return Check("contacts as the scene has them", float(wrong), 0.0)
+    return Check("contacts match the scene", float(wrong), 0.0)
 
 
 def contact_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
@@ -229,7 +229,7 @@ def overlap(finger: RecomputedFinger, other: RecomputedFinger) -> float:
     a, b = finger.points, other.points
     apart = np.hypot(a[:, None, 0] - b[:, 0], a[:, None, 1] - b[:, 1])
     gap = apart - finger.thickness[:, None] - other.thickness
-    # Panels are straight: what is nearest lies on two that end where the points are nearly nearest.
+    # Panels are straight: the nearest places lie on two that end where the points are nearly nearest.
     reach = float(np.hypot(*np.diff(a, axis=0).T).max() + np.hypot(*np.diff(b, axis=0).T).max())
     p, q = _panels(gap <= gap.min() + reach)
     ends = (a[p], b[q], b[q + 1]), (a[p + 1], b[q], b[q + 1]), (b[q], a[p], a[p + 1]), (b[q + 1], a[p], a[p + 1])

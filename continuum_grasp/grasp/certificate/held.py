@@ -25,15 +25,15 @@ def held_checks(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Re
     if not stored and not grasp.scene.state_columns:
         return
     wrong = _misfits(grasp, stored)
-    yield Check("arrays of friction states that are missing or do not fit", float(wrong), 0.0)
+    yield Check("missing or misshapen arrays of friction states", float(wrong), 0.0)
     if wrong:
         return
     states = np.concatenate([stored[f"{finger.name}.friction_states"] for finger in frictional], axis=1)
     yield Check("friction states within their range", float(np.abs(states).max() - 1.0), EXACT)
     missing = _missing(states, extreme_states((finger.setup, finger.shape) for finger in frictional))
-    yield Check("pulled and released fingers that are not among the friction states", float(missing), 0.0)
+    yield Check("pulled and released fingers missing from the friction states", float(missing), 0.0)
     postures = held_postures(grasp, arrays)
-    yield Check("friction states next to the worst that are missing", float(_untried(grasp, states, postures)), 0.0)
+    yield Check("untested neighbors of the worst friction state", float(_untried(grasp, states, postures)), 0.0)
     for k, posture in enumerate(postures):
         value = worst(*_parts(grasp, posture, recompute).values())
         yield Check(f"held with friction states, {k + 1}", value, 1.0, "limits")
@@ -109,7 +109,7 @@ def _parts(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Recompu
     fixed = any(contact.finger is None for contact in grasp.contacts) and grasp.scene.object.free is None
     parts["object pose"] = float(moved.max()) / (EXACT if fixed else YIELDS)
     for finger, other in zip(grasp.fingers, posture.fingers, strict=True):
-        # Bases are those of the grasp, and tensions, or what drives hold in their place.
+        # Bases are as in the grasp, and so are tensions, or the positions that drives hold.
         off = float(np.abs(other.tensions - finger.tensions).max())
         if finger.wound is not None and other.wound is not None:
             off = other.wound.misfit(finger.wound.held)

@@ -187,7 +187,7 @@ def _add_contact(
     arm = contact.point - grasp.object.com
     pressure, force = contact.normal_force, contact.force
     h, rho = contact.radius, surface_radius(grasp, contact)
-    # The contact point of the finger or support, less that of the object: the motions that sticking leaves out.
+    # The contact point of the finger or support, less the object's: the motions that sticking leaves out.
     block = np.zeros((2, size))
     block[:, size - 3 : size - 1] = -np.eye(2)
     block -= np.outer(across(arm), turn)

@@ -217,7 +217,7 @@ def _with_forces(finger: MapFinger, z: Array) -> Array:
         return z
     if not finger.tip:
         touches = finger.touches(z).touches
-        # What is left at the tip is the contact's.
+        # The remainder at the tip is the contact's.
         force, normal = (pair[0].value + 1j * pair[1].value for pair in (touches.force, touches.normal))
         left = force[:, -1] * normal[:, -1] * np.conj(normal[:, -2])
         z = z.copy()
@@ -252,7 +252,7 @@ def _onto(finger: MapFinger, z: Array, count: int, enough: int) -> Array:
     z = finger.followed(z)
     at = finger.traced(z, slopes=False, entered=ENTERED)
     order = np.argsort(np.maximum(np.abs(at.conditions.value).max(axis=1), at.excess), kind="stable")
-    # The nearest of each few cells: else those of one part of the set crowd out others.
+    # The nearest of each few cells: else one part of the set crowds out others.
     cells = np.round(features(at)[order] / COARSE)
     near = z[order[np.sort(np.unique(cells, axis=0, return_index=True)[1])]]
     first = finger.onto(near[:count], ONTO, ENTERED, ON_SET)

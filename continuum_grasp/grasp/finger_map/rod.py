@@ -87,7 +87,7 @@ class ObjectTable:
     def __init__(self, scene: GraspScene) -> None:
         shapes = object_outlines(scene)
         grow = max(setup.finger.thickness_radius for setup in scene.setups)
-        # 2.5: thicknesses around the object: what is farther away touches nothing
+        # 2.5: thicknesses around the object: anything farther away touches nothing
         reach = max(part.extent for part in scene.object.parts) + 2.5 * grow
         self.corner = -reach
         self.cell = 2.0 * reach / (_CELLS - 1)

@@ -93,7 +93,7 @@ def wrench_slopes(finger: MapFinger, z: Array, center: complex, size: float) -> 
 
 def not_unstable(balance: ObjectBalance, settled: Settled, rows: list[int]) -> list[int]:
     """Rows of settled combinations but for those that are clearly unstable, where the scene requires stability."""
-    # Its tangents are those of exact rods.
+    # It has the tangents of exact rods.
     unknown = not all(finger.is_exact for finger in balance.fingers)
     if balance.scene.stability == "ignore" or unknown or not rows:
         return rows

@@ -224,8 +224,8 @@ def certify_hand(scene: HandScene, arrays: Mapping[str, Any]) -> HandCertificate
     """
     with np.errstate(all="ignore"):
         checks = [
-            Check("numbers that are not finite", float(_not_finite(scene, arrays)), 0.0),
-            Check("stored arrays that are missing or do not fit", float(_misfits(scene, arrays)), 0.0),
+            Check("non-finite numbers", float(_not_finite(scene, arrays)), 0.0),
+            Check("missing or misshapen arrays", float(_misfits(scene, arrays)), 0.0),
         ]
         if not all(check.passed for check in checks):  # a fault here stops the rest
             return HandCertificate(tuple(checks))
@@ -290,7 +290,7 @@ def touches_check(hand: RecomputedHand) -> Check:
     for setup in hand.scene.setups:
         for name, switch in setup.switches.items():
             wrong += switch == ("off" if name in present else "on")
-    return Check("contacts as the scene has them", float(wrong), 0.0)
+    return Check("contacts match the scene", float(wrong), 0.0)
 
 
 def _forces(hand: RecomputedHand, c: ObjectTouch) -> Iterator[Check]:

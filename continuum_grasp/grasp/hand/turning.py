@@ -52,7 +52,7 @@ def turned_grasps(scene: HandScene, held: HandTried, search: HandSearch) -> list
         if certificate.passed_at_rest:
             found.append(TurnedGrasp(tried, certificate))
             words = f"{amount_text(grip, 'N', '.4g')} on the object"
-            search.budget.tell(f"{words}: {found[-1].friction:.3g} of the friction that is there needed")
+            search.budget.tell(f"{words}: it needs {found[-1].friction:.3g} of the available friction")
             if certificate.acceptable:
                 break
         last, grip = tried, STEP * grip

@@ -214,7 +214,7 @@ class HeldGrasp:
         matrix[np.flatnonzero(fixed), np.flatnonzero(fixed)] = 1.0
         right[:n][fixed] = low[fixed]
         with warnings.catch_warnings():
-            # The multipliers of limits that do not matter make the matrix look singular; what is sought is not.
+            # Multipliers of limits that do not matter make the matrix look singular; the unknowns are unique.
             warnings.simplefilter("ignore", LinAlgWarning)
             try:
                 solution = solve(matrix, right)

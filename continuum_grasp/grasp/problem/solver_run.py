@@ -302,7 +302,7 @@ class GraspSolverRun:
     ) -> Array:
         """Run-time numbers of a scene of the same structure at the unknowns of an attempt.
 
-        The aim stays, and so do the guarded places; the scene gives what is in their way.
+        The aim stays, and so do the guarded places; the scene gives the obstacles in their way.
         """
         numbers = self.problem.numbers
         at = self.problem.numbers.at
@@ -392,7 +392,7 @@ def solve_clear(
         if not last.converged or not np.isfinite(last.x).all():
             break
         deepest, near = look(last.x, numbers)
-        # By as much, to first order, the new places change what is sought.
+        # By as much, to first order, the new places change the unknowns.
         moved = np.array(problem.functions["jac_g"](last.x, near)[0]).ravel() - last.g
         change = abs(float(last.multipliers.constraints @ moved))
         # A solution to the acceptable tolerance gets one more round from its own multipliers.

@@ -401,7 +401,7 @@ def _beside(
         marked = np.flatnonzero(touching[0])
         places = touching[1]
         where, at = np.nonzero([_nearest(piece, places, units)[1] < EXACT for piece in pieces])
-        # A face far behind takes the place of what is touched.
+        # A face far behind takes the place of the touched one.
         circles[where, :2, marked[at]] -= _FAR * circles[where, 2:4, marked[at]]
         circles[where, 4, marked[at]] = 0.0
         gaps[where, marked[at]] += _FAR

@@ -92,7 +92,7 @@ def solve_conic(
     cost = np.atleast_1d(np.asarray(cost, dtype=float))
     n = cost.size
     rows = np.asarray(rows, dtype=float).reshape(-1, n)
-    # The bounds are limits of the unknowns as those of the rows are: all of them are treated together.
+    # Bounds limit the unknowns as rows do: both are treated together.
     every = np.concatenate([rows, np.eye(n)])
 
     def joined(of_rows: ArrayLike, of_unknowns: ArrayLike) -> Array:

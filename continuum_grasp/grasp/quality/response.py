@@ -85,7 +85,7 @@ class GraspResponse:
         # Weights that make the unknowns comparable: L per curvature squared, 1 / L^2 per shift squared.
         parts = [np.full(finger.size, finger.length**2 / finger.size) for finger in self._fingers]
         scale = np.sqrt(np.concatenate([*parts, [length**-2, length**-2, 1.0]]))
-        # Rows of the tendons' constraints times L, which makes them lengths as those of the contacts are.
+        # Rows of the tendons' constraints times L, which makes them lengths like the contacts' rows.
         springs = np.array(self._springs) if tendons == "locked" else np.zeros(len(self._fingers))
         stiff = np.isinf(springs)
         jacobian = np.concatenate([self._jacobian, length * self._plain[stiff]])
@@ -118,7 +118,7 @@ class GraspResponse:
         normal, across, arm = contacts.normals[k], contacts.across[k], contacts.arms[k]
         spin = np.zeros(size)
         spin[-1] = 1.0
-        # Motion of what touches the object, less that of the object's point.
+        # Motion of the touching part, less the motion of the object's point.
         move = np.zeros((2, size))
         move[:, self._object : self._object + 2] = -np.eye(2)
         move[:, -1] = [arm[1], -arm[0]]

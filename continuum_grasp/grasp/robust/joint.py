@@ -211,7 +211,7 @@ class JointSolverRun:
         return GraspAttempt(**vars(last), start=start, features=features, numbers=numbers, violations=[])
 
     def bounds(self, scene: GraspScene, start: GraspStart, features: dict[str, Feature]) -> tuple[Array, Array]:
-        # What is linked needs no bounds of its own.
+        # Linked unknowns need no bounds of their own.
         linked = [f"{setup.name}.base" for setup in scene.setups if setup.finger.base_free is not None]
         linked += ["object pose"] * (scene.object.free is not None)
         lows, highs = [], []

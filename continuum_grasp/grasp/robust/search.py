@@ -148,7 +148,7 @@ def worst_vertex(response: Response) -> Array:
     solver = response.solver
     if not attempt.converged:
         return error
-    # What is minimized is the reserve turned around.
+    # The search minimizes the negative reserve.
     slope = np.asarray(solver.nlp.slope(attempt.x, attempt.numbers, 1.0, attempt.multipliers.constraints)).ravel()
     for name, columns in response.scene.state_columns.items():
         by_state = slope[solver.problem.numbers.at[f"{name}.friction_history"]][:-1]

@@ -100,7 +100,7 @@ def with_robust(result: GraspResult, search: GraspSearch, budget: Budget) -> Gra
         message="; ".join([held, without, *notes]),
         arrays=arrays,
         certificate=certificate,
-        sensitivity=(),  # that of the nominal grasp
+        sensitivity=(),  # the nominal grasp has it
         statistics={**result.statistics, "robust": effort},
         robustness=robustness,
     )

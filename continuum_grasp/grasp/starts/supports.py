@@ -193,7 +193,7 @@ def _gaps(
     for body in scene.places:
         gap, normal, arm = _gap(shapes, body, pose)
         wanted = body.name in on
-        # What is entered but not wanted is left by a thousandth of the size, so that it does not count as touching.
+        # An unwanted support stays a thousandth of the size away, so that it does not count as touching.
         if wanted or (gap < 0.0 and not _beside(shapes, body, pose, 0.0)):
             gaps.append(gap if wanted else gap - 1e-3 * scene.object.size)
             slopes.append((normal.real, normal.imag, (normal.conjugate() * 1j * arm).real))
@@ -209,7 +209,7 @@ def pinned_by(scene: GraspScene, on: frozenset[str], pose: Pose, *, flat: bool) 
     rows = np.concatenate([slopes, np.eye(3)[2:]]) if flat else slopes
     coordinates: list[int] = []
     for _ in range(np.linalg.matrix_rank(rows, tol=1e-6) if len(rows) else 0):
-        # The steepest coordinate; what is left of the rows is perpendicular to it.
+        # The steepest coordinate; the rest of the rows is perpendicular to it.
         k = int(np.abs(rows).max(axis=0).argmax())
         row = rows[np.abs(rows[:, k]).argmax()]
         rows = rows - np.outer(rows[:, k] / row[k], row)
