@@ -25,6 +25,7 @@ MAGIC = b"\x89MCAP0\r\n"
 _PATH = re.compile(r"[A-Za-z]\w*(\[\d+\])*(\.[A-Za-z]\w*(\[\d+\])*)*")
 _UNIT = re.compile(r"(.*?)\s+\[([^\[\]]+)\]")
 """Column with its unit: a blank tells the unit from the number of an entry, as in position[0]."""
+_SUFFIXES = (".mcap", ".db3")
 _LISTED = 12
 """Topics and fields that an error lists [1]: more do not fit on a screen."""
 
@@ -55,14 +56,25 @@ class _Samples(NamedTuple):
     cells: dict[str, list[str]]
 
 
+def bag_file(path: str | Path) -> str | Path:
+    """The one file of a bag that is a folder, as ``ros2 bag record`` makes it; any other path as it is."""
+    folder = Path(path)
+    if not (folder / "metadata.yaml").is_file():
+        return path
+    files = sorted(each for each in folder.iterdir() if each.suffix.lower() in _SUFFIXES)
+    if len(files) != 1:
+        listed = ", ".join(each.name for each in files[:_LISTED]) or "none"
+        raise InputError(
+            f"expected a bag of one file, got a folder with {len(files)} ({listed}): name one", file=str(path)
+        )
+    return files[0]
+
+
 def is_bag(path: str | Path) -> bool:
     """Whether a file is MCAP or SQLite by its first bytes or its name; not if it cannot be read: others report that."""
     try:
         with open(path, "rb") as stream:
-            return stream.read(len(SQLITE)).startswith((MAGIC, SQLITE)) or Path(path).suffix.lower() in (
-                ".mcap",
-                ".db3",
-            )
+            return stream.read(len(SQLITE)).startswith((MAGIC, SQLITE)) or Path(path).suffix.lower() in _SUFFIXES
     except (OSError, ValueError):
         return False
 

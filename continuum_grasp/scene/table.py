@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import Array, InputError, check_arguments, nearest
-from continuum_grasp.scene.bag import bag_cells, is_bag
+from continuum_grasp.scene.bag import bag_cells, bag_file, is_bag
 from continuum_grasp.scene.bag_topics import bag_bytes
 from continuum_grasp.scene.document import text_of
 from continuum_grasp.scene.table_text import COMMA, HEADING, number_in, parsed
@@ -95,11 +95,12 @@ class DataTable:
         DeepLabCut (headings in three lines) and Tracker (a line of tracks above the headings) are read as well, and
         units in a line below the headings; lines that repeat the headings are skipped.
 
-        Bags of ROS 2 (MCAP) are tables too: a column is a field of a topic, ``/finger/tip.position.x``, an entry of a
-        list, ``/joint_states.position[0]``, a topic for its stamps, which count from the first on [s], or the name of a
-        field that one topic alone has. Values are SI unless a unit stands behind a blank: ``/tip.x [mm]``. Topics with
-        stamps of their own are never interpolated: each row is a message of the leading topic, with the last value of
-        the others that is no older than ``max_age``; without a leading topic, rows are the messages of one stamp.
+        Bags of ROS 2 (MCAP, SQLite) are tables too: a column is a field of a topic, ``/finger/tip.position.x``, an
+        entry of a list, ``/joint_states.position[0]``, a topic for its stamps, which count from the first on [s], or
+        the name of a field that one topic alone has. Values are SI unless a unit stands behind a blank: ``/tip.x
+        [mm]``. Topics with stamps of their own are never interpolated: each row is a message of the leading topic, with
+        the last value of the others that is no older than ``max_age``; without a leading topic, rows are the messages
+        of one stamp.
 
         Parameters
         ----------
@@ -132,12 +133,13 @@ class DataTable:
         >>> table.headings, table.units, table.rows[0]
         (('t', 'x'), ('s', 'mm'), ('0.0', '1.5'))
         """
+        path = bag_file(path)
         if is_bag(path):
             cells = bag_cells(path, columns, leader, stamps, max_age)
             return DataTable(str(path), cells.headings, cells.units, cells.rows, cells.numbers, 1, topics=cells.topics)
         for key, value in (("stamps", stamps), ("max_age", max_age)):
             if value is not None:
-                raise InputError("is for bags of ROS 2 (MCAP): the rows of this table have their times", key=key)
+                raise InputError("is for bags of ROS 2: the rows of this table have their times", key=key)
         found, of_deep_lab_cut = parsed(text_of(path, MAX_BYTES), names, str(path))
         table = DataTable(str(path), *found)
         return _sure(table) if of_deep_lab_cut else table

@@ -263,6 +263,13 @@ def test_a_bag_in_sqlite_is_read_as_the_same_in_mcap(tmp_path):
         DataTable.read(other, columns=["/finger/tap.position.x"])
     with pytest.raises(InputError, match=r"ros2 bag convert -i .* storage_id: mcap"):
         DataTable.read(in_sqlite(bag, tmp_path / "old.db3", defined=False))
+    folder = tmp_path / "recorded"
+    folder.mkdir()
+    (folder / "metadata.yaml").touch()
+    with pytest.raises(InputError, match="got a folder with 0 "):
+        DataTable.read(folder)
+    (folder / "recorded_0.db3").write_bytes(other.read_bytes())
+    assert DataTable.read(folder).rows == DataTable.read(bag).rows
     text = tmp_path / "text.db3"
     text.write_text("t [s],x [m]\n0,1\n")
     with pytest.raises(InputError, match="is no MCAP or SQLite file"):

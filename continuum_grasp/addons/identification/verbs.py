@@ -182,7 +182,7 @@ def commission(
     output: Output,
     log: Annotated[
         Path | None,
-        typer.Argument(metavar="LOG", help="Table of commands and readings (CSV). Without it, plan the commands."),
+        typer.Argument(metavar="LOG", help="Table or bag of commands and readings. Without it, plan the commands."),
     ] = None,
     plant: bool = option("Play the plan on the configuration's simulated plant, and read its log.", default=False),
     duration: float = option("Duration of the plan [s].", default=10.0),
@@ -222,7 +222,7 @@ def commission(
 @run_verb()
 def replay(
     output: Output,
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="Table of instants, measurements and commands (CSV).")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Table or bag of instants, measurements and commands.")],
 ) -> None:
     """Run a log through estimator, supervisor and controller.
 
