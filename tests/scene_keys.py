@@ -99,7 +99,20 @@ _FOLDERS = {
     Design: "design",
 }
 _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
-    "pulled": ("close_on_mug", {"object_load": {"force": [0.1, 0.2], "moment": 0.01}, "table_height": -0.01}),
+    "pulled": (
+        "close_on_mug",
+        {
+            "object_load": {"force": [0.1, 0.2], "moment": 0.01},
+            "table_height": -0.01,
+            "supports.peg": {"type": "point", "position": [0.09, 0.01], "radius": 0.009},
+            "support_motion": {
+                "peg": {
+                    "shift": {"times": [0.0, 0.1], "values": [[0.0, 0.0], [0.0, 0.004]]},
+                    "turn": {"times": [0.0, 0.1], "values": [0.0, 1.0]},
+                }
+            },
+        },
+    ),
     "samples": ("close_on_mug", {"finger.rod": {"length": 0.1, "samples": _SPREAD}, **_OWN_ROD}),
     "loads": ("three_tendons", {"loads": [_MOMENT, _FORCE], "actuation": {"tensions": [3.0, 4.0, 5.0]}}),
     "shape": (

@@ -33,6 +33,7 @@ from continuum_grasp.scene import Consumer
 _ARGUMENT = "an argument of the functions"
 _PACKAGE = Consumer(
     "export to c, operators",
+    refused={"support_motion": "supports of a package stay: leave it out"},
     unneeded={
         **Consumer.LIMITS_OF_BENDING,
         **dict.fromkeys(

@@ -10,7 +10,7 @@ from continuum_grasp.model.body import Body
 from continuum_grasp.model.contact_law import TouchLaw, touch_law_of
 from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.stations import Station, Touched
-from continuum_grasp.model.touching import Pair, disc_pair, support_pairs, table_pairs
+from continuum_grasp.model.touching import SHIFTED, Pair, disc_pair, support_pairs, table_pairs
 from continuum_grasp.scene import Rod, Scene, Surroundings
 
 OBJECT_PARAMETERS = {"object_mass": "kg", "friction_factor": "1", "object_x": "m", "object_y": "m"}
@@ -49,14 +49,17 @@ class Contacts(Touched):
         if around is None or around.object is None:
             return
         self._body = body = Body(around.object, around, given)
+        motions = {name: ca.SX.sym(name, len(SHIFTED)) for name in around.moving_supports}
         if around.contact_law is not None:
-            self.pairs = list(_pairs_of(body, around, touch_law_of(around.contact_law, rod), stations, given))
+            law = touch_law_of(around.contact_law, rod)
+            self.pairs = list(_pairs_of(body, around, law, stations, given, motions))
         if pressed:
             self.pairs = [pair.pressed() for pair in self.pairs]
         self.press = ca.vertcat(ca.SX(0, 1), *[pair.press for pair in self.pairs])
         self.states = ca.vertcat(body.pose, body.rates, *[pair.z for pair in self.pairs])
         self.names = [*body.x_names, *(name for pair in self.pairs for name in pair.z_names)]
-        self.wrench, self.w_names, self.start = body.wrench, body.w_names, body.start
+        self.wrench, self.start = ca.vertcat(body.wrench, *motions.values()), body.start
+        self.w_names = [*body.w_names, *(f"{name}_{part}" for name in motions for part in SHIFTED)]
 
     @staticmethod
     def of_finger(scene: Scene, places: Sequence[float], motion: ca.SX, given: Mapping[str, Scalar]) -> Contacts:
@@ -88,7 +91,7 @@ class Contacts(Touched):
         return rates + [rate for pair in self.pairs for rate in pair.z_rate]
 
     def energy(self, gravity: Vec) -> tuple[Scalar, Scalar]:
-        """Kinetic energy, and potential of weight and springs [J], of a table at height zero, whose height is in w."""
+        """Kinetic energy, and potential of weight and springs [J], of table and supports where they are without w."""
         if self._body is None:
             return 0.0, 0.0
         kinetic, potential = self._body.energy(gravity)
@@ -97,11 +100,16 @@ class Contacts(Touched):
 
 
 def _pairs_of(
-    body: Body, around: Surroundings, law: TouchLaw, stations: Sequence[Station], parameters: Mapping[str, Scalar]
+    body: Body,
+    around: Surroundings,
+    law: TouchLaw,
+    stations: Sequence[Station],
+    parameters: Mapping[str, Scalar],
+    motions: Mapping[str, ca.SX],
 ) -> Iterator[Pair]:
     """Contact pairs of an object: stations of a finger first, then supports, then the table."""
     for station in stations:
         yield disc_pair(body, law, station, share=parameters.get(Contacts.friction_parameter(station.name)))
-    yield from support_pairs(body, law, around.walls, around.pegs)
+    yield from support_pairs(body, law, around.walls, around.pegs, motions)
     if around.table is not None:
         yield from table_pairs(body, law, around.table)

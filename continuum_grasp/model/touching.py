@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -14,6 +14,9 @@ from continuum_grasp.model.planar import ZERO, Scalar, Vec
 from continuum_grasp.model.stations import Station
 from continuum_grasp.model.surfaces import nearest, surface_of
 from continuum_grasp.scene import Peg, Table, Wall
+
+SHIFTED = ("shift_x [m]", "shift_y [m]", "shift_x_rate [m/s]", "shift_y_rate [m/s]", "turn_rate [rad/s]")
+"""Run-time inputs of a round support that moves: its center's shift and velocity, and its angular velocity."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,11 +169,13 @@ def disc_pair(
     return replace(pair, share=share)
 
 
-def support_pairs(body: Body, law: TouchLaw, walls: Sequence[Wall], pegs: Sequence[Peg]) -> list[Pair]:
+def support_pairs(
+    body: Body, law: TouchLaw, walls: Sequence[Wall], pegs: Sequence[Peg], motions: Mapping[str, ca.SX] | None = None
+) -> list[Pair]:
     """The supports against the object.
 
     A wall meets the farthest point of a disc or a superellipse, and every corner of a polygon, since a face may lie on
-    it. The ends of an edge are points.
+    it. The ends of an edge are points. ``motions`` of pegs by name are ``SHIFTED``.
     """
     pairs = []
     for wall in walls:
@@ -191,7 +196,11 @@ def support_pairs(body: Body, law: TouchLaw, walls: Sequence[Wall], pegs: Sequen
                 disc = Station(f"{wall.name}.{word}", Vec(*end), 0.0)
                 pairs.append(disc_pair(body, law, disc, wall.friction))
     for peg in pegs:
-        pairs.append(disc_pair(body, law, Station(peg.name, Vec(*peg.position), peg.radius), peg.friction))
+        disc = Station(peg.name, Vec(*peg.position), peg.radius)
+        if motions and peg.name in motions:
+            x, y, vx, vy, spin = ca.vertsplit(motions[peg.name])
+            disc = replace(disc, center=disc.center + Vec(x, y), velocity=Vec(vx, vy), spin=spin)
+        pairs.append(disc_pair(body, law, disc, peg.friction))
     return pairs
 
 

@@ -90,6 +90,20 @@ class ObjectLoad(Value):
     """Moment, positive counter-clockwise [N m]."""
 
 
+class SupportMotion(Value):
+    """Motion of a round support over time."""
+
+    shift: Annotated[Vector2 | VectorSamples, Unit("m")] = (0.0, 0.0)
+    """World distance x, y of its center from its ``position`` [m]."""
+    turn: Annotated[Real | Samples, Unit("rad")] = 0.0
+    """Angle about its center, positive counter-clockwise [rad]: its surface drags the object by friction."""
+
+    def _check(self) -> None:
+        for value in (self.shift, self.turn):
+            if isinstance(value, Sampled) and value.interpolation == "hold":
+                raise ValueError("a support that jumps has no velocity: expected interpolation smooth or linear")
+
+
 class Actuation(Value):
     """The input of the finger: the tip moment, or the inputs of its tendons' drives and its chambers."""
 

@@ -9,7 +9,7 @@ from pydantic import Field
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.finger_scene import Fidelity as Fidelity
 from continuum_grasp.scene.finger_scene import LoadedFinger
-from continuum_grasp.scene.loads import ObjectLoad, Samples
+from continuum_grasp.scene.loads import ObjectLoad, Samples, SupportMotion
 from continuum_grasp.scene.methods import INTEGRATORS
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.units import Unit
@@ -77,7 +77,7 @@ class Scene(LoadedFinger, Surroundings):
 
     REFUSALS = Consumer.refusals(
         """
-        {object_load,table_height} without object_moves: needs an object that moves: set object_moves
+        {object_load,table_height,support_motion} without object_moves: needs an object that moves: set object_moves
         table_height without table: needs table
         table_height with table.stays: has no effect: an object rests for good on a table that stays
         """
@@ -88,6 +88,11 @@ class Scene(LoadedFinger, Surroundings):
     table_height: Annotated[Real | Samples, Unit("m")] = 0.0
     """Height of the table over time, along its normal [m]: it sinks away below zero. The object starts as on a table at
     height zero."""
+    support_motion: dict[str, SupportMotion] = Field(
+        default_factory=dict,
+        examples=[{"peg": {"shift": {"times": ["0 s", "1 s"], "values": [["0 mm", "0 mm"], ["10 mm", "0 mm"]]}}}],
+    )
+    """Motion over time of ``supports`` of ``type: point``, by their names; others stay."""
     time: Timing | None = None
     """Duration and steps of a simulation; None: for statics and modes alone."""
 
@@ -95,7 +100,15 @@ class Scene(LoadedFinger, Surroundings):
     def moves(self) -> bool:
         return self.time is not None
 
+    @property
+    def moving_supports(self) -> tuple[str, ...]:
+        return tuple(self.support_motion)
+
     def _check(self) -> None:
+        round_ones = [peg.name for peg in self.pegs]
+        for name in self.support_motion:
+            if name not in round_ones:
+                raise ValueError(f"support_motion.{name}: expected a support of type: point, got {name!r:.60}")
         if self.fidelity.tolerance is not None:
             self.check_for_several_models()
 

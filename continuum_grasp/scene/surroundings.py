@@ -164,6 +164,11 @@ class Surroundings(Supported):
         return super().places if table is None else (*super().places, table)
 
     @property
+    def moving_supports(self) -> tuple[str, ...]:
+        """Names of round supports whose motion is a run-time input."""
+        return ()
+
+    @property
     def surroundings(self) -> Surroundings | None:
         """Object and supports, if there is an object."""
         return None if self.object is None else self

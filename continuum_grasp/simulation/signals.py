@@ -13,6 +13,8 @@ from continuum_grasp.base import Array, InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import SAME, ForceLoad, Load, Samples, Scene, VectorSamples
 
+_OF_MOTION = 5
+"""Entries of ``w`` of a support that moves: shift, its rate, rate of turn [1]."""
 Value = float | tuple[float, float] | Samples | VectorSamples
 
 
@@ -75,8 +77,8 @@ class Signals:
     """Inputs ``u`` and forces ``w`` of a model in its scene.
 
     ``loads`` are the values of the model's loads, one for each, its own where not given. ``nw`` is the size of ``w``,
-    which begins with the model's; behind them are, of an object that moves, what pulls at it and the height of its
-    table. Raises InputError where an input would move a matched tip with
+    which begins with the model's; behind them are, of an object that moves, what pulls at it, the height of its
+    table and how supports move. Raises InputError where an input would move a matched tip with
     infinite acceleration.
     """
 
@@ -90,15 +92,20 @@ class Signals:
         placed = list(zip(model.loads if loads is None else loads, model.load_entries, strict=True))
         couples = [load for load, (vector, _) in placed if vector == "u"]
         self._values += [load.moment for load in couples if not isinstance(load, ForceLoad)]
-        self._forces: list[tuple[Value, int]] = [
-            (load.value, start) for load, (vector, start) in placed if vector == "w"
+        self._forces: list[tuple[Value, int, int]] = [
+            (load.value, start, 0) for load, (vector, start) in placed if vector == "w"
         ]
-        """Values, each with its first entry of ``w``."""
+        """Values, each with its first entry of ``w``, and the order of the derivative that is there."""
         if self._nw > model.nw:
             pulls = scene.object_load
             pulled = ((0.0, 0.0), 0.0) if pulls is None else (pulls.force, pulls.moment)
             outside = zip((*pulled, scene.table_height), (0, 2, 3), strict=True)
-            self._forces += [(value, model.nw + k) for value, k in outside if model.nw + k < self._nw]
+            motions = list(scene.support_motion.values())
+            first = self._nw - _OF_MOTION * len(motions)
+            self._forces += [(value, model.nw + k, 0) for value, k in outside if model.nw + k < first]
+            for k, motion in enumerate(motions):
+                at = first + _OF_MOTION * k
+                self._forces += [(motion.shift, at, 0), (motion.shift, at + 2, 1), (motion.turn, at + 4, 1)]
         self._rates = model.structure.inputs.rates
         for value in self._values:
             if self._rates and isinstance(value, Samples) and value.interpolation != "smooth":
@@ -151,7 +158,7 @@ class Signals:
 
     @property
     def _sampled(self) -> list[Samples | VectorSamples]:
-        values = [*self._values, *(value for value, _ in self._forces)]
+        values = [*self._values, *(value for value, *_ in self._forces)]
         return [value for value in values if isinstance(value, (Samples, VectorSamples))]
 
     def u(self, t: ArrayLike) -> Array:
@@ -166,8 +173,8 @@ class Signals:
         """Forces (T, nw) at instants (T,)."""
         instants = np.atleast_1d(np.asarray(t, dtype=float))
         rows = np.zeros((len(instants), self._nw))
-        for value, start in self._forces:
-            values = interpolate(value, instants)[0].reshape(len(instants), -1)
+        for value, start, order in self._forces:
+            values = interpolate(value, instants)[order].reshape(len(instants), -1)
             rows[:, start : start + values.shape[1]] = values
         return rows
 

@@ -28,8 +28,8 @@ def simulate(
     ----------
     scene : Scene, MotionResult or path-like
         The scene, with ``time``, or its YAML file; or a result, whose motion is repeated by the inputs of a plan, or
-        the commands of a closed loop on the finger that its controller knows, or of a mission on its plant
-        (``simulated`` of the result).
+        the commands of a closed loop on the finger that its controller knows, or of a mission on its plant, on which
+        all fingers but the first move as recorded (``simulated`` of the result).
         With ``fidelity.tolerance`` the cheapest model that satisfies it is found first; where the motion needs more
         elements than its equilibria and frequencies, it gets them.
     progress : callable, optional
@@ -48,8 +48,7 @@ def simulate(
     Raises
     ------
     InputError
-        If the scene has no time, or a state that does not fit, or if no scene repeats the result, as of a mission of
-        several fingers.
+        If the scene has no time, or a state that does not fit, or if no scene repeats the result.
     NumericalError
         If the motion does not stay finite, or is too stiff for the requested method; ``result`` is the trajectory
         until then.

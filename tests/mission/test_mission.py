@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from continuum_grasp.addons.mission import MissionRun, NotLifted, Outcome, PlantVariation, Trials, TrialsResult
+from continuum_grasp.addons.mission import NotLifted, Outcome, PlantVariation, Trials, TrialsResult
 from continuum_grasp.addons.mission import run as runs
 from continuum_grasp.addons.mission.causes import Drop
 from continuum_grasp.addons.mission.from_grasp import _control_scene, assign
@@ -38,13 +38,6 @@ from tests.declared import assert_declared
 from tests.mission_cases import COARSE, MUG, QUICK, SHORT, begun, planned
 
 COSTLY_FIXTURES = ("held",)
-
-
-def test_a_mission_of_several_fingers_is_not_simulated_and_says_what_is():
-    several = object.__new__(MissionRun)
-    object.__setattr__(several, "runs", (None, None))
-    with pytest.raises(InputError, match=r"a scene has one finger, not 2: simulate the closed loop of one"):
-        simulate(several)
 
 
 @pytest.fixture(scope="module")

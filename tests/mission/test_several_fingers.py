@@ -26,7 +26,7 @@ from continuum_grasp.control import Prediction
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.results import read_run
 from continuum_grasp.scene import load
-from continuum_grasp.simulation import ContactHistory
+from continuum_grasp.simulation import ContactHistory, simulate
 from tests.declared import assert_declared
 from tests.mission_cases import PINCH, QUICK, SHORT, pressed
 
@@ -313,6 +313,24 @@ def test_a_drop_names_finger_and_contact(assignments, grasp):
 def test_what_makes_no_mission_of_two_fingers_is_named(change, said):
     with pytest.raises(InputError, match=said):
         load(PINCH, [change])
+
+
+@pytest.mark.deep
+def test_a_mission_of_two_fingers_is_simulated_with_the_other_as_it_moved(grasp):
+    """From approach to release, by another integrator: what is between the tips goes where it went."""
+    run = MissionRunner(assign(load(PINCH, QUICK[:2]), grasp)).run()
+    scene = run.simulated
+    assert (list(scene.support_motion), scene.finger) == (["upper_tip"], run.scene.finger)
+    motion = simulate(run)
+    assert motion.t == pytest.approx(run.t)
+    assert np.linalg.norm(motion.tip - run.runs[0].tip, axis=1).max() < 1e-5
+    off = np.abs(motion.object_pose - run.object_pose)
+    assert np.ptp(run.object_pose[:, :2], axis=0).max() > 1e-3
+    assert off[:, [0, 1, 3]].max() < 1e-5
+    assert off[:, 2].max() < 1e-3
+    other = motion.contacts.normal_force[:, motion.contacts.names.index("upper_tip")]
+    pressed = run.contacts.normal_force[:, run.contacts.names.index("upper.tip")]
+    assert other == pytest.approx(pressed, abs=0.01 * pressed.max())
 
 
 @pytest.mark.deep

@@ -76,3 +76,67 @@ def test_a_given_plant_has_them_too():
     plant = PlantModel(control, scene)
     w = dict(zip(plant.w_names, plant.forces(0.0)[0], strict=True))
     assert (w["table_height [m]"], w["object_moment [N m]"]) == (-0.02, 1e-4)
+
+
+RADIUS, PEG, DEEP = 0.04, 1.0, 1e-3  # m
+NO_TABLE = {key: value for key, value in FAR.items() if key != "table.friction"}
+SQUEEZED = {
+    "out_of_plane_gravity": 0.0,
+    "table": None,
+    "contact_law": {"stiffness": STIFFNESS, "friction": 0.5},
+    "supports": {
+        side: {"type": "point", "position": [1.0 + sign * (RADIUS + PEG - DEEP), 1.0], "radius": PEG}
+        for side, sign in (("left", -1.0), ("right", 1.0))
+    },
+    "time.step": 2e-4,
+}
+"""The mug between two great pegs that press it with 5 N each."""
+
+
+def squeezed(**changes):
+    return simulate(load(ROOT / "configs/simulate/close_on_mug.yaml", {**NO_TABLE, **SQUEEZED, **changes}))
+
+
+def test_an_object_between_supports_that_shake_swings_as_on_springs():
+    """M x" = 2 k (X - x) with X = A (1 - cos w t), from rest."""
+    w, size, t = 60.0, 2e-4, np.linspace(0.0, 0.2, 401)
+    shift = {"times": t.tolist(), "values": [[x, 0.0] for x in size * (1.0 - np.cos(w * t))]}
+    smooth = {"contact_law.friction": 0.0, "contact_law.dissipation": 0.0, "time.duration": 0.2}
+    found = squeezed(support_motion={side: {"shift": shift} for side in ("left", "right")}, **smooth)
+    own = np.sqrt(2.0 * STIFFNESS / MASS)
+    answer = 1.0 / (1.0 - (w / own) ** 2)
+    exact = size * (1.0 - answer * np.cos(w * found.t) + (answer - 1.0) * np.cos(own * found.t))
+    assert found.object_pose[:, 0] - 1.0 == pytest.approx(exact, abs=0.005 * size)
+    assert found.contacts.normal_force.max() > 2.0
+
+
+@pytest.mark.parametrize(("rate", "accelerates"), [(1.0, True), (0.0, False)])
+def test_supports_that_turn_drag_an_object_with_the_friction_of_their_force(rate, accelerates):
+    """A = 2 mu k d / m while they slide, the same without a turn: nothing."""
+    turns = {
+        side: {"turn": {"times": [0.0, 1.0], "values": [0.0, sign * rate], "interpolation": "linear"}}
+        for side, sign in (("left", 1.0), ("right", -1.0))
+    }
+    found = squeezed(support_motion=turns, **{"time.duration": 0.02})
+    exact = 0.5 * accelerates * (2.0 * 0.5 * STIFFNESS * DEEP / MASS) * found.t**2
+    assert found.object_pose[:, 1] - 1.0 == pytest.approx(exact, abs=0.02 * max(exact.max(), 1e-6))
+
+
+def test_a_support_that_shifts_slowly_carries_the_object_along():
+    """By friction, up and to the side: below the acceleration at which it slips, 17 m/s2."""
+    shift = {"times": [0.0, 0.2], "values": [[0.0, 0.0], [0.01, 0.02]]}
+    found = squeezed(support_motion={side: {"shift": shift} for side in ("left", "right")}, **{"time.duration": 0.3})
+    moved = found.object_pose[-1, :3] - found.object_pose[0, :3]
+    assert moved == pytest.approx([0.01, 0.02, 0.0], abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("motion", "text"),
+    [
+        ({"palm": {}}, "support_motion.palm: expected a support of type: point"),
+        ({"left": {"shift": {"times": [0, 1], "values": [[0, 0], [0, 1]], "interpolation": "hold"}}}, "jumps"),
+    ],
+)
+def test_a_support_that_cannot_move_so_is_refused(motion, text):
+    with pytest.raises(InputError, match=text):
+        squeezed(support_motion=motion)

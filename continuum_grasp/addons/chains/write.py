@@ -40,6 +40,7 @@ _CHAIN = Consumer(
         "finger.damping.dry_friction": "MuJoCo's friction is a steep damper, under which a bend that should stay "
         "creeps: leave dry_friction out",
         **dict.fromkeys(("object_load", "table_height"), "the chain's object has no motor: leave it out"),
+        "support_motion": "supports of a chain stay: leave it out",
         "finger.tendons.friction": "MuJoCo's tendons have the same tension all along: their frictionloss resists the "
         "motion of a whole tendon, not by its tension at every guide, as the capstan law does; set friction to 0, or "
         "close loops on a plant with guides, which has that law",

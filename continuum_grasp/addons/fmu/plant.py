@@ -38,6 +38,7 @@ _UNIT = Consumer(
     "export to fmu",
     refused={
         "plant.guides": "a plant with guides decides its contacts in Python: leave them out",
+        "support_motion": "supports of a unit stay: leave it out",
         "plant.mounting": "a unit counts as the model does: leave it out",
     },
     unneeded={

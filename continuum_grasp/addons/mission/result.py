@@ -8,6 +8,7 @@ from functools import cached_property
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
+import casadi as ca
 import numpy as np
 
 from continuum_grasp.addons.mission.assignment import object_of
@@ -19,7 +20,7 @@ from continuum_grasp.addons.mission.precheck import Exceeded, exceeded
 from continuum_grasp.addons.mission.record import MissionRecord
 from continuum_grasp.addons.mission.verdict import MissionVerdict, force_estimate, judge
 from continuum_grasp.base import Array, InputError, amount_text
-from continuum_grasp.closed_loop import ControlRun, PlantModel
+from continuum_grasp.closed_loop import ControlRun, PlantModel, SharedModel
 from continuum_grasp.control import Stages
 from continuum_grasp.results import (
     Dimension,
@@ -113,24 +114,59 @@ class MissionRun(MissionRecord, MotionResult):
     def simulated(self) -> Scene:
         """Scene of a simulation of the recorded commands on the plant of the mission, without its ``variation``.
 
-        The table sinks and rises, and what pulls does, as in the mission.
+        The table sinks and rises, and what pulls does, as in the mission. Of several fingers the first one is
+        simulated; the others are supports, a disc at each of their contacts, that move as recorded.
         """
-        if self.run is None:
-            raise InputError(
-                f"a scene has one finger, not {len(self.runs)}: simulate the closed loop of one of `fingers`; its "
-                "object rests where the grasp holds it"
-            )
-        plant = scene_under(self.run.scene, self.t, self.run.u, plant=self.scene)
+        plant = scene_under(self.runs[0].scene, self.t, self.runs[0].u, plant=self.scene)
         outside = self.timetable.outside()
         pulls = np.transpose([outside[name](self.t) for name in PlantModel.WRENCH])
         height = outside["table_height [m]"](self.t)
         times = tuple(self.t.tolist())
         force = VectorSamples(times=times, values=tuple(map(tuple, pulls[:, :2].tolist())))
         moment = Samples(times=times, values=tuple(pulls[:, 2].tolist()))
+        supports, motion = self._others()
         return plant.replaced(
             object_load={"force": force, "moment": moment} if pulls.any() else None,
             table_height=Samples(times=times, values=tuple(height.tolist())),
+            supports={**plant.supports, **supports},
+            support_motion=motion,
         )
+
+    def _others(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Contacts of all fingers but the first as supports, and their motion, by ``FINGER_1``, ``FINGER_tip``."""
+        supports, motion = dict[str, Any](), dict[str, Any]()
+        if self.run is not None:
+            return supports, motion
+        # The plants are moved again from each recorded state: between the instants of a record, pressed contacts move
+        # by more than smooth curves through these are near.
+        plants = [run.readings.plant for run in self.runs]
+        joint, lead = SharedModel(plants), self.runs[0]
+        substeps = int(lead.statistics["plant_substeps"])
+        moved = joint.integration(str(lead.statistics["plant_method"])).advance
+        begins = joint.joined([run.x for run in self.runs])
+        inputs = np.hstack([run.u for run in self.runs])
+        # 10: instants per period at which motions are sampled
+        chosen = np.unique(np.linspace(0, substeps, 10 + 1).astype(int))[1:]
+        states = [moved(x, u, t, lead.period, substeps) for x, u, t in zip(begins, inputs, self.t, strict=False)]
+        rows = np.vstack([begins[:1], *(each[chosen] for each in states)])
+        times = np.append(self.t[:1], (self.t[:-1, None] + lead.period / substeps * chosen).ravel())
+        parts = joint.parts(rows)
+        for assignment, run, x in [*zip(self.assignments, self.runs, parts, strict=True)][1:]:
+            u = np.vstack([run.u[:1], np.repeat(run.u, len(chosen), axis=0)])
+            plant = run.readings.plant
+            scene = plant.scene
+            places = (*scene.contacts, scene.finger.rod.length)
+            where, angle = plant.sections(places)
+            at = plant.function("contacts", rows=ca.vertcat(ca.vec(where), angle))
+            found = np.array(at.map(len(x))(x.T, u.T, plant.forces(times).T)).T
+            for k, place in enumerate(places):
+                name = f"{assignment.name}_{k + 1 if k < len(scene.contacts) else 'tip'}"
+                points, turn = found[:, 2 * k : 2 * k + 2], found[:, 2 * len(places) + k]
+                radius = float(scene.finger.profile.half_thickness(place))
+                supports[name] = {"type": "point", "position": points[0].tolist(), "radius": radius}
+                shift = {"times": times.tolist(), "values": (points - points[0]).tolist()}
+                motion[name] = {"shift": shift, "turn": {"times": times.tolist(), "values": (turn - turn[0]).tolist()}}
+        return supports, motion
 
     @property
     def run(self) -> ControlRun | None:

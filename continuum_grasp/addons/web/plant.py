@@ -231,6 +231,7 @@ _PAGE = Consumer(
     "export to web",
     refused={
         "plant.guides": "a page has no code that integrates a chain of guides: leave it out",
+        "support_motion": "supports of a page stay: leave it out",
         "plant.mounting": "a page counts as the model does: leave it out",
     },
     unneeded={

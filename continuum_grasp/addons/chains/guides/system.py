@@ -330,6 +330,7 @@ _GUIDES = Consumer(
     "plant.guides",
     refused={
         **Consumer.unknown_laws("a chain of guides (plant.guides)"),
+        "support_motion": "supports beside a chain of guides (plant.guides) stay: leave it out",
         "finger.pressure": "a chain of guides (plant.guides) works only with tendons: omit guides",
         "loads.kind=moment": "a chain of guides (plant.guides) takes only forces as loads, no moments",
         "initial.reached_by=state": "state describes friction cells, which a chain of guides does not have",
