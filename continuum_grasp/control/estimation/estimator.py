@@ -82,7 +82,7 @@ class Filtered(Summarized):
 
     @property
     def anomalies(self) -> tuple[str, ...]:
-        """Anomalies in words."""
+        """Anomalies as text; an anomaly of a measurement starts with the measurement's name."""
         return texts(self.anomaly, [float(v) for v in self.verdict], self._names)
 
 

@@ -138,7 +138,7 @@ def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tu
 
 
 def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], statistics: dict[str, float]) -> HandResult:
-    """The verdict where no start led to a grasp."""
+    """The verdict when no start leads to a grasp."""
     if not tried:
         idle = sorted({name for fingers in search.untouched.values() for name in fingers})
         message = f"no sampled posture of {' and '.join(idle)} touches the object"
