@@ -65,7 +65,7 @@ def draw_snapshots(
     points = [shapes, *_thickness(scene.finger, shapes), *bodies.zone_points(scene), *chain(*outlines), *seen]
     styled = StyledAxes.plane(ax, _box(points, arrows))
     ax = styled.ax
-    bodies.draw_surroundings(ax, motion, shapes[0], outlines)
+    bodies.draw_surroundings(ax, motion, shapes[0], outlines, index=int(indices[-1]))
     lines = styled.draw_timed(shapes, t[indices], t)
     bodies.draw_earlier(ax, shapes[:-1], lines.to_rgba(t[indices[:-1]]), scene.finger)
     if outlines or bodies.shows_thickness(scene.finger):
@@ -139,6 +139,7 @@ def motion_frames(
 
     def moving(k: int) -> tuple[list[Any], list[Any]]:
         passing: list[Any] = [*arrows.draw(ax, k)]
+        passing += bodies.draw_pegs(ax, bodies.moved_supports(motion, int(unique[k])), animated=True)
         if outlines:
             passing += bodies.draw_object(ax, outlines[k], animated=True)
         if outlines or bodies.shows_thickness(scene.finger):

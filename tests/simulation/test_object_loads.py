@@ -128,6 +128,9 @@ def test_a_support_that_shifts_slowly_carries_the_object_along():
     found = squeezed(support_motion={side: {"shift": shift} for side in ("left", "right")}, **{"time.duration": 0.3})
     moved = found.object_pose[-1, :3] - found.object_pose[0, :3]
     assert moved == pytest.approx([0.01, 0.02, 0.0], abs=2e-4)
+    drawn = {tuple(np.round(p.center, 6)) for p in found.plot(picture="snapshots").patches if hasattr(p, "radius")}
+    starts = [np.array(support["position"]) for support in SQUEEZED["supports"].values()]
+    assert drawn == {tuple(np.round(start + np.array([0.01, 0.02]), 6)) for start in starts}
 
 
 @pytest.mark.parametrize(

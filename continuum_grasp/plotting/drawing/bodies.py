@@ -13,7 +13,7 @@ from continuum_grasp.plotting.drawing.style import CLAMP, FAINT, FORBIDDEN, MATE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.patches import Polygon
+    from matplotlib.patches import Circle, Polygon
 
     from continuum_grasp.scene import Chamber, Finger, GraspObject, Support, Tendon
 
@@ -219,9 +219,35 @@ def draw_object(ax: Axes, outlines: Sequence[Array], *, faint: bool = False, **s
     return drawn
 
 
+def moved_supports(motion: Any, index: int) -> dict[str, Support]:
+    """Supports that move, by name, where they are at an instant of a motion."""
+    moved: dict[str, Support] = {}
+    for name in getattr(motion.scene, "support_motion", {}):
+        support = motion.scene.supports[name]
+        column = list(motion.w_names).index(f"{name}_shift_x [m]")
+        position = np.array(support.position) + motion.w[index, column : column + 2]
+        moved[name] = support.replaced(position=tuple(position.tolist()))
+    return moved
+
+
+def draw_pegs(ax: Axes, supports: Mapping[str, Support], **style: Any) -> list[Circle]:
+    """Draw the round ones of supports within the limits of the axes; returns their patches."""
+    from matplotlib.patches import Circle
+
+    diagonal = math.hypot(*np.diff([ax.get_xlim(), ax.get_ylim()]).ravel())
+    look = {**MATERIAL, "linewidth": 1.2, "edgecolor": Color.INK, "zorder": Z.SUPPORT, **style}
+    drawn: list[Circle] = []
+    for name, support in supports.items():
+        # 0.012: least radius of a peg, as a part of the diagonal: a point peg is still seen
+        drawn += [Circle(peg.position, max(peg.radius, 0.012 * diagonal), **look) for peg in support.pegs(name)]
+    for patch in drawn:
+        ax.add_patch(patch)
+    return drawn
+
+
 def draw_supports(ax: Axes, supports: Mapping[str, Support]) -> list[Array]:
     """Draw supports within the limits of the axes; returns their outlines."""
-    from matplotlib.patches import Circle, Polygon
+    from matplotlib.patches import Polygon
 
     (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
     diagonal = math.hypot(right - left, high - low)
@@ -235,14 +261,7 @@ def draw_supports(ax: Axes, supports: Mapping[str, Support]) -> list[Array]:
             ax.add_patch(Polygon(block, zorder=Z.SUPPORT, **MATERIAL))
             ax.plot(*face.T, color=Color.INK, linewidth=1.4, zorder=Z.FACE, scalex=False, scaley=False)
             drawn.append(block)
-        for peg in support.pegs(name):
-            # 0.012: least radius of a peg, as a part of the diagonal: a point peg is still seen
-            center = np.array(peg.position)
-            radius = max(peg.radius, 0.012 * diagonal)
-            style = {**MATERIAL, "linewidth": 1.2, "edgecolor": Color.INK, "zorder": Z.SUPPORT}
-            ax.add_patch(Circle((center[0], center[1]), radius, **style))
-            drawn.append(center + radius * CIRCLE)
-    return drawn
+    return drawn + [np.array(peg.center) + peg.radius * CIRCLE for peg in draw_pegs(ax, supports)]
 
 
 def _blocks(support: Support, name: str, far: float, depth: float) -> list[tuple[Array, Array]]:
@@ -285,16 +304,25 @@ def zone_points(scene: Any) -> list[Array]:
 
 
 def draw_surroundings(
-    ax: Axes, motion: Any, backbone: Array, outlines: Sequence[Sequence[Array]] = (), *, moving: bool = False
+    ax: Axes,
+    motion: Any,
+    backbone: Array,
+    outlines: Sequence[Sequence[Array]] = (),
+    *,
+    moving: bool = False,
+    index: int = 0,
 ) -> None:
     """Draw the surroundings of a finger into axes whose limits are set: zones, supports, the object, and the clamp.
 
     The object is drawn at some instants, by its outlines: faintly at all but the last, and there too if it is drawn
-    ``moving``. A fixed one, without poses in a controlled run, is drawn where the scene has it.
+    ``moving``. A fixed one, without poses in a controlled run, is drawn where the scene has it. Supports that move are
+    drawn at the instant of an ``index``, and not if they are drawn ``moving``.
     """
     scene = motion.scene
     draw_zones(ax, zones_of(scene))
-    draw_supports(ax, scene.supports)
+    moved = moved_supports(motion, index)
+    draw_supports(ax, {name: support for name, support in scene.supports.items() if name not in moved})
+    draw_pegs(ax, {} if moving else moved)
     for k, some in enumerate(outlines):
         draw_object(ax, some, faint=moving or k < len(outlines) - 1)
     if motion.object_pose is None and scene.object is not None:
