@@ -479,3 +479,10 @@ def test_a_ball_of_triangles_and_a_turned_circle_are_held_as_the_ball_is(ball, t
 @pytest.mark.parametrize("name", ["bottle", "knob"])
 def test_hollow_and_drawn_objects_are_held_stable_and_certified(name):
     assert optimize_grasp(hand(name)).certificate.acceptable
+
+
+def test_a_hand_without_reserve_says_that_a_slight_push_may_make_it_slip():
+    at_the_edge, with_reserve = (optimize_grasp(hand("ball", {"contacts.reserve": reserve})) for reserve in (0.0, 0.2))
+    assert "give contacts.reserve" in at_the_edge.message
+    assert at_the_edge.certificate.promised((1.0, 0.0, 0.0, 0.0, 0.0, 0.0)) < 1e-3 * at_the_edge.scene.weight
+    assert "reserve" not in with_reserve.message

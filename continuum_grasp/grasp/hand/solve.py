@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from continuum_grasp.base import Interrupted, amount_text
-from continuum_grasp.grasp.hand.certificate import HandCertificate, certify_hand
+from continuum_grasp.grasp.hand.certificate import HandCertificate, certify_hand, least_push
 from continuum_grasp.grasp.hand.repairs import LIMITS, repair_of
 from continuum_grasp.grasp.hand.result import HandResult
 from continuum_grasp.grasp.hand.search import HandSearch, HandTried
@@ -20,6 +20,9 @@ from continuum_grasp.grasp.values import OPENED, GraspStatus
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import HandScene
 
+_SLIGHT = 1e-3
+"""Push, per weight, below which none is promised."""
+_NO_RESERVE = "; a contact is at the edge of friction, so a slight push may make it slip: give contacts.reserve, as 0.2"
 _STEADIED = 2
 """Unstable grasps next to which stable ones are sought, the most stable."""
 
@@ -132,6 +135,8 @@ def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tu
             )
             return unstable, None
         words = "" if certificate.stability.stable else OPENED
+        if least_push(certificate.promise) < _SLIGHT * scene.weight:
+            words += _NO_RESERVE
         message = f"held with {held}; {len(tried)} starting postures were tried, a sample of all postures{words}"
         return HandResult(scene, GraspStatus.FEASIBLE, message, best.arrays, certificate, statistics=statistics), best
     return _without(scene, search, tried, statistics), None
