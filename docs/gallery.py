@@ -53,7 +53,7 @@ class Kind:
     cropped: float = 0.0
     """What is cut off at the right [inch]: the numbers beside the drawing of a grasp, too small to read here."""
     shown: float | None = None
-    """Width at the left to which it is cut [inch]: the view in space of a hand, without the planes of its fingers."""
+    """Width [inch] beyond which it is cut: the view in space of a hand, without the planes of its fingers."""
 
 
 KINDS = {
@@ -65,7 +65,7 @@ KINDS = {
         3.2,
     ),
     "hand": Kind(
-        "Hands in space", "[Planar fingers around a palm hold a solid object](hands.md).", "hand.png", shown=5.3
+        "Hands in space", "[Planar fingers around a palm hold a solid object](hands.md).", "hand.png", shown=4.4
     ),
     "mpc": Kind(
         "Control", "[A controller](control.md) against [a plant that differs from its model](mpc.md).", "path.png"
@@ -197,7 +197,7 @@ def made_with(one: Example) -> str:
 def save_thumbnail(source: Path, target: Path, kind: Kind) -> None:
     """Write a picture in ``WIDTH``, without loss where that is small enough."""
     picture = Image.open(source).convert("RGB")
-    right = picture.width - round(150 * kind.cropped) if kind.shown is None else round(150 * kind.shown)
+    right = picture.width - round(150 * kind.cropped) if kind.shown is None else blank_column(picture, kind.shown)
     picture = picture.crop((0, 0, right, picture.height))
     picture = picture.resize((WIDTH, round(picture.height * WIDTH / picture.width)), Image.Resampling.LANCZOS)
     for options in ({"lossless": True}, *({"quality": quality} for quality in range(90, 20, -5))):
@@ -207,6 +207,14 @@ def save_thumbnail(source: Path, target: Path, kind: Kind) -> None:
             target.write_bytes(buffer.getvalue())
             return
     raise ValueError(f"{target.name} does not fit into {MOST_BYTES} bytes")
+
+
+def blank_column(picture: Image.Image, beyond: float) -> int:
+    """Column after a width [inch] in the first blank strip that is wider than what is between letters."""
+    first = round(150 * beyond)
+    blank = np.asarray(picture.convert("L"))[:, first:].min(axis=0) > 250  # of 255
+    wide = np.lib.stride_tricks.sliding_window_view(blank, 4).all(axis=1)
+    return first + int(wide.argmax()) + 2
 
 
 def save_film(source: Path, film: Film) -> None:
