@@ -98,10 +98,10 @@ def test_the_robust_grasp_may_be_next_to_another_one_than_the_best(monkeypatch: 
 
 @pytest.mark.deep
 def test_a_face_that_shares_its_friction_in_several_ways_is_held() -> None:
-    """Two of ten draws ended in postures whose ends slip, though others of them hold; in the image all were held."""
+    """Two of twenty draws ended in postures whose ends slip, though others of them hold: bold runs found no other."""
     scene = load(CONFIGS / "gear.yaml").changed({"object.free": {"y": [-0.003, 0.003]}})
-    found = optimize_grasp(scene.replaced(robust=Robust(friction=0.03, position=0.0005, draws=10)))
-    assert found.robustness.robust.held == 10
+    found = optimize_grasp(scene.replaced(robust=Robust(friction=0.03, position=0.0005, draws=20)))
+    assert found.robustness.robust.held == 20
 
 
 def test_draws_that_use_a_reserve_of_friction_are_held_and_fail_nowhere() -> None:

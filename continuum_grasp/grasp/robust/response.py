@@ -114,7 +114,8 @@ class Responder:
             for x0 in [*points, np.mean(points, axis=0)] if points else []:
                 if any(reserve_of(attempt) >= HOLDS for attempt in attempts):
                     break
-                attempts.append(solve(x0=x0))
+                # Bold options stay near where they begin, and there nothing holds.
+                attempts.append(solve(x0=x0, options_at=2))
             holds = any(reserve_of(attempt) >= HOLDS for attempt in attempts)
             self._far = 0 if holds else self._far + 1
         attempt = max(reversed(attempts), key=reserve_of)
