@@ -17,8 +17,9 @@ from continuum_grasp.base import SolverError
 from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import Chosen, choose_fidelity, equilibrium
-from continuum_grasp.simulation.accuracy.choice import COUNTS, assess, choices, coordinates_near, open_families
+from continuum_grasp.simulation.accuracy.choice import assess, choices, open_families
 from continuum_grasp.simulation.accuracy.choose import allowed_accuracies
+from continuum_grasp.simulation.accuracy.elements import COUNTS, coordinates_near
 
 TOLERANCES = (2e-2, 5e-3, 1e-3, 1e-4)
 PLACES = 173

@@ -1,13 +1,16 @@
 from .accuracy.choose import Chosen as Chosen
 from .accuracy.choose import choose_fidelity as choose_fidelity
-from .accuracy.choose import resolve_fidelity as resolve_fidelity
+from .accuracy.elements import refined as refined
 from .accuracy.report import COUNTS as COUNTS
 from .accuracy.report import AccuracyReport as AccuracyReport
 from .accuracy.report import accuracy_report as accuracy_report
-from .accuracy.space import refined as refined
+from .accuracy.resolve import resolve_fidelity as resolve_fidelity
+from .at_rest import equilibrium as equilibrium
+from .at_rest import modes as modes
 from .contacts import ContactHistory as ContactHistory
 from .initial import initial_state as initial_state
 from .linearized import poles as poles
+from .moving import simulate as simulate
 from .replay import scene_under as scene_under
 from .run import integrate as integrate
 from .signals import Signals as Signals
@@ -19,7 +22,4 @@ from .static_shape import Equilibrium as Equilibrium
 from .statics import equilibrium_path as equilibrium_path
 from .statics import equilibrium_under as equilibrium_under
 from .trajectory import Trajectory as Trajectory
-from .verbs import equilibrium as equilibrium
-from .verbs import modes as modes
-from .verbs import simulate as simulate
 from .vibration import Modes as Modes

@@ -107,7 +107,7 @@ class Equilibrium(RestingShape, Result):
         Taken from the equilibrium with every element halved, found when this is first read; infinite where there is
         none, nan where a model or states of friction belong to these elements alone.
         """
-        error: float = named_value("continuum_grasp.simulation.accuracy.space:error_of_equilibrium")(self)
+        error: float = named_value("continuum_grasp.simulation.accuracy.space_at_rest:error_of_equilibrium")(self)
         return error
 
     def details(self) -> dict[str, Any]:

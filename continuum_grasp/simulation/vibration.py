@@ -85,7 +85,7 @@ class Modes(Result):
 
         As `Equilibrium.space_error`; of frequencies that are zero with halved elements, per the highest.
         """
-        return np.asarray(named_value("continuum_grasp.simulation.accuracy.space:error_of_modes")(self))
+        return np.asarray(named_value("continuum_grasp.simulation.accuracy.space_at_rest:error_of_modes")(self))
 
     @property
     def status(self) -> str:
@@ -158,6 +158,13 @@ def modes_of(scene: Scene, *, about: Equilibrium | None = None, points: int = 61
 
 _ROUNDING = 1e-7
 """Frequency per the greatest one below which it is rounding [1], by which squares are off by some 1e-16."""
+
+
+def relative_errors(frequencies: Array, truth: Array, factor: float = 1.0) -> Array:
+    """Relative errors of frequencies, times a factor; of one that is zero in truth, per the highest."""
+    return np.asarray(
+        factor * np.abs(frequencies - truth) / np.where(truth > 0.0, truth, max(float(truth.max()), 1e-300))
+    )
 
 
 def _pulsations(values: NDArray[Any]) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,16 +13,14 @@ from continuum_grasp.base import Array, InputError, SolverError
 from continuum_grasp.core import Core
 from continuum_grasp.model import MOST_ELEMENTS, RANGES, SHORTEST, FingerModel, element_lengths
 from continuum_grasp.scene import FAMILIES, Fidelity, Scene
+from continuum_grasp.simulation.accuracy.elements import COUNTS, coordinates_near
 from continuum_grasp.simulation.accuracy.truth import STATIONS, TrueCase, Truth
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import spectral_radius
 from continuum_grasp.simulation.static_shape import Equilibrium
 from continuum_grasp.simulation.statics import equilibrium_under
-from continuum_grasp.simulation.vibration import modes_of
+from continuum_grasp.simulation.vibration import modes_of, relative_errors
 
-COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16)
-"""Numbers of elements that are tried: each of the few, then in steps of a quarter or so, which bound the excess
-cost."""
 ACCURACIES = (1e-2, 2e-3, 1e-4, 1e-6, 1e-9, 1e-13)
 """Accuracies of evaluation [1] that are tried, coarse first; each stands for Horner terms and quadrature nodes."""
 
@@ -160,9 +158,6 @@ def _bending_range(scene: Scene, truth: Truth, lengths: tuple[float, ...]) -> fl
     return next((r for r in RANGES if r >= wanted), None)
 
 
-Curve = Callable[[Array], Array]
-
-
 @dataclass(frozen=True)
 class Errors:
     """Greatest errors of a model against the exact rod over the load cases; infinite where one is not found."""
@@ -237,26 +232,3 @@ def _at_rest(true: TrueCase, model: FingerModel) -> Equilibrium:
     w = signals.w(0.0)[0]
     guess = coordinates_near(model, true.rod.angle, true.rod.curvature)
     return equilibrium_under(model, u, w, guess=guess, reached_by=true.scene.initial.reached_by or "pulling")
-
-
-def coordinates_near(model: FingerModel, angle: Curve, curvature: Curve, inset: Array | None = None) -> Array:
-    """Coordinates (n,) of a model near a shape, given by its angle [rad] and curvature [1/m] at places (s,) [m].
-
-    The curvature, which jumps at couples, where elements end, is taken ``inset`` (elements,) [m] from there.
-    """
-    edges = np.concatenate([[0.0], np.cumsum(model.lengths)])
-    edges[-1] = model.finger.rod.length  # the sum may be beyond the tip by rounding, where there is no shape
-    family = model.structure.family
-    first = edges[:-1, None]
-    last = edges[1:, None]
-    short = 1e-9 * edges[-1] if inset is None else inset[:, None]
-    inside = np.clip(first + (last - first) * family.places, first + short, last - short)
-    curvatures = curvature(inside.ravel()).reshape(inside.shape)
-    return np.asarray(family.coordinates(np.diff(angle(edges)), curvatures)[: model.n])
-
-
-def relative_errors(frequencies: Array, truth: Array, factor: float = 1.0) -> Array:
-    """Relative errors of frequencies, times a factor; of one that is zero in truth, per the highest."""
-    return np.asarray(
-        factor * np.abs(frequencies - truth) / np.where(truth > 0.0, truth, max(float(truth.max()), 1e-300))
-    )

@@ -8,21 +8,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass, field
 from os import PathLike
-from pathlib import Path
 from time import perf_counter
-from typing import Any
 
-import casadi as ca
 import numpy as np
 
-from continuum_grasp import __version__
 from continuum_grasp.base import InputError, SolverError, Summarized, check_arguments, interruptible, quoted
-from continuum_grasp.core import Cache
-from continuum_grasp.scene import Fidelity, Initial, Scene, Timing, scene_of
+from continuum_grasp.scene import Scene, scene_of
 from continuum_grasp.simulation.accuracy.choice import ACCURACIES, Assessment, Choice, assess, choices, open_families
 from continuum_grasp.simulation.accuracy.truth import Truth, find_truth
 
@@ -213,36 +207,3 @@ def _none_meets(scene: Scene, tolerance: float, tried: list[Assessment]) -> Solv
         advice=f"raise fidelity.tolerance{free}",
         result=closest,
     )
-
-
-def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, str]:
-    """The scene with what its tolerance asks for, and what was chosen and why.
-
-    The choice is stored in the user's cache folder, by the content of the scene and of this package. ``vibrates``:
-    modes are asked for, so the first two frequencies must meet the tolerance, whether the scene moves or not. The note
-    is empty where there was nothing to choose. Errors are as in ``choose_fidelity``.
-    """
-    if scene.fidelity.tolerance is None:
-        return scene, ""
-    asked = scene
-    if vibrates:
-        changed: dict[str, Any] = {"fidelity": scene.fidelity.model_copy(update={"frequencies": 2})}
-        # Frequencies count where a scene moves: one that does not swings about its equilibrium.
-        if scene.time is None:
-            changed |= {"initial": Initial(pose="equilibrium"), "time": Timing(duration=1.0, step=0.01)}
-        asked = scene.model_copy(update=changed)
-
-    def choose(work: Path) -> Path:
-        chosen = choose_fidelity(asked)
-        written = work / "choice.json"
-        written.write_text(json.dumps([chosen.scene.fidelity.model_dump(mode="json"), str(chosen)]), encoding="utf-8")
-        written.chmod(0o600)
-        return written
-
-    maker = f"{__version__} {ca.CasadiMeta.version()}"
-    # The code of what measures too: another version may find other errors. Not the name, which changes nothing.
-    code = Cache.hash_of_code("rod", "model", "scene", "simulation")
-    identity = "\n".join([maker, code, asked.model_copy(update={"name": None}).model_dump_json()])
-    entry = Cache("choices", ".choice").entry(identity, choose, maker)
-    known, note = json.loads(entry.read_text(encoding="utf-8"))
-    return scene.model_copy(update={"fidelity": Fidelity.model_validate(known)}), str(note)

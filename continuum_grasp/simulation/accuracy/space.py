@@ -1,37 +1,36 @@
-"""The error that the elements leave: the same scene once more with every element halved, and what that changes.
-
-One mechanism for motions, equilibria and modes of every finger: lengths, bending coordinates and damping per element
-are translated, everything else of the scene stays.
-"""
+"""The error that the elements leave in a motion: the same scene once more with every element halved."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import accumulate
 from time import perf_counter
 
 import numpy as np
 
-from continuum_grasp.base import Array, InputError, Interrupted, NumericalError, SolverError
+from continuum_grasp.base import InputError, Interrupted, NumericalError, SolverError
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import Consumer, Fidelity, Initial, Scene
-from continuum_grasp.simulation.accuracy.choice import COUNTS, coordinates_near, relative_errors
+from continuum_grasp.scene import Initial, Scene
+from continuum_grasp.simulation.accuracy.elements import (
+    COUNTS,
+    PLACES,
+    apart_at_rest,
+    refined,
+    translated,
+    whole_error,
+)
 from continuum_grasp.simulation.contacts import greatest_motion
-from continuum_grasp.simulation.rest import RestingShape, model_at_rest, rest_at
+from continuum_grasp.simulation.rest import model_at_rest, rest_at
 from continuum_grasp.simulation.run import integrate
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.static_shape import Equilibrium
-from continuum_grasp.simulation.statics import equilibrium_of
 from continuum_grasp.simulation.trajectory import Trajectory, error_text
-from continuum_grasp.simulation.vibration import Modes, modes_of
 
 _MOST = max(COUNTS)
 """Elements of a motion up to which a tolerance is pursued [1], as those among which one is chosen."""
-_PLACES, _INSTANTS = 21, 100
-"""Places along the finger and instants of a motion that are compared [1]."""
+_INSTANTS = 100
+"""Instants of a motion that are compared [1]."""
 _FEW = 4
 """Elements up to which the error at rest is stated unasked [1]: halves of four clothoids take 0.6 s of processor time,
 of eight 12 s."""
@@ -41,56 +40,6 @@ _NOTICED = 0.01
 _LONG = 5.0
 """Time from which on a finer motion is announced [s], which does not change the results."""
 _LOG = logging.getLogger(__name__)
-
-_HALVED = Consumer("accuracy in space", {"initial.friction_states": "belongs to these elements"})
-
-
-def refined(scene: Scene, model: FingerModel) -> Scene:
-    """The scene with every element of its model halved; InputError where the scene is one of that model alone."""
-    count = len(model.lengths)
-    length = model.finger.rod.length
-    _HALVED.check(scene)
-    # 0.25: length of an element per the mean up to which it is not halved. Short ones enclose couples, 2 % of the
-    # length among two to eight others; their half would be the stiffest by far. Those of a taper of 1:16 differ less
-    long = [h > 0.25 * length / count for h in model.lengths]
-    lengths = tuple(
-        part for h, halved in zip(model.lengths, long, strict=True) for part in ([0.5 * h, 0.5 * h] if halved else [h])
-    )
-    # A moment per rate of an element's bend is one per rate of curvature times its length.
-    damping = scene.finger.damping
-    finger = scene.finger.replaced(damping=damping.replaced(per_arc=2.0 * damping.per_arc))
-    # The same greatest curvature.
-    reach = None if scene.fidelity.bending_range is None else 0.5 * scene.fidelity.bending_range
-    fidelity = Fidelity(family=model.family, elements=lengths, bending_range=reach)
-    same = scene.replaced(finger=finger, fidelity=fidelity)
-    initial = scene.initial
-    if initial.q is None:
-        return same
-    finer = FingerModel(same.replaced(initial=Initial(pose="straight")))  # coordinates are those of the scene's model
-    u = Signals(scene, model).u(0.0)[0]
-    q = np.array(initial.q)
-    at = translated(model, q, u, finer)
-    state = {"q": tuple(at.tolist())}
-    if initial.qd is not None:
-        state["qd"] = tuple((translated(model, q + initial.qd, u, finer) - at).tolist())
-    return same.replaced(initial=initial.replaced(**state))
-
-
-def translated(model: FingerModel, q: Array, u: Array, finer: FingerModel) -> Array:
-    """Coordinates (n,) of a finer model near the shape q of a model under an input u."""
-    core = Core(model, compiled=False)
-    family = finer.structure.family
-    # The curvature by differences inside the elements, where the angle is smooth.
-    step = 1e-5 * np.diff([0.0, *accumulate(finer.lengths)])
-
-    def angle(s: Array) -> Array:
-        return np.asarray(core.batch("orientation", q, u, s[:, None], None)).ravel()
-
-    def curvature(s: Array) -> Array:
-        steps = np.repeat(step, family.places.size)
-        return (angle(s + steps) - angle(s - steps)) / (2.0 * steps)
-
-    return coordinates_near(finer, angle, curvature, step)
 
 
 def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[float], None] | None = None) -> Trajectory:
@@ -124,7 +73,7 @@ def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[flo
             before = perf_counter()
             finer = integrate(refined(motion.scene, motion.model), progress=progress)
             growth, last = (perf_counter() - before) / last, perf_counter() - before
-            error = _whole(motion.model) * apart(motion, finer)
+            error = whole_error(motion.model) * apart(motion, finer)
         except Interrupted as stop:
             raise Interrupted("interrupted after the end of the motion", result=motion) from stop
         except InputError as reason:
@@ -179,7 +128,7 @@ def at_both_ends(motion: Trajectory) -> Trajectory:
             continue
         try:
             fine = rest_at(finer_scene, finer, at=at, guess=translated(coarse, rest.q, rest.u, finer))
-            errors.append(_whole(model) * _between(rest, fine))
+            errors.append(whole_error(model) * apart_at_rest(rest, fine))
         except SolverError:
             errors.append(np.inf)
         where = f"at rest under {name} inputs and loads"
@@ -194,13 +143,6 @@ def at_both_ends(motion: Trajectory) -> Trajectory:
     return replace(motion, static_error=error, warnings=(*motion.warnings, *warnings), statistics=statistics)
 
 
-def _whole(model: FingerModel) -> float:
-    """Error of a model per its difference to elements of half the length [1]."""
-    # 0.5: share of a family's order of convergence that is believed: few elements, tapers and friction reach no more.
-    # Of random scenes (``benchmarks.bench_space_error``) the whole order covers the true error of 55 to 86 % only
-    return float(1.0 / (1.0 - 2.0 ** (-0.5 * model.structure.family.order)))
-
-
 def apart(first: Trajectory, other: Trajectory) -> float:
     """Greatest distance of the finger's places, and of the object's points, of two motions, per length [1]."""
     last = len(first.t) - 1
@@ -208,47 +150,8 @@ def apart(first: Trajectory, other: Trajectory) -> float:
     # Evaluated without compiling, which would take longer.
     cores = [Core(each.model, compiled=False) for each in (first, other)]
     pairs = zip(cores, (first, other), strict=True)
-    shapes = [core.backbones(each.q[some], each.acting[some], _PLACES) for core, each in pairs]
+    shapes = [core.backbones(each.q[some], each.acting[some], PLACES) for core, each in pairs]
     distance = float(np.linalg.norm(shapes[0] - shapes[1], axis=-1).max())
     if first.object_pose is not None and other.object_pose is not None and first.scene.object is not None:
         distance = max(distance, greatest_motion(first.scene.object, first.object_pose, other.object_pose))
     return distance / first.length
-
-
-def finer_equilibrium(coarse: Equilibrium) -> Equilibrium | float:
-    """Solve for an equilibrium in elements of half the length; nan where none can be had, infinity where it is lost."""
-    if coarse.scene is None:
-        return np.nan
-    try:
-        scene = refined(coarse.scene, coarse.model)
-        finer = FingerModel(scene, loads=coarse.model.loads, input_rates=False)
-        guess = translated(coarse.model, coarse.q, coarse.u, finer)
-        return equilibrium_of(scene, guess=guess, stable=coarse.stable, model=finer)
-    except InputError:
-        return np.nan
-    except SolverError:
-        return np.inf
-
-
-def error_of_equilibrium(equilibrium: Equilibrium) -> float:
-    """`Equilibrium.space_error`."""
-    finer = finer_equilibrium(equilibrium)
-    if not isinstance(finer, Equilibrium):
-        return finer
-    return _whole(equilibrium.model) * _between(equilibrium, finer)
-
-
-def _between(first: RestingShape, other: RestingShape) -> float:
-    """Greatest distance of the finger's places of two equilibria, per length [1]."""
-    distance = np.linalg.norm(first.backbone(_PLACES) - other.backbone(_PLACES), axis=-1).max()
-    return float(distance / first.model.finger.rod.length)
-
-
-def error_of_modes(coarse: Modes) -> Array:
-    """`Modes.space_error`."""
-    finer = finer_equilibrium(coarse.equilibrium)
-    frequencies = coarse.frequencies_hz
-    if not isinstance(finer, Equilibrium) or finer.scene is None:
-        return np.full(len(frequencies), finer)
-    true = modes_of(finer.scene, about=finer).frequencies_hz[: len(frequencies)]
-    return relative_errors(frequencies, true, _whole(coarse.equilibrium.model))

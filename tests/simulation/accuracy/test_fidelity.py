@@ -14,7 +14,7 @@ from benchmarks.rod_shapes import RODS
 from continuum_grasp.core.cache import cache_folder
 from continuum_grasp.model import FingerModel
 from continuum_grasp.rod import natural_frequencies, solve_elastica
-from continuum_grasp.simulation import choose_fidelity
+from continuum_grasp.simulation import choose_fidelity, resolve_fidelity
 from continuum_grasp.simulation.accuracy import choose, motion
 from continuum_grasp.simulation.accuracy.choice import RANGES, _bending_range
 from continuum_grasp.simulation.accuracy.truth import load_cases
@@ -140,17 +140,17 @@ def test_a_moving_scene_gets_a_range_that_its_motion_keeps():
 @pytest.mark.usefixtures("own_cache")
 def test_a_choice_is_remembered(monkeypatch):
     wanted = scene(1e-3)
-    first, note = choose.resolve_fidelity(wanted)
+    first, note = resolve_fidelity(wanted)
 
     def never(_):
         raise AssertionError("measured again")
 
     monkeypatch.setattr(choose, "choose_fidelity", never)
     renamed = wanted.model_copy(update={"name": "another name"})
-    assert choose.resolve_fidelity(wanted) == (first, note)
-    assert choose.resolve_fidelity(renamed)[0].fidelity == first.fidelity
+    assert resolve_fidelity(wanted) == (first, note)
+    assert resolve_fidelity(renamed)[0].fidelity == first.fidelity
     with pytest.raises(AssertionError):
-        choose.resolve_fidelity(scene(2e-3))
+        resolve_fidelity(scene(2e-3))
 
 
 @pytest.mark.usefixtures("own_cache")
@@ -159,11 +159,11 @@ def test_a_choice_is_remembered(monkeypatch):
 )
 def test_a_spoilt_record_is_measured_again(suffix, spoilt):
     wanted = scene(1e-2)
-    first = choose.resolve_fidelity(wanted)
+    first = resolve_fidelity(wanted)
     (record,) = cache_folder("choices").glob(f"*{suffix}")
     whole = record.read_text()
     record.write_text(spoilt)
-    assert choose.resolve_fidelity(wanted) == first
+    assert resolve_fidelity(wanted) == first
     assert record.read_text() == whole
 
 

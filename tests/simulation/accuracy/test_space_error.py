@@ -17,8 +17,9 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.rod import natural_frequencies, solve_elastica
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import integrate, refined
+from continuum_grasp.simulation.accuracy.elements import translated
 from continuum_grasp.simulation.accuracy.motion import pace, reference_motion
-from continuum_grasp.simulation.accuracy.space import motion_within, translated
+from continuum_grasp.simulation.accuracy.space import motion_within
 from continuum_grasp.simulation.accuracy.truth import find_truth
 from tests.simulation.accuracy.test_accuracy_report import release
 

@@ -1,75 +1,19 @@
-"""Motion, equilibrium and modes as a user calls them: a tolerance becomes a model first, a path a scene."""
+"""Equilibrium and modes as a user calls them: a tolerance becomes a model first, a path a scene."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from os import PathLike
 
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import check_arguments
 from continuum_grasp.model import FingerModel
-from continuum_grasp.results import MotionResult
 from continuum_grasp.scene import Load, Scene, scene_of
+from continuum_grasp.simulation.accuracy.resolve import resolve_fidelity
 from continuum_grasp.simulation.static_shape import Equilibrium
 from continuum_grasp.simulation.statics import equilibrium_of
-from continuum_grasp.simulation.trajectory import Trajectory
 from continuum_grasp.simulation.vibration import Modes, modes_of
-
-
-@check_arguments
-def simulate(
-    scene: Scene | MotionResult | str | PathLike[str], *, progress: Callable[[float], None] | None = None
-) -> Trajectory:
-    """Simulate the motion of a finger, and of the object that it touches.
-
-    Parameters
-    ----------
-    scene : Scene, MotionResult or path-like
-        The scene, with ``time``, or its YAML file; or a result, whose motion is repeated by the inputs of a plan, or
-        the commands of a closed loop on the finger that its controller knows, or of a mission on its plant, on which
-        all fingers but the first move as recorded (``simulated`` of the result).
-        With ``fidelity.tolerance`` the cheapest model that satisfies it is found first; where the motion needs more
-        elements than its equilibria and frequencies, it gets them.
-    progress : callable, optional
-        Called with the completed share of the motion, 0 to 1.
-
-    Returns
-    -------
-    Trajectory
-        T instants ``t`` (T,) [s], states ``x`` (T, nx), inputs ``u`` (T, nu), forces ``w`` (T, nw), tip positions
-        ``tip`` (T, 2) [m] and energies ``kinetic`` and ``potential`` (T,) [J]; SI units, world frame. ``x_names``,
-        ``u_names`` and ``w_names`` have the unit of each entry, ``time_error`` estimates the error of the steps in
-        time, ``space_error`` the error of the elements (``time.space_error``, ``fidelity.tolerance``),
-        ``static_error`` their error at rest under the first and the last inputs otherwise, ``warnings`` names elements
-        beyond their bending range or strain limit, and overlaps with the object between stations.
-
-    Raises
-    ------
-    InputError
-        If the scene has no time, or a state that does not fit, or if no scene repeats the result.
-    NumericalError
-        If the motion does not stay finite, or is too stiff for the requested method; ``result`` is the trajectory
-        until then.
-    SolverError
-        If an initial equilibrium is not found.
-    Interrupted
-        On Ctrl-C; ``result`` is the trajectory until then.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> motion = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.05"]))
-    >>> motion.t.shape, motion.tip.shape, motion.x_names[0]
-    ((51,), (51, 2), 'kappa_0 [1/m]')
-    """
-    from continuum_grasp.simulation.accuracy.space import motion_within
-
-    asked = scene_of(scene)
-    chosen, note = _resolved(asked)
-    trajectory = motion_within(chosen, asked.fidelity.tolerance, progress=progress)
-    return replace(trajectory, statistics={**trajectory.statistics, "fidelity": note}) if note else trajectory
 
 
 @check_arguments
@@ -124,7 +68,7 @@ def equilibrium(
     >>> found.stable, found.tip.shape, found.backbone(points=20).shape
     (True, (2,), (20, 2))
     """
-    chosen = scene_of(scene) if model is not None else _resolved(scene)[0]
+    chosen = scene_of(scene) if model is not None else resolve_fidelity(scene_of(scene))[0]
     return equilibrium_of(chosen, extra_loads=extra_loads, guess=guess, stable=stable, side=side, model=model)
 
 
@@ -163,15 +107,5 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     >>> found.shapes.shape == (len(found.frequencies_hz), 61, 2)
     True
     """
-    chosen = scene_of(scene) if about is not None else _resolved(scene, vibrates=True)[0]
+    chosen = scene_of(scene) if about is not None else resolve_fidelity(scene_of(scene), vibrates=True)[0]
     return modes_of(chosen, about=about, points=points)
-
-
-def _resolved(given: Scene | str | PathLike[str], *, vibrates: bool = False) -> tuple[Scene, str]:
-    """The scene with its tolerance turned into a model, and why that one; what measures models loads where needed."""
-    scene = scene_of(given)
-    if scene.fidelity.tolerance is None:
-        return scene, ""
-    from continuum_grasp.simulation.accuracy.choose import resolve_fidelity
-
-    return resolve_fidelity(scene, vibrates=vibrates)
