@@ -183,6 +183,10 @@ class TurnedGravity(Value):
 
     any: Annotated[Positive, Unit("m/s2")]
     """Gravity [m/s2]."""
+    shift_max: Annotated[Positive, Unit("m")] | None = None
+    """Greatest displacement of the object meanwhile, to first order; None: as the fingers yield [m]."""
+    turn_max: Annotated[Positive, Unit("rad")] | None = None
+    """Greatest turn of the object meanwhile, to first order; None: as the fingers yield [rad]."""
 
 
 def _of_any_direction(value: Any) -> Any:
@@ -253,6 +257,12 @@ class HandScene(Configuration):
     def turned(self) -> float:
         """Gravity that takes every direction [m/s2]; zero where it has one."""
         return self.gravity.any if isinstance(self.gravity, TurnedGravity) else 0.0
+
+    @property
+    def most_motion(self) -> tuple[float, float]:
+        """Greatest displacement [m] and turn [rad] that the object may have while its weight takes every direction."""
+        allowed = self.gravity if isinstance(self.gravity, TurnedGravity) else TurnedGravity(any=1.0)
+        return allowed.shift_max or math.inf, allowed.turn_max or math.inf
 
     @property
     def acceleration(self) -> tuple[float, float, float]:

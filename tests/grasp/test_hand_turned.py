@@ -196,6 +196,29 @@ def test_weight_of_object_and_fingers_moves_a_ball_aside(density):
     response = certify_hand(*pressed(0.001, density)).response
     assert np.diag(response.pose_by_gravity)[:2] == pytest.approx([moved, moved], rel=0.02)
     assert abs(response.pose_by_gravity[2, 2]) < 1e-3 * moved
+    assert certify_hand(*pressed(0.001, density)).turned_motion[0] == pytest.approx(moved, rel=0.02)
+
+
+@pytest.mark.parametrize(("key", "name"), [("shift_max", "displacement"), ("turn_max", "turn")])
+def test_motion_in_every_direction_has_a_limit(key, name):
+    scene, arrays = pressed(0.2)
+    shift, turn = certify_hand(scene, arrays).turned_motion
+    for share, passes in ((1.001, True), (0.999, False)):
+        limited = scene.changed({"gravity": {"any": 1.0, key: share * (shift if key == "shift_max" else turn)}})
+        (check,) = (c for c in certify_hand(limited, arrays).checks if c.name.startswith(f"{name} of the object"))
+        assert check.passed is passes
+
+
+@pytest.mark.deep
+def test_a_hand_that_yields_too_far_is_not_held_and_a_stiffer_one_is():
+    limit = "gravity={any: 9.81, shift_max: 1 mm, turn_max: 1 deg}"
+    found = optimize_grasp(cg.load(TURNED, [limit]), raise_on_failure=False)
+    assert found.status.name == "NOT_SOLVED"
+    assert "1 mm and 1 degrees is allowed" in found.message
+    assert "times as stiff" in found.advice
+    stiff = ["hand.finger.rod.bending_stiffness=0.018", "hand.finger.tendons.max_tension=150"]
+    held = optimize_grasp(cg.load(TURNED, [limit, *stiff]))
+    assert held.certificate.turned_motion[0] < 1e-3
 
 
 @pytest.mark.parametrize("key", ["contacts.friction", "contacts.normal_force_max"])

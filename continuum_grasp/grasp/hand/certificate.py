@@ -107,6 +107,16 @@ class HandCertificate(Summarized):
         each = [turned_contacts(self.hand, response, self.hand.scene.turned) for response in self._bounds]
         return min(each, key=lambda needs: max((c.friction / c.held for c in needs), default=0.0), default=())
 
+    @cached_property
+    def turned_motion(self) -> tuple[float, float]:
+        """Greatest displacement [m] and turn [rad] of the object while its weight takes every direction, to first
+        order; NaN where it has one direction, or nothing holds.
+        """
+        if self.hand is None or self.response is None or not self.hand.scene.turned:
+            return float("nan"), float("nan")
+        motion = self.hand.scene.turned * self.response.pose_by_gravity
+        return float(np.linalg.norm(motion[:3], 2)), float(np.linalg.norm(motion[3:], 2))
+
     def promised(self, along: Sequence[float] | Array) -> float:
         """Greatest multiple of a wrench on the object that no contact slips or gives way under, to first order.
 
@@ -247,7 +257,8 @@ def certify_hand(scene: HandScene, arrays: Mapping[str, Any]) -> HandCertificate
             for c in (*(c for finger in hand.fingers for c in finger.contacts), *hand.carried)
         )
         certificate = HandCertificate(tuple(checks), contacts, hand)
-        more = tuple(check for contact in certificate.turned for check in _turned(hand, contact))
+        more = [check for contact in certificate.turned for check in _turned(hand, contact)]
+        more += _turned_motion(scene, certificate.turned_motion)
         return replace(certificate, checks=(*checks, *more)) if more else certificate
 
 
@@ -342,6 +353,14 @@ def _turned(hand: RecomputedHand, c: TurnedContact) -> Iterator[Check]:
     """A contact while the weight takes every direction, to first order."""
     yield Check(f"friction cone, {c.name}{TURNED}", c.friction - c.held, EXACT)
     yield Check.part(f"normal force, {c.name}{TURNED}", c.greatest - c.limit, hand.force_scale, "N")
+
+
+def _turned_motion(scene: HandScene, motion: tuple[float, float]) -> Iterator[Check]:
+    """Limits of the object's motion while its weight takes every direction."""
+    kinds = zip(("displacement", "turn"), motion, scene.most_motion, ("m", "rad"), strict=True)
+    for name, moved, most, unit in kinds:
+        if math.isfinite(most):
+            yield Check.part(f"{name} of the object{TURNED}", moved - most, most, unit)
 
 
 def _clearances(hand: RecomputedHand) -> Iterator[Check]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -49,16 +50,18 @@ def _turned(scene: HandScene, down: HandResult, held: HandTried, progress: Calla
         return HandResult(
             scene, GraspStatus.NOT_SOLVED, message, advice=advice, statistics={**down.statistics, **steps}
         )
-    best = min(found, key=lambda grasp: (not grasp.certificate.acceptable, grasp.friction))
+    best = min(found, key=lambda grasp: (not grasp.certificate.acceptable, max(grasp.friction, 1.0), grasp.yielding))
     arrays, certificate = best.tried.arrays, best.certificate
     worst = max(certificate.turned, key=lambda contact: contact.friction / contact.held)
     towards = ", ".join(f"{c:.2f}" for c in worst.direction)
     tension = amount_text(best.tried.tension, "N", ".4g")
     statistics = {**down.statistics, **steps}
+    shift, turn = certificate.turned_motion
+    moves = f"the object moves by up to {_motion_text(shift, turn)}"
     if certificate.acceptable:
         message = (
             f"held in every direction of the weight with a sum of tensions of {tension}; {worst.name} needs a friction "
-            f"of {worst.friction:.3g} where the weight points along ({towards})"
+            f"of {worst.friction:.3g} where the weight points along ({towards}); {moves}"
         )
         return HandResult(scene, GraspStatus.FEASIBLE, message, arrays, certificate, statistics=statistics)
     if certificate.passed:
@@ -67,6 +70,12 @@ def _turned(scene: HandScene, down: HandResult, held: HandTried, progress: Calla
         advice = "For a stable grasp: a wider section of the fingers, shorter fingers, or middle contacts."
         return HandResult(
             scene, GraspStatus.UNSTABLE, message, arrays, certificate, advice=advice, statistics=statistics
+        )
+    if best.friction <= 1.0:
+        message = f"held in every direction of the weight, but {moves}; {_motion_text(*scene.most_motion)} is allowed"
+        advice = f"Use fingers about {best.yielding:.2g} times as stiff, more of them, or drives that lock."
+        return HandResult(
+            scene, GraspStatus.NOT_SOLVED, message, arrays, certificate, advice=advice, statistics=statistics
         )
     advice = "More fingers or contacts, a palm, stiffer fingers, or a lighter object."
     where = f"{worst.name} where the weight points along ({towards})"
@@ -84,6 +93,12 @@ def _turned(scene: HandScene, down: HandResult, held: HandTried, progress: Calla
     return HandResult(
         scene, GraspStatus.INFEASIBLE, message, arrays, certificate, reasons, advice, statistics=statistics
     )
+
+
+def _motion_text(shift: float, turn: float) -> str:
+    """A displacement [m] and a turn [rad], where they are finite."""
+    shown = [f"{1e3 * shift:.3g} mm"] if math.isfinite(shift) else []
+    return " and ".join([*shown, f"{math.degrees(turn):.2g} degrees"] if math.isfinite(turn) else shown)
 
 
 def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tuple[HandResult, HandTried | None]:

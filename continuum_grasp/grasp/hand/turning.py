@@ -28,6 +28,7 @@ STEPS = 18
 class TurnedGrasp:
     """A grasp without weight, and what it needs while the weight takes every direction."""
 
+    scene: HandScene
     tried: HandTried
     certificate: HandCertificate
 
@@ -35,6 +36,12 @@ class TurnedGrasp:
     def friction(self) -> float:
         """Coefficient of friction that is needed, per one that is there less the reserve."""
         return max((c.friction / c.held for c in self.certificate.turned), default=float("inf"))
+
+    @property
+    def yielding(self) -> float:
+        """Motion of the object per what is allowed, the greater of displacement and turn."""
+        moved = zip(self.certificate.turned_motion, self.scene.most_motion, strict=True)
+        return max(motion / most for motion, most in moved)
 
 
 def turned_grasps(scene: HandScene, held: HandTried, search: HandSearch) -> list[TurnedGrasp]:
@@ -50,7 +57,7 @@ def turned_grasps(scene: HandScene, held: HandTried, search: HandSearch) -> list
             break
         certificate = certify_hand(scene, tried.arrays)
         if certificate.passed_at_rest:
-            found.append(TurnedGrasp(tried, certificate))
+            found.append(TurnedGrasp(scene, tried, certificate))
             words = f"{amount_text(grip, 'N', '.4g')} on the object"
             search.budget.tell(f"{words}: it needs {found[-1].friction:.3g} of the available friction")
             if certificate.acceptable:
