@@ -10,7 +10,7 @@ from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from continuum_grasp.base import InputError
+from continuum_grasp.base import ConfigurationKind, InputError, named_value
 from continuum_grasp.scene.config_kinds import kind_of, kinds
 from continuum_grasp.scene.document import Change, Document, KeyPath, Place, child, dotted, plain, undotted
 from continuum_grasp.scene.problems import validated
@@ -75,9 +75,15 @@ def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
                 raise new.places[()].error(f"{key} extends no file: expected {key}={{extends: FILE, ...}}", where)
         document.override(where, new)
     _put_in_files(document, main)
-    kind_of(document.value).scene_class.read_files(document, (), main)
+    _put_in_drawings(document, kind_of(document.value), (), main)
     if isinstance(document.value.get("grasp"), dict):
-        kinds()["grasp"].scene_class.read_files(document, ("grasp",), main)
+        _put_in_drawings(document, kinds()["grasp"], ("grasp",), main)
+
+
+def _put_in_drawings(document: Document, kind: ConfigurationKind, scene: KeyPath, main: Path) -> None:
+    """Put in place what the scene of a kind, at a path, names in files of other programs."""
+    if kind.scene_class.FILES:
+        named_value(kind.scene_class.FILES)(document, scene, main)
 
 
 def _put_in_files(document: Document, main: Path) -> None:

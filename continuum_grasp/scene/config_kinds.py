@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from continuum_grasp.base import ConfigurationKind, InputError, addons
-
-if TYPE_CHECKING:
-    pass
 
 _CORE = (
     ConfigurationKind(

@@ -6,13 +6,11 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from itertools import combinations
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.consumer import Consumer
-from continuum_grasp.scene.document import Document, KeyPath, child
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.finger_scene import Fidelity
 from continuum_grasp.scene.finger_section import FingerSection
@@ -29,7 +27,7 @@ from continuum_grasp.scene.hand_supports import (
     lie_against,
     support_contacts,
 )
-from continuum_grasp.scene.solids import Solid, SpatialPosition, Vector3, put_in_files
+from continuum_grasp.scene.solids import Solid, SpatialPosition, Vector3
 from continuum_grasp.scene.supports import Switch
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import PARALLEL, Angle, Configuration, Extent, Positive, Value
@@ -203,6 +201,7 @@ AnyGravity = Annotated[GraspGravity | TurnedGravity, BeforeValidator(_of_any_dir
 class HandScene(Configuration):
     """A hand of planar fingers that holds an object in space."""
 
+    FILES = "continuum_grasp.scene.solids:put_in_files"
     REFUSALS = Consumer.refusals(
         """
         contacts.stations: hands touch with middle and tip: leave it out
@@ -231,12 +230,6 @@ class HandScene(Configuration):
     pulling; any: whatever they become, which hands without friction do."""
     solver: GraspSolver = GraspSolver()
     """Options of the search."""
-
-    @classmethod
-    def read_files(cls, document: Document, at: KeyPath, main: Path) -> None:
-        """Put in place what the object names in files."""
-        if child(document.get(at), "object") is not None:
-            put_in_files(document, (*at, "object"), main)
 
     @cached_property
     def setups(self) -> tuple[FingerSetup, ...]:

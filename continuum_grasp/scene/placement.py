@@ -5,20 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from continuum_grasp.base import nearest
-from continuum_grasp.scene.document import Document, KeyPath, child
-from continuum_grasp.scene.objects.outline import put_in_outlines
-from continuum_grasp.scene.objects.shapes import MemberPlace, ObjectBody
+from continuum_grasp.scene.objects.shapes import ObjectBody
 from continuum_grasp.scene.parts import OffsetPolygon
-from continuum_grasp.scene.polygons import PlanePoint
 from continuum_grasp.scene.supports import Peg, Place, Support, Wall
-from continuum_grasp.scene.value import PARALLEL, SAME, Value
+from continuum_grasp.scene.value import PARALLEL, Value
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.objects import GraspObject
@@ -36,6 +31,8 @@ _STEPS = 50
 class Supported(Value):
     """A scene whose object may touch supports."""
 
+    FILES = "continuum_grasp.scene.objects.outline_files:put_in_object"
+
     supports: dict[str, Support] = Field(default_factory=dict, max_length=8)
     """Fixed walls, edges, points and grooves by name, which the object may touch."""
 
@@ -49,12 +46,6 @@ class Supported(Value):
         elif 0 < len(on) <= 2:
             # Positions are those of corners: between them, curves reach a little farther.
             self.__dict__["object"] = lie_against(body.replaced(against=on), self.places).replaced(against=None)
-
-    @classmethod
-    def read_files(cls, document: Document, at: KeyPath, main: Path) -> None:
-        """Put a polygon in place of the file of the object's outline."""
-        if child(document.get(at), "object") is not None:
-            put_in_outlines(document, (*at, "object"), main, touching_points)
 
     def laid_against(self, body: GraspObject, names: Collection[str]) -> GraspObject:
         """A copy of an object, moved along the normals of the supports of some names until it touches all of them."""
@@ -127,32 +118,6 @@ def _by_corners(body: ObjectBody, walls: Sequence[Wall]) -> tuple[str, ...]:
         if abs(off) <= _BY_CORNERS * body.size:
             names.append(wall.name)
     return tuple(names)
-
-
-def touching_points(curve: Sequence[PlanePoint], supports: Any, frames: Sequence[Any]) -> set[int]:
-    """Indices of the points of a curve nearest to supports, as they are written in a configuration.
-
-    ``frames`` have ``position`` and ``angle`` of the object and, for a member of a union, of the member in it. Faults
-    in them are reported where all of the scene is validated.
-    """
-    x, y, angle = 0.0, 0.0, 0.0
-    try:
-        around = Supported.model_validate({"supports": supports or {}})
-        for frame in frames:
-            at = MemberPlace.model_validate({key: frame[key] for key in ("position", "angle") if key in frame})
-            c, s = math.cos(angle), math.sin(angle)
-            x, y = x + c * at.position[0] - s * at.position[1], y + s * at.position[0] + c * at.position[1]
-            angle += at.angle
-    except ValidationError:
-        return set()
-    c, s = math.cos(angle), math.sin(angle)
-    points, touching = [(x + c * px - s * py, y + s * px + c * py) for px, py in curve], set[int]()
-    for place in around.places:
-        away = place.height if isinstance(place, Wall) else partial(math.dist, place.position)
-        distances = [away(point) for point in points]
-        near = min(distances) + SAME * max(math.dist((x, y), point) for point in points)
-        touching |= {k for k, distance in enumerate(distances) if distance <= near}
-    return touching
 
 
 def is_beside(body: ObjectBody, place: Place) -> bool:

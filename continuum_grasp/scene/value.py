@@ -29,10 +29,8 @@ from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.units import Unit
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from continuum_grasp.scene.assembly import Overrides
-    from continuum_grasp.scene.document import Document, KeyPath
+    from continuum_grasp.scene.document import KeyPath
 
 GREATEST = 1e12
 """Greatest number that a scene states, in its SI unit: one beyond is in another unit, or mistyped."""
@@ -58,6 +56,9 @@ class Value(BaseModel):
 
     REFUSALS: ClassVar[tuple[Consumer, ...]] = ()
     """Keys that have no place beside others, or in such a scene at all."""
+    FILES: ClassVar[str] = ""
+    """Function (document, key path of a scene, main file) that puts in place what keys name in files, as
+    ``module:name``."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True, defer_build=True)
 
@@ -165,10 +166,6 @@ class Value(BaseModel):
         for path, _ in overrides:
             data.write_out(path, self)
         return data.changed(overrides).validated(type(self))
-
-    @classmethod
-    def read_files(cls, document: Document, at: KeyPath, main: Path) -> None:
-        """Put in place what keys of such a value, at a path of a document, name in files beside a ``main`` one."""
 
     def entry(self, path: KeyPath | str) -> Any:
         """Return the entry at a key path, or at its text such as ``masses[0].at``; None where there is none."""

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field
 
-from continuum_grasp.base import InputError, named_value
+from continuum_grasp.base import named_value
 from continuum_grasp.scene.curved_parts import SHARE, curved
-from continuum_grasp.scene.document import Document, KeyPath, dotted
 from continuum_grasp.scene.objects.shapes import MaybeDrawn, ObjectBody, OutlineCurve
 from continuum_grasp.scene.objects.simplify import FINER, MOST, deviation, simplified
 from continuum_grasp.scene.parts import OffsetPolygon, Part
 from continuum_grasp.scene.polygons import PlanePoint, check_simple
-from continuum_grasp.scene.problems import KeyedError, validated
+from continuum_grasp.scene.problems import KeyedError
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import SAME, Extent, SpatialPosition, Value, Vector3
 
@@ -180,42 +179,6 @@ class OutlineFile(MaybeDrawn):
 
 class Outline(OutlineFile, ObjectBody):
     """A closed curve from a file: a drawing, or a silhouette."""
-
-
-def put_in_outlines(
-    document: Document, body: KeyPath, main: Path, touching: Callable[..., set[int]], share: float = 1.0
-) -> None:
-    """Put a polygon in place of an outline in a file, unless keys vary: of an object, or of members of a union.
-
-    Without ``tolerance`` the polygon is within a share of the default one of the curve.
-    """
-    part = document.part(body)
-    if not isinstance(part.value, dict):
-        return
-    members = part.value.get("members")
-    for k in range(len(members) if isinstance(members, list) else 0):
-        put_in_outlines(document, (*body, "members", k), main, touching)
-    if part.value.get("shape") != "outline" or not isinstance(part.value.get("file"), str):
-        return
-    file = part.place(("file",)).named_file(part.get(("file",)), main, "file of an outline", (*body, "file"))
-    if any("object" in key[:-1] and key[-1] in OutlineFile.model_fields for key in document.varied):
-        part.value["file"] = str(file.resolve())
-        return
-    others = ObjectBody.model_fields
-    rest = {key: value for key, value in part.value.items() if key in others}
-    part.value = {key: value for key, value in part.value.items() if key not in others} | {"file": str(file)}
-    try:
-        outline = validated(part, OutlineFile)
-    except InputError as error:
-        key = f"{dotted(body)}.{error.key}" if error.key else dotted(body)
-        raise InputError(error.message, file=error.file, line=error.line, column=error.column, key=key) from None
-    document.notes.append(f"{dotted(body)}: {outline.note}")
-    at = body.index("object")
-    frames = [document.get(body[: at + 1]), *([rest] if body[at + 1 :] else [])]
-    polygon = outline.polygon(touching(outline.curve, document.get(body[:at]).get("supports"), frames), share)
-    # That of the curve, not of the polygon.
-    mass = {} if body[at + 1 :] else {"center_of_mass": [0.0, 0.0]}
-    document.put(body, Document(polygon | mass | rest, part.places))
 
 
 def _extent(curve: Sequence[PlanePoint]) -> float:

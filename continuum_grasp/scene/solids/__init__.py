@@ -7,8 +7,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from continuum_grasp.scene.document import Document, KeyPath
-from continuum_grasp.scene.objects.outline import put_in_outlines
+from continuum_grasp.scene.document import Document, KeyPath, child
+from continuum_grasp.scene.objects.outline_files import put_in_outlines
 from continuum_grasp.scene.solids.mesh_part import MeshPart
 from continuum_grasp.scene.solids.primitives import Cylinder, Ellipsoid, RoundedBox, Sphere, Superquadric
 from continuum_grasp.scene.solids.solid_body import SolidBody
@@ -29,15 +29,18 @@ _FINER = 0.05
 rad down to radii of a fiftieth of the size, and are arcs, so that normals of hollows do not jump."""
 
 
-def put_in_files(document: Document, at: KeyPath, main: Path) -> None:
-    """Put polygons in place of outlines in files, and find the file of a mesh, of the solid at a path."""
+def put_in_files(document: Document, scene: KeyPath, main: Path) -> None:
+    """Put polygons in place of outlines in files, and find the file of a mesh, of the object of the scene at a path."""
+    at = (*scene, "object")
+    if child(document.get(scene), "object") is None:
+        return
     part = document.part(at)
     if not isinstance(part.value, dict):
         return
     for key in ("profile", "outline"):
         if isinstance(part.value.get(key), dict):
             drawn = not str(part.value[key].get("file")).lower().endswith(".png")
-            put_in_outlines(document, (*at, key), main, lambda *_: set(), _FINER if drawn else 1.0)
+            put_in_outlines(document, (*at, key), main, touches=False, share=_FINER if drawn else 1.0)
     if part.value.get("shape") == "mesh" and isinstance(part.value.get("file"), str):
         file = part.place(("file",)).named_file(part.value["file"], main, "file of a mesh", (*at, "file"))
         part.value["file"] = str(file.resolve())

@@ -1,0 +1,89 @@
+"""Outlines that configurations name in files, replaced by polygons when these are read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from continuum_grasp.base import InputError
+from continuum_grasp.scene.document import Document, KeyPath, child, dotted
+from continuum_grasp.scene.objects.outline import OutlineFile
+from continuum_grasp.scene.objects.shapes import MemberPlace, ObjectBody
+from continuum_grasp.scene.placement import Supported
+from continuum_grasp.scene.polygons import PlanePoint
+from continuum_grasp.scene.problems import validated
+from continuum_grasp.scene.supports import Wall
+from continuum_grasp.scene.value import SAME
+
+
+def put_in_object(document: Document, at: KeyPath, main: Path) -> None:
+    """Put a polygon in place of the file of the outline of the object of a scene, at a path of a document."""
+    if child(document.get(at), "object") is not None:
+        put_in_outlines(document, (*at, "object"), main)
+
+
+def put_in_outlines(document: Document, body: KeyPath, main: Path, *, touches: bool = True, share: float = 1.0) -> None:
+    """Put a polygon in place of an outline in a file, unless keys vary: of an object, or of members of a union.
+
+    Without ``tolerance`` the polygon is within a share of the default one of the curve. Where the object ``touches``
+    supports, points of the curve nearest to them are corners.
+    """
+    part = document.part(body)
+    if not isinstance(part.value, dict):
+        return
+    members = part.value.get("members")
+    for k in range(len(members) if isinstance(members, list) else 0):
+        put_in_outlines(document, (*body, "members", k), main, touches=touches)
+    if part.value.get("shape") != "outline" or not isinstance(part.value.get("file"), str):
+        return
+    file = part.place(("file",)).named_file(part.get(("file",)), main, "file of an outline", (*body, "file"))
+    if any("object" in key[:-1] and key[-1] in OutlineFile.model_fields for key in document.varied):
+        part.value["file"] = str(file.resolve())
+        return
+    others = ObjectBody.model_fields
+    rest = {key: value for key, value in part.value.items() if key in others}
+    part.value = {key: value for key, value in part.value.items() if key not in others} | {"file": str(file)}
+    try:
+        outline = validated(part, OutlineFile)
+    except InputError as error:
+        key = f"{dotted(body)}.{error.key}" if error.key else dotted(body)
+        raise InputError(error.message, file=error.file, line=error.line, column=error.column, key=key) from None
+    document.notes.append(f"{dotted(body)}: {outline.note}")
+    at = body.index("object")
+    frames = [document.get(body[: at + 1]), *([rest] if body[at + 1 :] else [])]
+    supports = document.get(body[:at]).get("supports") if touches else None
+    polygon = outline.polygon(_touching(outline.curve, supports, frames), share)
+    # That of the curve, not of the polygon.
+    mass = {} if body[at + 1 :] else {"center_of_mass": [0.0, 0.0]}
+    document.put(body, Document(polygon | mass | rest, part.places))
+
+
+def _touching(curve: Sequence[PlanePoint], supports: Any, frames: Sequence[Any]) -> set[int]:
+    """Indices of the points of a curve nearest to supports, as they are written in a configuration.
+
+    ``frames`` have ``position`` and ``angle`` of the object and, for a member of a union, of the member in it. Faults
+    in them are reported where all of the scene is validated.
+    """
+    x, y, angle = 0.0, 0.0, 0.0
+    try:
+        around = Supported.model_validate({"supports": supports or {}})
+        for frame in frames:
+            at = MemberPlace.model_validate({key: frame[key] for key in ("position", "angle") if key in frame})
+            c, s = math.cos(angle), math.sin(angle)
+            x, y = x + c * at.position[0] - s * at.position[1], y + s * at.position[0] + c * at.position[1]
+            angle += at.angle
+    except ValidationError:
+        return set()
+    c, s = math.cos(angle), math.sin(angle)
+    points, touching = [(x + c * px - s * py, y + s * px + c * py) for px, py in curve], set[int]()
+    for place in around.places:
+        away = place.height if isinstance(place, Wall) else partial(math.dist, place.position)
+        distances = [away(point) for point in points]
+        near = min(distances) + SAME * max(math.dist((x, y), point) for point in points)
+        touching |= {k for k, distance in enumerate(distances) if distance <= near}
+    return touching
