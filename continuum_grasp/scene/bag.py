@@ -129,7 +129,7 @@ class _Bag:
     def _channels(self) -> dict[str, tuple[Any, Any]]:
         """Channel and schema of each topic, from the index of the file or, where it has none, from its messages."""
         summary = self._read(lambda reader: reader.get_summary())
-        if summary is not None and summary.channels:
+        if summary is not None and (summary.channels or self._in_sqlite):
             schemas = summary.schemas
             return {each.topic: (each, schemas.get(each.schema_id)) for each in summary.channels.values()}
         found: dict[str, tuple[Any, Any]] = self._read(
@@ -406,4 +406,6 @@ class _Bag:
 
 
 def _why(error: Exception) -> str:
-    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    """Kind and text of an error on one line: texts of libraries quote definitions of a hundred lines."""
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text:.160}" if text else type(error).__name__

@@ -13,9 +13,15 @@ from continuum_grasp.base import InputError
 
 MAGIC = b"SQLite format 3\0"
 """First bytes of every SQLite file."""
-_DEFINED = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions ORDER BY id"
-_TOPICS = "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
-_MESSAGES = "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
+_COLUMNS = {
+    "topics": ("id", "name", "type", "serialization_format"),
+    "messages": ("id", "topic_id", "timestamp", "data"),
+    "message_definitions": ("id", "topic_type", "encoding", "encoded_message_definition"),
+}
+"""Columns that are read of each table."""
+_DEFINED = "SELECT topic_type, encoding, CAST(encoded_message_definition AS BLOB) FROM message_definitions ORDER BY id"
+_TOPICS = "SELECT id, CAST(name AS TEXT), type, serialization_format FROM topics WHERE name IS NOT NULL ORDER BY id"
+_MESSAGES = "SELECT topic_id, timestamp, CAST(data AS BLOB) FROM messages ORDER BY timestamp, id"
 
 
 class SqliteReader:
@@ -29,8 +35,13 @@ class SqliteReader:
         tables = {name for (name,) in self._rows("SELECT name FROM sqlite_master WHERE type = 'table'")}
         if not {"topics", "messages"} <= tables:
             raise InputError("is no bag of ROS 2: it has no tables topics and messages", file=file)
+        for table in tables & {*_COLUMNS}:
+            found = {name for (name,) in self._rows(f"SELECT name FROM pragma_table_info('{table}')")}
+            if missing := [name for name in _COLUMNS[table] if name not in found]:
+                raise InputError(f"is no bag of ROS 2: its table {table} has no {', '.join(missing)}", file=file)
         definitions = [*self._rows(_DEFINED)] if "message_definitions" in tables else []
-        if not definitions:
+        topics = [*self._rows(_TOPICS)]
+        if topics and not definitions:
             raise InputError(
                 "the bag has no definitions of its messages, as ROS 2 wrote before the release Iron: convert it, by "
                 f"`ros2 bag convert -i {Path(file).parent} -o convert.yaml` with convert.yaml: "
@@ -39,12 +50,13 @@ class SqliteReader:
             )
         numbers = {kind: k for k, (kind, _, _) in enumerate(definitions, 1)}
         schemas = {
-            k: SimpleNamespace(id=k, name=kind, encoding=encoding, data=text.encode())
+            k: SimpleNamespace(id=k, name=kind, encoding=encoding, data=text)
             for k, (kind, encoding, text) in enumerate(definitions, 1)
+            if text is not None
         }
         channels = {
             number: SimpleNamespace(topic=topic, message_encoding=encoding, schema_id=numbers.get(kind, 0))
-            for number, topic, kind, encoding in self._rows(_TOPICS)
+            for number, topic, kind, encoding in topics
         }
         self._summary = SimpleNamespace(channels=channels, schemas=schemas)
 
@@ -59,6 +71,10 @@ class SqliteReader:
             channel = self._summary.channels.get(number)
             if channel is None or channel.topic not in wanted:
                 continue
+            if not isinstance(stamp, int):
+                raise InputError(
+                    f"a message of {channel.topic} has no time of recording, but {stamp!r:.40}", file=self._file
+                )
             if number not in decoders:
                 schema = self._summary.schemas.get(channel.schema_id)
                 decoders[number] = self._decoders.decoder_for(channel.message_encoding, schema)
@@ -66,6 +82,12 @@ class SqliteReader:
             yield SimpleNamespace(channel=channel, message=message, decoded_message=decoders[number](data))
 
     def _rows(self, query: str) -> Iterator[tuple[Any, ...]]:
-        # read-only, and without the write-ahead files beside it: a bag on a stick that cannot be written
-        with closing(sqlite3.connect(f"{Path(self._file).absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as data:
+        # Read-only, and as if nothing could change: a bag on a stick that cannot be written. Not where a recording that
+        # was broken off left its last messages in a file beside it.
+        path = Path(self._file).absolute()
+        beside = (path.with_name(path.name + end) for end in ("-wal", "-journal"))
+        left = any(each.is_file() and each.stat().st_size for each in beside)
+        with closing(
+            sqlite3.connect(path.as_uri() + ("?mode=ro" if left else "?mode=ro&immutable=1"), uri=True)
+        ) as data:
             yield from data.execute(query)

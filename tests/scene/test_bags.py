@@ -280,6 +280,50 @@ def test_a_bag_in_sqlite_is_read_as_the_same_in_mcap(tmp_path):
         DataTable.read(torn)
 
 
+FAULTS = {
+    "no topic '/finger/tip' .the bag has none": ("topics", "messages", "message_definitions"),
+    "no topic '/finger/tip' .the bag has /joint_states": "UPDATE topics SET name = NULL WHERE name = '/finger/tip'",
+    "no bag of ROS 2: its table messages has no data": "ALTER TABLE messages RENAME COLUMN data TO body",
+    "no bag of ROS 2: its table topics has no id, name": "ALTER TABLE topics RENAME TO a; CREATE TABLE topics (x)",
+    "but cdr, no schema": "UPDATE message_definitions SET encoded_message_definition = NULL",
+    "has no time of recording, but None": "UPDATE messages SET timestamp = NULL",
+    r"damaged .OperationalError: Could not decode [^\n]*recover`$": "UPDATE topics SET type = CAST(x'410a0a41ff' AS TEXT)",
+}
+
+
+@pytest.mark.parametrize("words", FAULTS)
+def test_tables_of_another_shape_are_an_error_of_one_line(tmp_path, words):
+    """Empty recordings, tables of other programs, values that are missing: none of these is a file that is damaged."""
+    bag = written(tmp_path / "a.mcap", tips([1.0, 2.0]) + joints([1.0], [0]))
+    fault = FAULTS[words]
+    with closing(sqlite3.connect(in_sqlite(bag, tmp_path / "a.db3"))) as data:
+        data.executescript(fault if isinstance(fault, str) else ";".join(f"DELETE FROM {each}" for each in fault))
+    with pytest.raises(InputError, match=words):
+        DataTable.read(tmp_path / "a.db3", columns=["/finger/tip.position.x"], stamps="log")
+
+
+def test_names_and_definitions_may_be_blobs(tmp_path):
+    bag = written(tmp_path / "a.mcap", tips([1.0, 2.0]))
+    with closing(sqlite3.connect(in_sqlite(bag, tmp_path / "a.db3"))) as data, data:
+        data.execute("UPDATE topics SET name = CAST(name AS BLOB)")
+        column = "encoded_message_definition"
+        data.execute(f"UPDATE message_definitions SET {column} = CAST({column} AS BLOB)")
+    assert DataTable.read(tmp_path / "a.db3").rows == DataTable.read(bag).rows
+
+
+def test_a_recording_that_was_broken_off_has_its_last_messages_in_the_file_beside_it(tmp_path):
+    """With the preset ``resilient`` of rosbag2, messages are in a write-ahead file until that is merged."""
+    bag = in_sqlite(written(tmp_path / "a.mcap", tips([1.0, 2.0])), tmp_path / "recording.db3")
+    with closing(sqlite3.connect(bag)) as data:
+        data.execute("PRAGMA journal_mode = WAL")
+        data.execute("INSERT INTO messages SELECT NULL, topic_id, timestamp + 1000000000, data FROM messages")
+        data.commit()
+        for each in (bag, tmp_path / "recording.db3-wal"):
+            (tmp_path / each.name.replace("recording", "broken")).write_bytes(each.read_bytes())
+    table = DataTable.read(tmp_path / "broken.db3", columns=["/finger/tip.position.x"], stamps="log")
+    assert table.numbers("/finger/tip.position.x").tolist() == [1.0, 2.0, 1.0, 2.0]
+
+
 def test_without_its_libraries_a_bag_names_the_command(tmp_path, monkeypatch):
     bag = written(tmp_path / "a.mcap", tips([1.0]))
     monkeypatch.setitem(sys.modules, "mcap.reader", None)
