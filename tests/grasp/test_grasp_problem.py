@@ -360,6 +360,25 @@ def test_derivatives_of_a_sum_of_parts_are_those_of_its_values(name, aim):
     assert_allclose(bent, difference, atol=1e-6 * float(np.abs(difference).max()))
 
 
+@pytest.mark.parametrize("free", [False, True])
+def test_names_of_supports_and_fingers_are_no_names_of_numbers(free):
+    """The problem numbers its obstacles itself: no support or finger has their numbers by having their names."""
+    wall = {"type": "palm", "point": (0.0, 0.01), "normal_angle": 0.0}
+    near, far = ({"type": "point", "position": at, "radius": 0.01} for at in ((0.04, 0.05), (0.3, 0.2)))
+    body = make_scene().object.model_copy(update={"free": Freedom(y=(-0.004, 0.004)) if free else None})
+    problems = []
+    for names in (("finger", "palm", "near", "far"), ("part_0", "plane_0", "peg_1", "peg_0")):
+        finger, *others = names
+        supports = dict(zip(others, (wall, near, far), strict=True))
+        scene = make_scene(supports=supports, object=body)
+        scene = scene.changed({"finger": None, "fingers": {finger: scene.finger}})
+        start = first_start(scene)
+        problem = GraspProblem(ProblemSpec.of(scene, start.contacts))
+        features = values.contact_features(scene, start.contacts)
+        problems.append(problem.numbers.pack(values.problem_values(problem, scene, start, features), 0.3))
+    assert_allclose(*problems, rtol=0.0, atol=0.0)
+
+
 # -- guarded places, cones, unique forces, elements of a taper -------------------------------------------------------
 
 

@@ -287,7 +287,7 @@ FAULTS = {
     "no bag of ROS 2: its table topics has no id, name": "ALTER TABLE topics RENAME TO a; CREATE TABLE topics (x)",
     "but cdr, no schema": "UPDATE message_definitions SET encoded_message_definition = NULL",
     "has no time of recording, but None": "UPDATE messages SET timestamp = NULL",
-    r"damaged .OperationalError: Could not decode [^\n]*recover`$": "UPDATE topics SET type = CAST(x'410a0a41ff' AS TEXT)",
+    r"damaged .OperationalError: Could not decode [^\n]*recover`$": "UPDATE topics SET type = CAST(x'0aff' AS TEXT)",
 }
 
 

@@ -37,7 +37,7 @@ def keep_clear(problem: PlanarPart, finger: UnitFinger) -> ca.SX:
     slack = problem.slack["clearance at the supports"] + tolerance
     rows = list[ca.SX]()
     for k in range(spec.planes):
-        normal, at = number(f"plane_{k}.normal", 2), number(f"plane_{k}.point", 2)
+        normal, at = number(f"plane {k}.normal", 2), number(f"plane {k}.point", 2)
         needed = ca.vertcat(*(finger.number(f"needed_{k}_{j}") for j in range(count)))
         rows.append((points - ca.repmat(at, 1, count)).T @ normal - needed + slack)
     for k in range(spec.edges + spec.pegs):

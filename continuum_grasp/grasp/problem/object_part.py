@@ -70,16 +70,16 @@ class PlanarObject(PlanarPart):
         back = rotation(-self.pose[2])
         spare = []
         for k in range(spec.planes):
-            normal, at = number(f"plane_{k}.normal", 2), number(f"plane_{k}.point", 2)
+            normal, at = number(f"plane {k}.normal", 2), number(f"plane {k}.point", 2)
             for part, surface in enumerate(surfaces):
-                angle = number(f"plane_{k}.angle")
-                shape = number(f"part_{part}", surface.number_count)
+                angle = number(f"plane {k}.angle")
+                shape = number(f"part {part}", surface.number_count)
                 spare += surface.wall_clearance(normal, at, angle, self.pose, shape)
         for k in range(spec.pegs):
-            local = back @ (number(f"peg_{k}.position", 2) - self.pose[:2])
+            local = back @ (number(f"peg {k}.position", 2) - self.pose[:2])
             for part in range(spec.obstacles):
-                near = number(f"peg_{k}.near_{part}", TouchingCircle.SIZE)
-                spare.append(TouchingCircle(near).distance(local) - number(f"peg_{k}.radius"))
+                near = number(f"peg {k}.near_{part}", TouchingCircle.SIZE)
+                spare.append(TouchingCircle(near).distance(local) - number(f"peg {k}.radius"))
         if spare:
             clear = ca.vertcat(*spare) + number("tolerance")
             self.rows.require("object in a support", clear, "m", "supports", upper=ca.inf)

@@ -89,7 +89,7 @@ class NearbySearch:
         for i, peg in enumerate(scene.pegs if self._problem.spec.free else ()):
             local = _local(np.asarray(peg.position)[None] / units.length, pose)
             for k, (circles, _) in enumerate(_beside(scene.object.pieces, self._problem.spec.obstacles, local, units)):
-                seen[f"peg_{i}.near_{k}"] = circles
+                seen[f"peg {i}.near_{k}"] = circles
         return max(depths), seen
 
     def _along(

@@ -327,7 +327,7 @@ def _object_values(scene: GraspScene, units: Units) -> Values:
         "center of mass": units.point(body.com),
         "size": body.size / units.length,
         "weight": [body.mass * g / units.force for g in (scene.gravity if scene.spatial else scene.gravity[:2])],
-        **{f"part_{k}": surface_of(part).numbers(part, units.length) for k, part in enumerate(body.parts)},
+        **{f"part {k}": surface_of(part).numbers(part, units.length) for k, part in enumerate(body.parts)},
     }
 
 
@@ -335,10 +335,10 @@ def _support_values(scene: GraspScene, units: Units) -> Values:
     values: Values = {}
     planes = (wall for wall in scene.walls if math.isinf(wall.half_length))
     for k, wall in enumerate(planes):
-        values |= {f"plane_{k}.normal": wall.normal, f"plane_{k}.point": units.point(wall.point)}
-        values[f"plane_{k}.angle"] = wall.normal_angle
+        values |= {f"plane {k}.normal": wall.normal, f"plane {k}.point": units.point(wall.point)}
+        values[f"plane {k}.angle"] = wall.normal_angle
     for k, peg in enumerate(scene.pegs):
-        values |= {f"peg_{k}.position": units.point(peg.position), f"peg_{k}.radius": peg.radius / units.length}
+        values |= {f"peg {k}.position": units.point(peg.position), f"peg {k}.radius": peg.radius / units.length}
     return values
 
 
