@@ -272,6 +272,31 @@ def test_a_grasp_is_read_back_with_its_trial(ball, tmp_path):
     assert again.table() == tried.table()
 
 
+def test_a_section_shows_the_hole_of_a_ring(ball, tmp_path):
+    """In the plane of a finger: within the hole the picture is white."""
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.torus(24.0, 6.0).export(tmp_path / "ring.stl")
+    center = np.array(ball.scene.object.position)
+    base = ball.scene.hand.named_bases["finger_1"]
+    normal = np.cross(base.direction, base.bends_toward)
+    turned = Rotation.align_vectors([normal], [[0.0, 0.0, 1.0]])[0].as_rotvec().tolist()
+    body = f"shape: mesh, file: {tmp_path / 'ring.stl'}, scale: 1 mm, mass: 80 g, position: {center.tolist()}"
+    drawn = replace(ball, scene=cg.load(CONFIGS / "ball.yaml", [f"object={{{body}, rotation: {turned}}}"])).plot()
+    ax = next(ax for ax in drawn.axes if ax.get_title(loc="left").startswith("finger_1"))
+    canvas = ax.figure.canvas
+    canvas.draw()
+    shown = np.asarray(canvas.buffer_rgba())
+    along = np.array(base.direction)
+
+    def white(radius):
+        at = center - base.position + 1e-3 * radius * along
+        across = np.cross(normal, along)
+        column, row = ax.transData.transform(1e3 * np.array([-at @ across, at @ along])).round().astype(int)
+        return shown[shown.shape[0] - row, column, :3].min() > 250
+
+    assert [white(radius) for radius in (-25.0, 0.0, 15.0, 24.0)] == [False, True, True, False]
+
+
 MOTOR = {"kind": "motor", "winch_radius": 8e-3, "inertia": 2e-6, "coulomb_friction": 2e-3, "torque_max": 0.5}
 SERVO = {**MOTOR, "position_gain": 2.0, "rate_gain": 4e-3}
 WINCH = {"kind": "length", "time_constant": 0.03}

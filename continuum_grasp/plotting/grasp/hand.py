@@ -180,12 +180,25 @@ def _draw_trace(ax: Axes, frame: Any, support: Any, shape: Array) -> None:
     ax.plot(*(1e3 * (foot[:, None] + np.array([low, high]) * along[:, None])), color=_SUPPORT, zorder=Z.OBJECT)
 
 
-def _draw_plane(ax: Axes, result: Any, setup: Any, frame: Any, line: Array | None, scale: float) -> None:
-    from matplotlib.patches import Polygon
+def _fill(ax: Axes, lines: list[Array]) -> None:
+    """Fill closed lines but for the holes in them: lines that lie within an odd number of others."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
 
+    paths = []
+    for line in lines:
+        around = sum(Path(other).contains_points(line).mean() > 0.5 for other in lines if other is not line)
+        # Matplotlib leaves out what lines of both directions go around.
+        turns = float(line[:-1, 0] @ line[1:, 1] - line[:-1, 1] @ line[1:, 0]) > 0.0
+        paths.append(Path(line if turns == (around % 2 == 0) else line[::-1], closed=True))
+    patch = PathPatch(Path.make_compound_path(*paths), facecolor=Color.OBJECT, edgecolor=Color.EDGE, zorder=Z.OBJECT)
+    ax.add_patch(patch)
+
+
+def _draw_plane(ax: Axes, result: Any, setup: Any, frame: Any, line: Array | None, scale: float) -> None:
     sections = [1e3 * section for section in result.body.sections(frame)]
-    for section in sections:
-        ax.add_patch(Polygon(section, facecolor=Color.OBJECT, edgecolor=Color.EDGE, zorder=Z.OBJECT))
+    if sections:
+        _fill(ax, sections)
     if sections and line is not None:
         shape = np.concatenate([*(1e-3 * section for section in sections), line[:, 1:3]])
         for support in result.scene.supports:
