@@ -10,6 +10,7 @@ import inspect
 from collections.abc import Iterator
 from functools import cache
 from itertools import zip_longest
+from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -29,6 +30,7 @@ from tests.features import FEATURES, VERBS, declared, scene_of
 from tests.scene_keys import NOT_ALONE, Place, bases, is_part, keys, keys_below, others, places
 from tests.scene_products import WALKS, Walk, parts
 
+PACKAGE = Path(cg.__file__).parent
 FROM_OUTSIDE = {"Freedom", "OutlineCurve", "OutlineFile", "PlaneCut"}
 """Classes of values that scenes of simulation refuse, that belong to one model, or of outlines, for which a polygon
 stands from the load on."""
@@ -54,6 +56,23 @@ def known(key: str) -> bool:
     *above, last = key.split(".")
     parts = ({**one, "$defs": own["$defs"]} for own in map(schema_of, kinds()) for one in (own, *own["$defs"].values()))
     return key in arguments() or any(fnmatch.filter(keys_below(part, above), last) for part in parts)
+
+
+@cache
+def source_lines() -> frozenset[str]:
+    """Lines of the package's code."""
+    return frozenset(line for file in PACKAGE.rglob("*.py") for line in file.read_text(encoding="utf-8").splitlines())
+
+
+@pytest.mark.parametrize("name", Consumer.DECLARED)
+def test_the_rule_is_found_by_the_first_words_of_its_error(name):
+    """In one line of the code, as an editor finds it; a rule without a reason by the last name of its key."""
+    for key, why in Consumer.DECLARED[name].refused.items():
+        first, second, *others = why.split()
+        in_place = [f"{first} {second} {{"]
+        words = [key.partition("=")[0].rpartition(".")[2]] if first == "needs" else in_place
+        words += [" ".join([first, second, *others[:1]])]
+        assert any(word in line for word in words for line in source_lines()), f"{key}: {why}"
 
 
 @pytest.mark.parametrize("name", Consumer.DECLARED)
