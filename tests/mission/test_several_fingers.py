@@ -5,6 +5,7 @@ Missions of several fingers: one object between them, a controller for each, nam
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -331,6 +332,11 @@ def test_a_mission_of_two_fingers_is_simulated_with_the_other_as_it_moved(grasp)
     other = motion.contacts.normal_force[:, motion.contacts.names.index("upper_tip")]
     pressed = run.contacts.normal_force[:, run.contacts.names.index("upper.tip")]
     assert other == pytest.approx(pressed, abs=0.01 * pressed.max())
+    # A support of that name stays beside it.
+    peg = {"type": "point", "position": (0.3, 0.2), "radius": 0.01}
+    beside = replace(run, scenes=(run.scene.replaced(supports={"upper_tip": peg}), *run.scenes[1:])).simulated
+    assert list(beside.supports) == ["upper_tip", "upper_tip_"]
+    assert beside.support_motion["upper_tip_"] == scene.support_motion["upper_tip"]
 
 
 @pytest.mark.deep

@@ -161,6 +161,9 @@ class MissionRun(MissionRecord, MotionResult):
             found = np.array(at.map(len(x))(x.T, u.T, plant.forces(times).T)).T
             for k, place in enumerate(places):
                 name = f"{assignment.name}_{k + 1 if k < len(scene.contacts) else 'tip'}"
+                # Supports of the plant may have such names.
+                while name in self.scene.supports or name in supports:
+                    name += "_"
                 points, turn = found[:, 2 * k : 2 * k + 2], found[:, 2 * len(places) + k]
                 radius = float(scene.finger.profile.half_thickness(place))
                 supports[name] = {"type": "point", "position": points[0].tolist(), "radius": radius}
