@@ -33,11 +33,11 @@ from continuum_grasp.scene import Consumer
 _ARGUMENT = "an argument of the functions"
 _PACKAGE = Consumer(
     "export to c, operators",
-    refused={"support_motion": "supports of a package stay: leave it out"},
     unneeded={
         **Consumer.LIMITS_OF_BENDING,
         **dict.fromkeys(
-            ("actuation", "initial", "loads.force", "loads.moment", "object_load", "table_height"), _ARGUMENT
+            ("actuation", "initial", "loads.force", "loads.moment", "object_load", "support_motion", "table_height"),
+            _ARGUMENT,
         ),
         **{f"time.{key}": "steps are the caller's" for key in ("duration", "method", "tolerance", "space_error")},
         **Consumer.LEAST_COMMANDS,

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from continuum_grasp.addons.web import export_web
 from continuum_grasp.base import InputError
 from continuum_grasp.closed_loop import PlantModel
+from continuum_grasp.export import export_c
 from continuum_grasp.scene import load
 from continuum_grasp.simulation import simulate
 from tests.rods import ROOT
@@ -131,6 +133,16 @@ def test_a_support_that_shifts_slowly_carries_the_object_along():
     drawn = {tuple(np.round(p.center, 6)) for p in found.plot(picture="snapshots").patches if hasattr(p, "radius")}
     starts = [np.array(support["position"]) for support in SQUEEZED["supports"].values()]
     assert drawn == {tuple(np.round(start + np.array([0.01, 0.02]), 6)) for start in starts}
+
+
+def test_exports_take_motions_of_supports_as_arguments_and_pages_refuse_them(tmp_path):
+    shift = {"times": [0.0, 1.0], "values": [[0.0, 0.0], [0.01, 0.0]], "interpolation": "linear"}
+    changes = {**NO_TABLE, **SQUEEZED, "support_motion": {"left": {"shift": shift}}}
+    scene = load(ROOT / "configs/simulate/close_on_mug.yaml", changes)
+    export_c(scene, tmp_path / "package", what=["dynamics"])
+    assert "left_shift_x_rate" in (tmp_path / "package/MANIFEST.json").read_text()
+    with pytest.raises(InputError, match="support_motion: supports of a page stay"):
+        export_web(scene, tmp_path / "page")
 
 
 @pytest.mark.parametrize(

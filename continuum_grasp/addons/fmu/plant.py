@@ -38,13 +38,12 @@ _UNIT = Consumer(
     "export to fmu",
     refused={
         "plant.guides": "a plant with guides decides its contacts in Python: leave them out",
-        "support_motion": "supports of a unit stay: leave it out",
         "plant.mounting": "a unit counts as the model does: leave it out",
     },
     unneeded={
         **Consumer.LIMITS_OF_BENDING,
         **{f"actuation.tensions.{key}": _START for key in ("times", "interpolation")},
-        **dict.fromkeys(("loads.force.times", "reference", "plant.seed"), _START),
+        **dict.fromkeys(("loads.force.times", "reference", "plant.seed", "support_motion"), _START),
         **dict.fromkeys(("time.space_error", "time.method", "time.tolerance"), "of simulate"),
         **Consumer.LEAST_COMMANDS,
         "log": "of logs of a bench",

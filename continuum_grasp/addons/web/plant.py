@@ -199,6 +199,7 @@ def _pushed(scene: Scene, lengths: Sequence[float]) -> Scene:
 
 def plant_of_scene(given: Scene) -> WebPlant:
     """The plant of a scene whose inputs a hand gives."""
+    _PAGE.check(given)
     given, _ = resolve_fidelity(given)
     scene = _pushed(given, FingerModel(given).lengths)
     finger = scene.finger
