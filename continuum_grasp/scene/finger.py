@@ -17,7 +17,7 @@ from continuum_grasp.base import InputError
 from continuum_grasp.scene.consumer import FIT_MATCHED_TIP, SECTION_LAWS, Consumer
 from continuum_grasp.scene.drives import ONSET, DriveLaw, Input, LengthDrive, MotorDrive, Pull, numbered
 from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
-from continuum_grasp.scene.loads import Samples
+from continuum_grasp.scene.loads import Actuation, Samples
 from continuum_grasp.scene.methods import FAMILIES
 from continuum_grasp.scene.rod import Damping, Rod
 from continuum_grasp.scene.tendons import (
@@ -379,6 +379,10 @@ class Finger(Value):
         """Key of each input in ``actuation``."""
         return tuple(finger_input.key for finger_input in self.inputs)
 
+    def actuated(self, commands: Sequence[Any]) -> dict[str, Any]:
+        """Keys and values of an ``actuation`` by a command for each input."""
+        return Actuation.by_key(self.input_keys, commands)
+
     @property
     def input_words(self) -> str:
         """Number and names of its inputs, for messages."""
@@ -399,6 +403,11 @@ class Finger(Value):
             "a body at the tip that turns with it": tip and (tip.rotary_inertia or any(tip.center_of_mass)),
         }
         return tuple(word for word, there in why.items() if there)
+
+    @property
+    def usual_family(self) -> str:
+        """Family of curvature of its models where none is stated."""
+        return FAMILIES.default(free_tip=bool(self.free_tip_reasons))
 
     @property
     def moves_with_free_tip(self) -> bool:

@@ -86,7 +86,7 @@ class FingerSetup:
             tip=contacts["tip"],
             before=tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles))),
             elements=count,
-            family=fidelity.family or FAMILIES.default(free_tip=bool(finger.free_tip_reasons)),
+            family=fidelity.family or finger.usual_family,
             bending_range=fidelity.bending_range or bends,
             accuracy=fidelity.accuracy,
             middle_bounds=(low, high),

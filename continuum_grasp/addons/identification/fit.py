@@ -15,7 +15,7 @@ from continuum_grasp.addons.identification.unknowns import ALONG, DELAY, LAG, Un
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.model import Parameters
 from continuum_grasp.results import Dimension, File, Picture, Stored, yaml_text
-from continuum_grasp.scene import Finger, FingerScene, PointMass
+from continuum_grasp.scene import Finger, FingerScene
 
 
 @dataclass(frozen=True)
@@ -254,7 +254,7 @@ def _changes(finger: Finger, target: str, value: float, added: bool) -> Mapping[
         return {f"rod.{key}": number for key, number in _rod(finger, target, value).items()}
     if target == "tip_mass":
         others = [mass for mass in finger.masses if not finger.rod.is_tip(mass.at)]
-        return {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}
+        return {"masses": [*others, {"at": finger.rod.length, "mass": value}]}
     numbers = Parameters.numbers_of(finger)
     if target not in numbers:
         raise InputError(f"no value of the scene corresponds to {target}")

@@ -33,7 +33,7 @@ from continuum_grasp.addons.identification.vibrations import fit_damped_sine
 from continuum_grasp.base import Array, InputError, check_arguments, split_unit
 from continuum_grasp.control import ControlLog
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import Actuation, DataTable, Scene
+from continuum_grasp.scene import DataTable, Scene
 
 SomeScene = TypeVar("SomeScene", bound=Scene)
 
@@ -346,7 +346,7 @@ def commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, 
         raise InputError(f"no column gives {missing[0]}", key=f"{key}.conditions")
     signals = [{"times": t.tolist(), "values": commands[name].tolist()} for name in names]
     try:
-        return scene.changed({"actuation": Actuation.by_key(scene.finger.input_keys, signals)})
+        return scene.changed({"actuation": scene.finger.actuated(signals)})
     except InputError as error:
         raise InputError(f"{error.message} ({error.key})" if error.key else error.message, file=file) from None
 

@@ -11,7 +11,7 @@ import numpy as np
 from continuum_grasp.addons.identification.scene import Excitation
 from continuum_grasp.base import Array, SolverError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import Actuation, MotorDrive, Scene
+from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import Signals, Trajectory, equilibrium_under, integrate, modes
 
 _BASE = 0.03
@@ -77,7 +77,7 @@ def base_of(scene: Scene) -> Array:
         base[: len(tendons)] = [max(tendon.min_tension, _BASE * tendon.max_tension) for tendon in tendons]
     if key == "torques" and finger.winches[0].arrangement == "per_tendon":
         for k, drive in enumerate(finger.winches):
-            if isinstance(drive, MotorDrive):
+            if drive.kind == "motor":
                 base[k] = _BASE * tendons[k].max_tension * drive.winch_radius
     return base
 
@@ -106,7 +106,7 @@ def patterns_of(scene: Scene) -> list[DrivePattern]:
         # Cable for the whole bending range, and for the elongation by the greatest tension.
         offset = max(tendon.greatest_offset for tendon in tendons)
         greatest = bend * offset + strong / stiffness
-        if isinstance(drive, MotorDrive):
+        if drive.kind == "motor":
             greatest = greatest / drive.winch_radius if key == "angles" else drive.limit
         both_ways = drive.arrangement == "one_pulley"
         # Those on the other side pay out what their path takes: they stay in the tension that they have.
@@ -258,7 +258,7 @@ class CommandDesign:
                 rows[-1] = row
         columns = np.array(rows).T
         signals = [{"times": [round(t, 9) for t in times], "values": column.tolist()} for column in columns]
-        actuation = Actuation.by_key(self._scene.finger.input_keys, signals)
+        actuation = self._scene.finger.actuated(signals)
         options = self.options
         duration = round(options.duration / options.sample) * options.sample
         return self._scene.changed({"actuation": actuation, "time": {"duration": duration, "step": options.sample}})

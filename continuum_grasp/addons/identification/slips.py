@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp.addons.identification.data import UNIT_OF, Data, Reading, TipPath
 from continuum_grasp.addons.identification.read import unit_of_entry
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.scene import Actuation, Scene, Unit
+from continuum_grasp.scene import Scene, Unit
 
 Pair = tuple[Data, Scene]
 Columns = Mapping[str, tuple[str, float]]
@@ -199,4 +199,4 @@ def _changes(slip: PossibleMistake, scene: Scene) -> Iterator[tuple[str, Any]]:
             continue
         moved = {"times": [later * t for t in command.times], "values": [factor * value for value in command.values]}
         changed[names.index(to)] = command.model_dump() | moved
-    yield "actuation", Actuation.by_key(scene.finger.input_keys, changed)
+    yield "actuation", scene.finger.actuated(changed)

@@ -26,7 +26,6 @@ from continuum_grasp.core import Core
 from continuum_grasp.grasp import Contact, GraspResult, Resistance, optimize_grasp
 from continuum_grasp.model import DriveCommands, FingerModel
 from continuum_grasp.scene import (
-    FAMILIES,
     ControlScene,
     Finger,
     FingerSetup,
@@ -204,7 +203,7 @@ def _control_scene(
         "contacts": stations,
         **_surroundings(mission, body),
         "fidelity": {
-            "family": FAMILIES.default(free_tip=bool(finger.free_tip_reasons)),
+            "family": finger.usual_family,
             "elements": lengths,
             "bending_range": reach,
         },
@@ -280,7 +279,7 @@ def _about_to_touch(
     free = FingerModel(
         finger,
         gravity=control.gravity,
-        family=control.fidelity.family if not finger.has_tendon_friction else FAMILIES.default(free_tip=True),
+        family=finger.usual_family if finger.has_tendon_friction else control.fidelity.family,
         elements=control.fidelity.elements,
         bending_range=control.fidelity.bending_range,
         tip_force=False,

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from continuum_grasp.addons.mission.scene import MissionScene
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.closed_loop import Plant, PlantModel
 from continuum_grasp.control import Prediction
-from continuum_grasp.scene import GraspObject, Table
+from continuum_grasp.scene import GraspObject
 
 _FINGER, _OBJECT = ("bending_stiffness", "material_damping"), ("object_mass", "friction_factor")
 """Numbers of finger and object that vary from plant to plant: run-time numbers, so that equations are compiled once.
@@ -100,18 +101,18 @@ def mission_plant_model(assignment: Assignment) -> PlantModel:
     return PlantModel(control, scene, (*_FINGER, *of_tendons), _OBJECT, falls=True)
 
 
-def _table(mission: MissionScene, body: GraspObject, mass: float) -> Table:
+def _table(mission: MissionScene, body: GraspObject, mass: float) -> dict[str, Any]:
     """Table that the object stands on: below the plane, or with gravity in the plane a wall below the object."""
     down = np.array(mission.grasp.gravity[:2])
     size = float(np.hypot(*down))
     if size == 0.0:
-        return Table(friction=mission.table_friction, friction_radius=mission.table_friction_radius)
+        return {"friction": mission.table_friction, "friction_radius": mission.table_friction_radius}
     angle = math.atan2(down[1], down[0])
     below = max(part.support(angle - body.angle) for part in body.parts)
     # Pressed in by the weight, the object stands where the grasp has it.
     below -= mass * size / mission.contact_law.stiffness
     x, y = np.array(body.position) + below * down / size
-    return Table(friction=mission.table_friction, point=(float(x), float(y)), normal_angle=angle + math.pi)
+    return {"friction": mission.table_friction, "point": (float(x), float(y)), "normal_angle": angle + math.pi}
 
 
 class MissionPlant(Plant):

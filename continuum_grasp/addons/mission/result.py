@@ -29,10 +29,9 @@ from continuum_grasp.results import (
     Picture,
     Result,
     Stored,
-    plain,
     yaml_text,
 )
-from continuum_grasp.scene import GraspObject, Samples, Scene, VectorSamples
+from continuum_grasp.scene import GraspObject, Scene
 from continuum_grasp.simulation import ContactHistory, scene_under
 
 _HEAD = """\
@@ -122,12 +121,12 @@ class MissionRun(MissionRecord, MotionResult):
         pulls = np.transpose([outside[name](self.t) for name in PlantModel.WRENCH])
         height = outside["table_height [m]"](self.t)
         times = tuple(self.t.tolist())
-        force = VectorSamples(times=times, values=tuple(map(tuple, pulls[:, :2].tolist())))
-        moment = Samples(times=times, values=tuple(pulls[:, 2].tolist()))
+        force = {"times": times, "values": tuple(map(tuple, pulls[:, :2].tolist()))}
+        moment = {"times": times, "values": tuple(pulls[:, 2].tolist())}
         supports, motion = self._others()
         return plant.replaced(
             object_load={"force": force, "moment": moment} if pulls.any() else None,
-            table_height=Samples(times=times, values=tuple(height.tolist())),
+            table_height={"times": times, "values": tuple(height.tolist())},
             supports={**plant.supports, **supports},
             support_motion=motion,
         )
@@ -324,7 +323,7 @@ class MissionRun(MissionRecord, MotionResult):
     def yaml(self) -> str:
         """Summary of a mission as YAML, in SI units."""
         head = {"name": self.name, "status": self.status, "outcome": self.outcome, "warnings": list(self.warnings)}
-        return _HEAD + yaml_text(plain({**head, **self.findings()}))
+        return _HEAD + yaml_text({**head, **self.findings()})
 
     def meta(self, **options: Any) -> dict[str, Any]:
         """Meta data, whose configuration is the mission; the closed loops have theirs in the fingers' folders."""

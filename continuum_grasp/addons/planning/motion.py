@@ -21,7 +21,6 @@ from continuum_grasp.control import (
     Setpoints,
 )
 from continuum_grasp.model import Memory
-from continuum_grasp.scene import MotorDrive
 from continuum_grasp.simulation import interpolate
 
 
@@ -208,7 +207,7 @@ class PlannedMotion:
         return {
             names.index(f"motor_friction_{k + 1} [1]"): drive.presliding_angle
             for k, drive in enumerate(self.scene.finger.winches)
-            if isinstance(drive, MotorDrive) and drive.position_gain is None and drive.presliding_angle is not None
+            if drive.kind == "motor" and drive.position_gain is None and drive.presliding_angle is not None
         }
 
     @cached_property

@@ -21,7 +21,7 @@ from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown, 
 from continuum_grasp.base import Array, NumericalError, split_unit
 from continuum_grasp.closed_loop import PlantModel, Wiring
 from continuum_grasp.core import Rollouts, step_function
-from continuum_grasp.scene import INTEGRATORS, Camera, Connection, ControlScene, Mounting, PlantDifferences
+from continuum_grasp.scene import INTEGRATORS, Camera, Connection, ControlScene, Mounting
 
 CAMERA = ("camera_x", "camera_y", "camera_angle", "camera_scale")
 """Unknowns of the camera, as `Camera` has them."""
@@ -65,9 +65,9 @@ class Bench:
         initial = scene.initial.replaced(reached_by=None, friction_states=None)
         finger = finger.with_tendons(friction=0.0) if finger.has_tendon_friction else finger
         # A tip moment that depends on the shape, as friction makes it, is not for all families.
-        plant = PlantDifferences(fidelity=scene.fidelity)
+        plant: dict[str, Any] = {"fidelity": scene.fidelity}
         if friction:
-            plant = PlantDifferences(fidelity=scene.fidelity.replaced(family=None), tendon_friction=_FRICTION)
+            plant = {"fidelity": scene.fidelity.replaced(family=None), "tendon_friction": _FRICTION}
         plain = scene.replaced(mounting=None, loads=(), plant=plant, finger=finger, initial=initial)
         around = PlantModel(plain).scene
         damped = around.finger.damping.material > 0.0
