@@ -15,7 +15,8 @@ from continuum_grasp.base import Array
 from continuum_grasp.model import Family, Scalar
 from continuum_grasp.model.collocated import CollocatedLink
 from continuum_grasp.model.family import RodProperties, mean
-from continuum_grasp.model.quadrature import collocation, node_count
+from continuum_grasp.model.node_counts import node_count
+from continuum_grasp.model.quadrature import collocation
 from continuum_grasp.scene import Curve
 from continuum_grasp.scene.methods import CurvatureFamily
 

@@ -51,6 +51,7 @@ _PARTS = {
     "weakref": None,
     "_weakrefset": None,
     "continuum_grasp.results.atomic": None,
+    "continuum_grasp.results.folders": None,
     "continuum_grasp.results.record": None,
     "continuum_grasp.addons.sweeps.folder": ("append", "write_run_file"),
 }

@@ -74,8 +74,8 @@ def verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[
             try:
                 function(Output(verb=function.__name__.replace("_", "-"), **given), **arguments)
             finally:
-                if "continuum_grasp.results.atomic" in sys.modules:
-                    sys.modules["continuum_grasp.results.atomic"].release_folders()
+                if "continuum_grasp.results.folders" in sys.modules:
+                    sys.modules["continuum_grasp.results.folders"].release_folders()
 
         call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         return call

@@ -13,13 +13,13 @@ from .layout import MOST_ELEMENTS as MOST_ELEMENTS
 from .layout import SHORTEST as SHORTEST
 from .layout import element_lengths as element_lengths
 from .memory import Memory as Memory
+from .node_counts import RANGES as RANGES
 from .parameters import ModelOptions as ModelOptions
 from .parameters import Parameters as Parameters
 from .planar import Scalar as Scalar
 from .planar import Vec as Vec
 from .planar import column as column
 from .planar import solve_ldl as solve_ldl
-from .quadrature import RANGES as RANGES
 from .runtime_curves import CurveSpec as CurveSpec
 from .runtime_curves import CurvesSpec as CurvesSpec
 from .stumpff_functions import stumpff as stumpff

@@ -22,8 +22,9 @@ from continuum_grasp.model.collocated import CollocatedLink
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.link import Link
+from continuum_grasp.model.node_counts import RANGES, node_count
 from continuum_grasp.model.planar import Scalar, column, matrix
-from continuum_grasp.model.quadrature import RANGES, Collocation, collocation, node_count, running_weights
+from continuum_grasp.model.quadrature import Collocation, collocation, running_weights
 
 
 class Panel(ABC):

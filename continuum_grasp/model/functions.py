@@ -16,7 +16,8 @@ from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.pattern import FEWEST_ELEMENTS
 from continuum_grasp.model.planar import Scalar, Vec, column, matrix
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.sweep import Builder, sweep_function
+from continuum_grasp.model.sweep import Kernels, sweep_function
+from continuum_grasp.model.sweep_writer import SweepWriter
 
 
 class Remade:
@@ -182,10 +183,12 @@ class Model(Remade, Summarized):
         x, u, p, part = symbols["x"], symbols["u"], symbols["p"], symbols.get("part")
         ahead = x[n : 2 * n]
         if part is None:
-            rates, driven = sweep_function(Builder(eq))(*symbols.values())
+            rates, driven = sweep_function(self.kernels, eq)(*symbols.values())
             driven = self.drive_rates(x, u, p) if eq.drives_feel_motion else driven
         else:
-            rates, driven = sweep_function(Builder(eq, implicit=True))(*symbols.values(), ahead)
+            rates, driven = sweep_function(SweepWriter(eq, implicit=True).kernels(), eq, implicit=True)(
+                *symbols.values(), ahead
+            )
             ahead += part * rates
             if eq.drives_feel_motion:
                 drive_rates = self._function("drive_rates", "x u p part qdd", lagging=eq.implicit_drive_rates(eq.qdd))
@@ -203,6 +206,11 @@ class Model(Remade, Summarized):
         return self._equations.pattern is not None
 
     @property
+    def kernels(self) -> Kernels:
+        """Kernels of the sweeps that give the accelerations."""
+        return SweepWriter(self._equations).kernels()
+
+    @property
     def fewest_swept(self) -> int:
         """Number of elements from which on sweeps are taken."""
         return FEWEST_ELEMENTS
@@ -211,7 +219,7 @@ class Model(Remade, Summarized):
     def instructions(self) -> int:
         """Instructions of an evaluation of the forward dynamics."""
         f = self.forward_dynamics
-        return Builder(self._equations).kernels().instructions if self.sweeps else int(f.n_instructions())
+        return self.kernels.instructions if self.sweeps else int(f.n_instructions())
 
     energy = named("x u p", kinetic=lambda eq: eq.kinetic_energy, potential=lambda eq: eq.potential_energy)
     internal = named(

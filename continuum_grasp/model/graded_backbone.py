@@ -24,8 +24,9 @@ from continuum_grasp.base import Array
 from continuum_grasp.model.backbone import Backbone, Panel
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.laws.section import Port
+from continuum_grasp.model.node_counts import node_count
 from continuum_grasp.model.planar import Scalar, column, matrix
-from continuum_grasp.model.quadrature import collocation, node_count, running_weights
+from continuum_grasp.model.quadrature import collocation, running_weights
 from continuum_grasp.model.runtime_curves import CurvesSpec
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.tendon_friction import Cell

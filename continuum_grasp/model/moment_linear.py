@@ -19,8 +19,9 @@ from continuum_grasp.base import Array
 from continuum_grasp.model.collocated import CollocatedLink
 from continuum_grasp.model.family import Family, Mesh, RodProperties, mean
 from continuum_grasp.model.graded import CurvatureShapes, GradedLink, measured_rule
+from continuum_grasp.model.node_counts import node_count
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.model.quadrature import collocation, node_count
+from continuum_grasp.model.quadrature import collocation
 from continuum_grasp.scene import ONE_TURN, Curve
 
 

@@ -1,13 +1,13 @@
 from .animation import save_picture as save_picture
-from .atomic import check_folder as check_folder
-from .atomic import hold_folder as hold_folder
-from .atomic import locked as locked
 from .atomic import replacing as replacing
 from .atomic import write_text as write_text
 from .declared import Dimension as Dimension
 from .declared import File as File
 from .declared import Picture as Picture
 from .declared import Stored as Stored
+from .folders import check_folder as check_folder
+from .folders import hold_folder as hold_folder
+from .folders import locked as locked
 from .motion import MotionResult as MotionResult
 from .plain_values import plain as plain
 from .plain_values import yaml_text as yaml_text

@@ -16,10 +16,10 @@ from .run import integrate as integrate
 from .signals import Signals as Signals
 from .signals import interpolate as interpolate
 from .slack import SlackTime as SlackTime
-from .slack import TensionLimit as TensionLimit
 from .spectrum import spectral_radius as spectral_radius
 from .static_shape import Equilibrium as Equilibrium
 from .statics import equilibrium_path as equilibrium_path
 from .statics import equilibrium_under as equilibrium_under
+from .tension_limits import TensionLimit as TensionLimit
 from .trajectory import Trajectory as Trajectory
 from .vibration import Modes as Modes

@@ -19,8 +19,9 @@ from continuum_grasp.model import RANGES, Vec, column, stumpff
 from continuum_grasp.model.chain import Chain, ChainPlace
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.moment_linear import Clothoid
+from continuum_grasp.model.node_counts import _ERRORS, node_count
 from continuum_grasp.model.planar import ZERO
-from continuum_grasp.model.quadrature import _ERRORS, STRICT, collocation, node_count
+from continuum_grasp.model.quadrature import STRICT, collocation
 from continuum_grasp.model.stumpff_functions import ROUNDING, rotation
 from continuum_grasp.model.tendon_friction import shares
 from continuum_grasp.scene import Damping, PointMass, Tendons

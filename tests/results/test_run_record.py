@@ -127,7 +127,7 @@ def test_a_folder_of_another_command_is_refused_before_anything_is_computed(comm
 
 # what cannot be read or written
 def test_the_second_of_two_runs_in_a_folder_is_refused_while_the_first_is_alive(tmp_path):
-    code = "import sys; from pathlib import Path; from continuum_grasp.results.atomic import hold_folder\n"
+    code = "import sys; from pathlib import Path; from continuum_grasp.results import hold_folder\n"
     code += "hold_folder(Path(sys.argv[1])); print('held', flush=True); input()"
     line, pipe = [sys.executable, "-c", code, str(tmp_path / "run")], subprocess.PIPE
     with subprocess.Popen(line, env=environment(), text=True, stdin=pipe, stdout=pipe) as other:

@@ -17,7 +17,7 @@ from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Call, Code, PackagePart, Rows
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.swept import SweptKernel
-from continuum_grasp.model import FingerModel, Kernels, Memory, System, column
+from continuum_grasp.model import FingerModel, Memory, System, column
 
 
 def _dynamics_kernel(subject: Subject) -> Kernel:
@@ -25,7 +25,7 @@ def _dynamics_kernel(subject: Subject) -> Kernel:
     text = "Rate of change xd of the state x; equation of motion."
     if subject.moving.sweeps:
         driven = subject.model.drive_rates if subject.equations.drives_feel_motion else None
-        return SweptKernel("dynamics", Kernels.of(subject.equations), text, driven)
+        return SweptKernel("dynamics", subject.moving.kernels, text, driven)
     return Kernel("dynamics", subject.moving.forward_dynamics, text)
 
 
