@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from functools import cached_property
 from itertools import combinations, pairwise, product
 from typing import Annotated, Literal
@@ -28,12 +27,10 @@ from continuum_grasp.scene.methods import FAMILIES, ONE_TURN
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.placement import Supported, is_beside
 from continuum_grasp.scene.simulate import Fidelity
-from continuum_grasp.scene.supports import TOUCHING, Peg, Place
+from continuum_grasp.scene.supports import TOUCHING, Peg, Place, check_name
 from continuum_grasp.scene.tendons import Tendons
 from continuum_grasp.scene.value import Configuration
 
-# Names become parts of contact names, as in left.middle_1, and of columns in tables.
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 _TURNS = 360
 """Parts of the range of a free angle in which the distance from a support is sampled [1]."""
 
@@ -261,7 +258,7 @@ class GraspScene(Configuration, Supported):
 
     def _check(self) -> None:
         self._check_one_given("finger", "fingers")
-        for name in (*self.named_fingers, *self.supports):
+        for name in self.named_fingers:
             check_name(name)
         twice = set(self.named_fingers) & set(self.supports)
         if twice:
@@ -314,12 +311,6 @@ class GraspScene(Configuration, Supported):
                     f"supports.{body.name} is {least:.4g} m away from the object, too near to be clear of it, too far "
                     f"to touch it: set object.against: {body.name}, or supports.{body.name}.touch: off"
                 )
-
-
-def check_name(name: str) -> None:
-    """Refuse, by `ValueError`, what cannot be the name of a finger or a support."""
-    if not _NAME.fullmatch(name):
-        raise ValueError(f"{name!r:.40} is not a valid name: use letters, digits and _, beginning with a letter")
 
 
 def check_finger(setup: FingerSetup, of_all: Fidelity) -> None:

@@ -15,7 +15,7 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.finger_scene import Fidelity
 from continuum_grasp.scene.finger_section import FingerSection
 from continuum_grasp.scene.finger_setup import FingerSetup
-from continuum_grasp.scene.grasp import check_finger, check_name
+from continuum_grasp.scene.grasp import check_finger
 from continuum_grasp.scene.grasp_options import GraspContacts, GraspFinger, GraspGravity, GraspSolver
 from continuum_grasp.scene.hand_supports import (
     LEAST_FRICTION,
@@ -28,7 +28,7 @@ from continuum_grasp.scene.hand_supports import (
     support_contacts,
 )
 from continuum_grasp.scene.solids import Solid, SpatialPosition, Vector3
-from continuum_grasp.scene.supports import Switch
+from continuum_grasp.scene.supports import Switch, check_name
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import PARALLEL, Angle, Configuration, Extent, Positive, Value
 

@@ -12,7 +12,7 @@ from pydantic import Field
 from continuum_grasp.base import nearest
 from continuum_grasp.scene.objects.shapes import ObjectBody
 from continuum_grasp.scene.parts import OffsetPolygon
-from continuum_grasp.scene.supports import Peg, Place, Support, Wall
+from continuum_grasp.scene.supports import Peg, Place, Support, Wall, check_name
 from continuum_grasp.scene.value import PARALLEL, Value
 
 if TYPE_CHECKING:
@@ -37,6 +37,8 @@ class Supported(Value):
     """Fixed walls, edges, points and grooves by name, which the object may touch."""
 
     def _check(self) -> None:
+        for name in self.supports:
+            check_name(name)
         body = getattr(self, "object", None)
         if body is None:
             return

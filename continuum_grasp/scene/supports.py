@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -14,6 +15,8 @@ from continuum_grasp.scene.value import Angle, Distance, Friction, Position, Val
 
 TOUCHING = 1e-6
 """Gap, per size of the object, up to which an object at rest lies against a support [1]."""
+# Names become parts of contact names, as in left.middle_1, and of columns in tables.
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 _Choice = Literal["on", "off", "auto"]
 
 
@@ -168,3 +171,9 @@ Place = Wall | Peg
 
 Support = Annotated[Palm | Line | Point | VGroove, Field(discriminator="type")]
 """A support of the object."""
+
+
+def check_name(name: str) -> None:
+    """Refuse, by `ValueError`, what cannot be the name of a finger or a support."""
+    if not _NAME.fullmatch(name):
+        raise ValueError(f"{name!r:.40} is not a valid name: use letters, digits and _, beginning with a letter")

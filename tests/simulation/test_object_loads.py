@@ -155,3 +155,17 @@ def test_exports_take_motions_of_supports_as_arguments_and_pages_refuse_them(tmp
 def test_a_support_that_cannot_move_so_is_refused(motion, text):
     with pytest.raises(InputError, match=text):
         squeezed(support_motion=motion)
+
+
+@pytest.mark.parametrize("name", ["a b", "*/", "\u00e9", "1", "{0}", ""])
+def test_supports_have_names_as_in_grasps(name):
+    """They become names of states, of contacts and of fields in C."""
+    with pytest.raises(InputError, match="is not a valid name: use letters, digits and _"):
+        load(ROOT / "configs/simulate/close_on_mug.yaml", {"supports": {name: SQUEEZED["supports"]["left"]}})
+
+
+def test_a_support_and_the_table_do_not_share_a_name():
+    supports = {"supports": {"table": SQUEEZED["supports"]["left"]}}
+    with pytest.raises(InputError, match=r"supports\.table: contacts with the table have this name: use another"):
+        load(ROOT / "configs/simulate/close_on_mug.yaml", supports)
+    assert "table" in load(ROOT / "configs/simulate/close_on_mug.yaml", {**NO_TABLE, **SQUEEZED, **supports}).supports

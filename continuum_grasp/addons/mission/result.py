@@ -34,6 +34,8 @@ from continuum_grasp.results import (
 from continuum_grasp.scene import GraspObject, Scene
 from continuum_grasp.simulation import ContactHistory, scene_under
 
+_LONGEST = 24
+"""Letters of a finger's name in the names of supports that stand for it, which have 31 at most [1]."""
 _HEAD = """\
 # How a mission went: the verdict, why the object was dropped if it was, what was asked beyond the certificate.
 # SI units; result.npz holds all arrays, meta.json the configuration too.
@@ -159,7 +161,7 @@ class MissionRun(MissionRecord, MotionResult):
             at = plant.function("contacts", rows=ca.vertcat(ca.vec(where), angle))
             found = np.array(at.map(len(x))(x.T, u.T, plant.forces(times).T)).T
             for k, place in enumerate(places):
-                name = f"{assignment.name}_{k + 1 if k < len(scene.contacts) else 'tip'}"
+                name = f"{assignment.name[:_LONGEST]}_{k + 1 if k < len(scene.contacts) else 'tip'}"
                 # Supports of the plant may have such names.
                 while name in self.scene.supports or name in supports:
                     name += "_"
