@@ -6,6 +6,7 @@ The pieces of the grasp problem: distances, surfaces, sensitivities, disturbance
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import casadi as ca
@@ -377,6 +378,25 @@ def test_names_of_supports_and_fingers_are_no_names_of_numbers(free):
         features = values.contact_features(scene, start.contacts)
         problems.append(problem.numbers.pack(values.problem_values(problem, scene, start, features), 0.3))
     assert_allclose(*problems, rtol=0.0, atol=0.0)
+
+
+def test_a_bound_on_a_sum_of_unknowns_counts_what_parts_share_once():
+    scene = load(CONFIGS / "mug_hanging.yaml").changed({"fidelity.elements": 2})
+    start = first_start(scene)
+    problem = GraspProblem(replace(ProblemSpec.of(scene, start.contacts), steadied=True))
+    rng = np.random.default_rng(3)
+    slope, x = rng.normal(size=(2, problem.x.size))
+    p = problem.numbers.pack(problem.steadying(slope, 0.7), 0.0)
+    (block,) = (block for block in problem.rows.blocks if block.name == "stability")
+    assert float(problem.nlp.values(x, p)[1][int(block.rows[0, 0])]) == pytest.approx(slope @ x - 0.7, abs=1e-12)
+
+
+def test_fingers_that_crossed_once_keep_apart_from_then_on():
+    scene = load(CONFIGS / "pinch.yaml")
+    search = GraspSearch(scene, Budget())
+    crossed = [SimpleNamespace(crossed=frozenset({pair})) for pair in (("upper", "upper"), ("upper", "lower"))]
+    assert [search.keep_clear(each) for each in (*crossed, crossed[0])] == [True, True, False]
+    assert search.apart == {("upper", "upper"), ("upper", "lower")}
 
 
 # -- guarded places, cones, unique forces, elements of a taper -------------------------------------------------------
