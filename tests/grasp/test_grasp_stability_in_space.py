@@ -242,7 +242,7 @@ def test_a_grasp_that_is_required_to_be_stable_is_so_in_space():
         assert plane.acceptable
         assert plane.stability.in_space is None
         assert plane.stability.eigenvalue == found.stability.eigenvalue
-        assert "motion in the plane only: give the finger's section" in plane.stability.assumptions
+        assert "motion in the plane only: give all fingers a section" in plane.stability.assumptions
 
 
 def test_a_grasp_that_need_not_be_stable_says_that_it_is_not():

@@ -511,3 +511,8 @@ def test_a_hand_without_reserve_says_that_a_slight_push_may_make_it_slip():
     assert "give contacts.reserve" in at_the_edge.message
     assert at_the_edge.certificate.promised((1.0, 0.0, 0.0, 0.0, 0.0, 0.0)) < 1e-3 * at_the_edge.scene.weight
     assert "reserve" not in with_reserve.message
+
+
+def test_arcs_cannot_follow_a_finger_that_tapers():
+    with pytest.raises(cg.InputError, match=r"fidelity\.family: elements of family arc cannot follow"):
+        hand("cones", {"fidelity.family": "arc"})

@@ -33,7 +33,7 @@ ASSUMPTIONS = (
     "rounded tips, pegs and walls roll without slip on the object's surface as it is curved there; a wall on which "
     "a flat face lies keeps the object from turning; bases and supports are fixed"
 )
-PLANE = "motion in the plane only: give the finger's section to test motion out of it"
+PLANE = "motion in the plane only: give all fingers a section to test motion out of it"
 
 
 @dataclass(frozen=True)
