@@ -174,7 +174,7 @@ def test_a_scan_raises_each_input_to_its_limit_and_all_towards_a_posture():
     """Up to where the first input has no more to give; ways that end at the same inputs are one."""
     search = PlanSearch(pressing(1.0))
     towards = [Posture(search.first.q, np.array(u)) for u in ((2.0, 1.0), (4.0, 2.0), (0.0, 3.0), (0.0, 0.0))]
-    ramps = list(search._ramps(towards))
+    ramps = list(search.pressing.ramps(towards))
     assert sorted(np.round(ramp.u[-1], 9).tolist() for ramp in ramps) == [[0.0, 22.7], [22.7, 0.0], [22.7, 11.35]]
     for ramp in ramps:
         assert ramp.u[0].tolist() == [0.0, 0.0]

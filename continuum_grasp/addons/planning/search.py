@@ -21,9 +21,10 @@ from continuum_grasp.addons.planning.fine import (
     places,
     simulated,
 )
-from continuum_grasp.addons.planning.goal import MET, PRESSES
+from continuum_grasp.addons.planning.goal import MET
 from continuum_grasp.addons.planning.guess import Path, Posture, final_postures, first_state_of_plan, smooth_path
 from continuum_grasp.addons.planning.motion import PlannedMotion
+from continuum_grasp.addons.planning.pressing import PressingPostures
 from continuum_grasp.addons.planning.problem import OneWay, PlanProblem
 from continuum_grasp.addons.planning.result import MotionPlan
 from continuum_grasp.addons.planning.scene import DurationRange, Goal, PlanScene
@@ -55,9 +56,6 @@ values of the constraints' Jacobian span seven decades, and IPOPT reads the sign
 adds to the Hessian until no step is left. With greater pivots, and regularized from the beginning (by 1e-8), four
 pushes of a disc towards a gap took 58 to 173 iterations; by default none ended in 200. Plans that hold an object that
 stands were not solved when regularized (none of six)."""
-_RAMP, _RAMP_NODES = 16.0, 80
-"""Natural times of the finger in which a scan raises inputs to their limits, slowly enough for the finger to follow at
-rest, and instants at which it looks [1]."""
 _SECOND = 2
 """Iterations of a second start of a press, per those that gave the first plan [1]."""
 _TURNED, _TURNED_BY = 0.9, 0.8
@@ -78,8 +76,7 @@ class PlanSearch:
 
     ``warm`` is a plan from which to begin, ``near`` a posture near which the last one is sought. ``attempts`` and
     ``relaxed`` are what was tried, by name, at the problem and at the relaxed one that seeks the least distance from
-    the goal; ``diagnosis`` is what stops the nearest one of these. ``can_press``: a motion under slow inputs presses at
-    all contacts that are to press.
+    the goal; ``diagnosis`` is what stops the nearest one of these.
     """
 
     def __init__(self, scene: PlanScene, warm: MotionPlan | None = None, near: Posture | None = None) -> None:
@@ -91,11 +88,11 @@ class PlanSearch:
         self.best: Attempt | None = None
         self.diagnosis: Diagnosis | None = None
         self.interrupted = False
-        self.can_press = False
         self.motion = PlannedMotion(scene)
         # Where inputs alone are unknowns as of a goal: a micrometer on 1 m, and rates of 1e-5 of their range.
         self.feasible = MET if scene.transcription == "single_shooting" else FEASIBLE
         self.x0, self.first = first_state_of_plan(scene, self.motion.prediction)
+        self.pressing = PressingPostures(self.motion, self.x0, self.first)
         self.problem = self._usual = PlanProblem(self.motion, self.x0)
         """Problem of the best attempt, or of the last one."""
         self.budget, options, size = Budget.of(scene.solver), scene.solver, self.problem.assembly.size
@@ -382,64 +379,11 @@ class PlanSearch:
     def last(self) -> Posture:
         """A posture that meets the goal; of contacts that are to press one to which its inputs lead."""
         postures = final_postures(self.motion, self._usual.goal, self.first, self.near)
-        return postures[0] if self.scene.goal.contact_force is None else self._pressing(postures)
-
-    def _pressing(self, postures: list[Posture]) -> Posture:
-        """The first posture, if inputs that go there press as the goal asks; else the nearest one to the forces along
-        the way of the finger while inputs rise to their limits.
-
-        Least squares may end on the far side of the object, or short of balance; a plan that begins where nothing
-        touches stays there, since forces have no slopes.
-        """
-        aim = np.array(self.scene.goal.targets["contact_force"])
+        if self.scene.goal.contact_force is None:
+            return postures[0]
         part = next(part for part in self._usual.goal if part.key == "goal.contact_force")
         direct = smooth_path(self.motion, self.x0, self.first, postures[0], share=_SHARES[0])
-        ends = list[tuple[int, float, float, int, Posture]]()
-        for path in (direct, *self._ramps(postures)):
-            with suppress(NumericalError):
-                states = simulated(self.scene, self.motion.prediction, path, self.x0, 1)
-                chosen = slice(-1, None) if not ends else slice(1, None)
-                ends += self._presses(states[chosen], path.u[chosen], aim, len(ends))
-                if len(ends) == 1 and ends[0][2] <= float(np.max(part.tolerance * part.scale)):
-                    break
-        if not ends:
-            return postures[0]
-        loose, *_, nearest = min(ends)
-        self.can_press = not loose
-        return nearest
-
-    def _ramps(self, postures: list[Posture]) -> Iterator[Path]:
-        """Inputs that rise to their limits, each alone and towards postures, without states."""
-        u, (low, high) = self.first.u, (np.array(limit) for limit in self.scene.input_limits)
-        alone = [np.diag(limit - u) for limit in (high, low)]
-        ways = np.vstack([*alone, *(posture.u - u for posture in postures)])
-        rise = np.linspace(0.0, 1.0, _RAMP_NODES + 1)[:, None]
-        taken = list[Array]()
-        for way in ways:
-            if not way.any():
-                continue
-            left = np.where(way > 0.0, high - u, u - low)[way != 0.0]
-            end = u + way * (left / np.abs(way[way != 0.0])).min()
-            # 0.01: share of the input's range within which two ways are one
-            if any(np.abs(end - other).max() <= 0.01 * np.abs(high - low).max() for other in (u, *taken)):
-                continue
-            taken.append(end)
-            time = _RAMP * self.scene.finger.rod.natural_time
-            yield Path(np.zeros((_RAMP_NODES + 1, 0)), u + rise * (end - u), time)
-
-    def _presses(self, x: Array, u: Array, aim: Array, first: int) -> list[tuple[int, float, float, int, Posture]]:
-        """States (count, nx) under inputs (count, nu) by how well they press: contacts that do not though they are to,
-        their gaps [m], distance from the forces [N], and a number from ``first`` on; with the posture of each.
-        """
-        model = self.motion.prediction
-        count = len(x)
-        p = np.tile(self.motion.numbers([1.0])[:, : model.np], (count, 1))
-        force, gap = (np.array(f.map(count)(x.T, u.T, p.T)).T for f in (model.contact_force, model.gap))
-        loose = force < PRESSES * aim
-        apart = (np.maximum(gap, 0.0) * loose).sum(axis=1).tolist()
-        off = np.linalg.norm(force - aim, axis=1).tolist()
-        ends = zip(loose.sum(axis=1).tolist(), apart, off, range(first, first + count), strict=True)
-        return [(*end, Posture(q, last)) for end, q, last in zip(ends, x[:, : model.system.n], u, strict=True)]
+        return self.pressing.nearest(postures, part, direct)
 
     def _try(
         self,

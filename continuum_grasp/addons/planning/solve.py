@@ -125,7 +125,7 @@ def _result(search: PlanSearch) -> MotionPlan:
             status, _, advice, _ = _unfinished(search)
             message = f"no plan was found: {_stopped(search, attempt)}; the motion there misses {' and '.join(missed)}"
             violated = tuple(missed)
-        elif missed and search.can_press and does_not_press(problem, attempt):
+        elif missed and search.pressing.can_press and does_not_press(problem, attempt):
             # The solver left the object, where a weight has no slope: the goal is not what cannot be met.
             status, _, advice, _ = _unfinished(search)
             message = "no plan was found: the solver came to a motion that does not press, and slow inputs do press"
