@@ -34,9 +34,6 @@ class Load:
     follows: bool = False
 
 
-_NONE: Scalar = 0.0
-
-
 @dataclass(frozen=True, eq=False)
 class Chain:
     """A chain of flexible links, from base to tip."""
@@ -177,11 +174,13 @@ class Chain:
         biases, fields = self._forward(rates, gravity)
         total: list[Scalar] = [0.0] * self.size
         # Newton-Euler, inwards from the tip: force and moment that the part beyond the link hands to its end section.
-        force, moment = ZERO, _NONE
+        force = ZERO
+        moment: Scalar = 0.0
         for k in range(len(self.links) - 1, -1, -1):
             end, turn = self.links[k].link.end, self.rotations[k]
             # What acts within the link: about its start, and on its own coordinates.
-            inner, inner_moment = ZERO, _NONE
+            inner = ZERO
+            inner_moment: Scalar = 0.0
             extra: list[Scalar] = [0.0] * len(end.arms)
             for load in (load for load in loads if load.place.link == k):
                 vector = self.rotation(load.place).apply(load.force) if load.follows else load.force

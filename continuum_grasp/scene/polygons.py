@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import TypeAlias
@@ -30,8 +31,8 @@ def turns_of(vertices: Sequence[PlanePoint]) -> tuple[PlanePoint, ...]:
 
 def segment_distance(p: PlanePoint, a: PlanePoint, b: PlanePoint) -> float:
     dx, dy = b[0] - a[0], b[1] - a[1]
-    # 1e-300: a segment of no length is its start.
-    share = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / max(dx * dx + dy * dy, 1e-300)
+    # A segment of no length is its start.
+    share = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / max(dx * dx + dy * dy, sys.float_info.min)
     share = min(max(share, 0.0), 1.0)
     return math.dist(p, (a[0] + share * dx, a[1] + share * dy))
 

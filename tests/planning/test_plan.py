@@ -161,7 +161,7 @@ def test_bounds_that_a_plan_leaves_between_their_places_hold_at_more(monkeypatch
     """Where the grid may not be finer, such a plan is no optimum. With an object they hold at the nodes alone first."""
     scene = small(bounds={"curvature": None, "speed": 7.0}, intervals=intervals, **beside)
     held = plan(scene)
-    monkeypatch.setattr(search, "_MOST_ELEMENTS", 1)
+    monkeypatch.setattr(search, "MOST_ELEMENTS", 1)
     left = plan(scene)
     assert (held.status, left.status) == ("optimal", "feasible")
     assert "between the nodes bending_rate_1 is left" in left.message
@@ -513,7 +513,7 @@ def test_a_bound_that_cannot_be_satisfied_is_named_with_its_amount_and_instant()
 
 def test_a_bound_that_is_left_between_the_places_of_the_problem_is_reported(monkeypatch):
     """The problem bounds quarters of intervals; in between a parabola passes its bound, by an integrator of its own."""
-    monkeypatch.setattr(search, "_MOST_ELEMENTS", 1)
+    monkeypatch.setattr(search, "MOST_ELEMENTS", 1)
     found = plan(small(bounds={"curvature": None, "speed": 7.0}, intervals=8, solver={"degree": 4}))
     model, rates = found.prediction, []
     for k, u in enumerate(found.u[:-1]):

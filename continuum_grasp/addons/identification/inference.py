@@ -33,7 +33,7 @@ singular vectors."""
 WEAK = 0.5
 """Standard deviation, relative to the size, from which a parameter is hardly seen [1]: its 95 % interval then reaches
 zero."""
-_TINY = 1e-300
+_TINY = float(np.finfo(float).tiny)
 """In place of zero in a denominator."""
 
 

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.addons.planning.goal import GoalPart
+from continuum_grasp.addons.planning.grid import BOUNDED, MOST_ELEMENTS
 from continuum_grasp.addons.planning.guess import Path, first_state_of_plan
 from continuum_grasp.addons.planning.motion import PlannedMotion, parameters_over_time, reach_of, state_scales
 from continuum_grasp.addons.planning.result import Deviation, MotionPlan, PlanStatus, qualified
@@ -20,7 +21,7 @@ from continuum_grasp.control import Prediction
 from continuum_grasp.core import Rollouts
 from continuum_grasp.scene import INTEGRATORS
 
-PARTS = 64
+PARTS = MOST_ELEMENTS * BOUNDED
 """Parts of an interval at which bounds are looked at: as many as those at which the finest problem bounds the state. A
 cheap plan rushes through a zone between the places of a problem, the faster the more there are."""
 LEFT = 1e-3

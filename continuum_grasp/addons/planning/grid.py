@@ -13,6 +13,11 @@ from continuum_grasp.addons.planning.motion import PlannedMotion
 from continuum_grasp.addons.planning.shooting import Term, derived, shooting_interval
 from continuum_grasp.base import Array, Indices
 
+MOST_ELEMENTS = 16
+"""Most elements of an interval [1]: of 10 ms, half the time in which a contact at 2 m/s closes a rounding of 1 mm."""
+BOUNDED = 4
+"""Places per element at which bounds of the state hold, the last one at the node [1]."""
+
 
 @dataclass(frozen=True)
 class PlanGrid:
@@ -150,11 +155,10 @@ class StateBounds:
             held = grid.v
             lengths = np.ones(len(grid.v))
             if smooth or of_zone:
-                # 4: places per element at which bounds hold, the last one at the node
-                times = grid.starts[:, None] + grid.lengths[:, None] * np.arange(1, 5) / 4
+                times = grid.starts[:, None] + grid.lengths[:, None] * np.arange(1, BOUNDED + 1) / BOUNDED
                 places = grid.at(times.ravel())
-                held = np.repeat(grid.v[grid.interval], 4, axis=0)
-                lengths = np.repeat(grid.lengths / 4, 4)
+                held = np.repeat(grid.v[grid.interval], BOUNDED, axis=0)
+                lengths = np.repeat(grid.lengths / BOUNDED, BOUNDED)
             term, columns, data = self._terms[f"bounds.{key}"] = self._term(entries, *places, held)
             scale = np.full(len(entries), size)
             limits = (bounded.least[entries], bounded.most[entries])

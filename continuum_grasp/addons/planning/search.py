@@ -22,6 +22,7 @@ from continuum_grasp.addons.planning.fine import (
     simulated,
 )
 from continuum_grasp.addons.planning.goal import MET
+from continuum_grasp.addons.planning.grid import MOST_ELEMENTS
 from continuum_grasp.addons.planning.guess import Path, Posture, final_postures, first_state_of_plan, smooth_path
 from continuum_grasp.addons.planning.motion import PlannedMotion
 from continuum_grasp.addons.planning.pressing import PressingPostures
@@ -41,8 +42,6 @@ _SHARES = (0.7, 0.9, 1.0)
 """Shares of the duration after which inputs of a first motion with contact rest: what closes and settles before the end
 is near a plan. Rounding decides which one solves a plan of stiff contacts: of fourteen variants of
 configs/plan/close_on_mug.yaml all three together reach the goal in nine, 1.0 alone in one of nine."""
-_MOST_ELEMENTS = 16
-"""Most elements of an interval [1]: of 10 ms, half the time in which a contact at 2 m/s closes a rounding of 1 mm."""
 _NEAR = 1e-3
 """First barrier parameter from a motion that is worth staying near: an earlier plan, one simulated with contact."""
 _AT_PLAN = 1e-7
@@ -165,7 +164,7 @@ class PlanSearch:
                 # Errors of all intervals would together be as much as the plan may depart. A bound that the planned
                 # motion does not leave itself is left by errors of intervals before.
                 coarse = left | (own[1:] > own[1:].mean() * tolerance / max(whole.max(), tolerance))
-            counts = np.where(coarse, np.minimum(2 * problem.grid.counts, _MOST_ELEMENTS), problem.grid.counts)
+            counts = np.where(coarse, np.minimum(2 * problem.grid.counts, MOST_ELEMENTS), problem.grid.counts)
             if (counts == problem.grid.counts).all():
                 return
             self.budget.left *= problem.assembly.size  # iterations take longer
