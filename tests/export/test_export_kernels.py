@@ -19,7 +19,7 @@ from continuum_grasp.export import Kernel
 from continuum_grasp.export.build import FLAGS
 from continuum_grasp.export.strict_math import reference
 from continuum_grasp.export.swept import SweptKernel
-from continuum_grasp.model import FingerModel, Kernels
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import ForceLoad
 from tests.export_cases import MANY, STRICT, needs, run
 from tests.model.test_many_elements import COUNT, model_of, state_of
@@ -199,7 +199,7 @@ def test_the_reference_is_the_model(family, name):
     model = model_of(family, name)
     x, u, w, _ = state_of(model)
     driven = model.drive_rates if model._equations.drives_feel_motion else None
-    kernel = SweptKernel("dynamics", Kernels.of(model._equations), "", driven)
+    kernel = SweptKernel("dynamics", model.kernels, "", driven)
     rows = {"x": x[None], "u": u[None], "w": w[None], "p": np.zeros((1, 0))}
     found = kernel.evaluate(CReal.KINDS["double"], **rows)["xd"][0]
     true = np.array(model.forward_dynamics(x, u, w, [])).ravel()
@@ -210,7 +210,7 @@ def test_code_does_not_grow_with_the_elements():
     def lines(count: int) -> int:
         finger = model_of("arc", "bare").finger
         model = FingerModel(finger, family="arc", elements=count, loads=(ForceLoad(at=0.6, force=(0.0, 0.0)),))
-        kernel = SweptKernel("dynamics", Kernels.of(model._equations), "")
+        kernel = SweptKernel("dynamics", model.kernels, "")
         return kernel.c_source("finger", CReal.KINDS["float"]).count("\n")
 
     assert lines(4 * COUNT) <= lines(COUNT)
