@@ -149,8 +149,9 @@ class Surroundings(Supported):
     its shape (over each part by its area, for a union)."""
 
     def _check(self) -> None:
-        if self.table is not None and "table" in self.supports:
-            raise ValueError("supports.table: contacts with the table have this name: use another")
+        for name in ("finger",) if self.table is None else ("finger", "table"):
+            if name in self.supports:
+                raise ValueError(f"supports.{name}: contacts of the {name} have this name: use another")
         body = self.object
         if body is None:
             return

@@ -308,6 +308,10 @@ def test_a_drop_names_finger_and_contact(assignments, grasp):
     ("change", "said"),
     [
         ("grasp.fingers.upper.tendons.time_constant=null", "grasp.fingers.upper.tendons: needs a time_constant"),
+        (
+            "grasp.supports.table={type: point, position: [0.3, 0.2]}",
+            "grasp: a finger or support has the name of the table",
+        ),
         ("more_contacts=[0.1]", r"more_contacts\[0\]: 0.1 m is not before the tip"),
     ],
 )

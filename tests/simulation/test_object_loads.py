@@ -164,8 +164,10 @@ def test_supports_have_names_as_in_grasps(name):
         load(ROOT / "configs/simulate/close_on_mug.yaml", {"supports": {name: SQUEEZED["supports"]["left"]}})
 
 
-def test_a_support_and_the_table_do_not_share_a_name():
-    supports = {"supports": {"table": SQUEEZED["supports"]["left"]}}
-    with pytest.raises(InputError, match=r"supports\.table: contacts with the table have this name: use another"):
+@pytest.mark.parametrize("name", ["table", "finger"])
+def test_a_support_has_no_name_of_other_contacts(name):
+    supports = {"supports": {name: SQUEEZED["supports"]["left"]}}
+    with pytest.raises(InputError, match=rf"supports\.{name}: contacts of the {name} have this name: use another"):
         load(ROOT / "configs/simulate/close_on_mug.yaml", supports)
+    supports = {"supports": {"table": SQUEEZED["supports"]["left"]}}
     assert "table" in load(ROOT / "configs/simulate/close_on_mug.yaml", {**NO_TABLE, **SQUEEZED, **supports}).supports

@@ -272,6 +272,8 @@ class MissionScene(Configuration):
     """Plants that differ at random, for ``--trials``."""
 
     def _check(self) -> None:
+        if "table" in (*self.grasp.named_fingers, *self.grasp.supports):
+            raise ValueError("grasp: a finger or support has the name of the table: use another")
         for setup in self.grasp.setups:
             self.plant.fidelity.check_lengths("plant.fidelity", setup.finger.rod.length)
             # The tip is a contact already.
