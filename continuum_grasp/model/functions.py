@@ -183,7 +183,7 @@ class Model(Remade, Summarized):
         x, u, p, part = symbols["x"], symbols["u"], symbols["p"], symbols.get("part")
         ahead = x[n : 2 * n]
         if part is None:
-            rates, driven = sweep_function(self.kernels, eq)(*symbols.values())
+            rates, driven = sweep_function(self.kernels(), eq)(*symbols.values())
             driven = self.drive_rates(x, u, p) if eq.drives_feel_motion else driven
         else:
             rates, driven = sweep_function(SweepWriter(eq, implicit=True).kernels(), eq, implicit=True)(
@@ -205,9 +205,8 @@ class Model(Remade, Summarized):
         """Whether sweeps along the chain give the accelerations, at a cost that grows with the number of elements."""
         return self._equations.pattern is not None
 
-    @property
     def kernels(self) -> Kernels:
-        """Kernels of the sweeps that give the accelerations."""
+        """Kernels of the sweeps that give the accelerations; of a model that ``sweeps``."""
         return SweepWriter(self._equations).kernels()
 
     @property
@@ -219,7 +218,7 @@ class Model(Remade, Summarized):
     def instructions(self) -> int:
         """Instructions of an evaluation of the forward dynamics."""
         f = self.forward_dynamics
-        return self.kernels.instructions if self.sweeps else int(f.n_instructions())
+        return self.kernels().instructions if self.sweeps else int(f.n_instructions())
 
     energy = named("x u p", kinetic=lambda eq: eq.kinetic_energy, potential=lambda eq: eq.potential_energy)
     internal = named(

@@ -343,11 +343,6 @@ def check_finger(setup: FingerSetup, of_all: Fidelity) -> None:
         )
     family = FAMILIES[setup.family]
     finger.check_family(setup.key("fidelity", "family"), setup.family)
-    if setup.graded and family.even:
-        raise ValueError(
-            f"{setup.key('fidelity', 'family')}: elements of family {setup.family} cannot follow a finger that changes "
-            "along its length: use matched_clothoid"
-        )
     if family.one_turn and setup.bending_range > ONE_TURN:
         wider = " or ".join(name for name, each in FAMILIES.items() if not each.one_turn)
         raise ValueError(

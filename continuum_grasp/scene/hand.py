@@ -27,6 +27,7 @@ from continuum_grasp.scene.hand_supports import (
     lie_against,
     support_contacts,
 )
+from continuum_grasp.scene.methods import FAMILIES
 from continuum_grasp.scene.solids import Solid, SpatialPosition, Vector3
 from continuum_grasp.scene.supports import Switch, check_name
 from continuum_grasp.scene.units import Unit
@@ -329,6 +330,11 @@ class HandScene(Configuration):
             raise ValueError(
                 f"{setup.key('contacts', 'friction')}: {setup.friction:g} for {setup.name}: expected at least "
                 f"{LEAST_FRICTION:g}; contacts without friction hold nothing in space"
+            )
+        if setup.graded and FAMILIES[setup.family].even:
+            raise ValueError(
+                f"{setup.key('fidelity', 'family')}: elements of family {setup.family} cannot follow a finger that "
+                "changes along its length: use matched_clothoid"
             )
         if setup.finger.damping.dry_friction:
             raise ValueError(f"{setup.where}.damping.dry_friction: a hand takes no dry friction in bending so far")

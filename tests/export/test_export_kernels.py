@@ -199,7 +199,7 @@ def test_the_reference_is_the_model(family, name):
     model = model_of(family, name)
     x, u, w, _ = state_of(model)
     driven = model.drive_rates if model._equations.drives_feel_motion else None
-    kernel = SweptKernel("dynamics", model.kernels, "", driven)
+    kernel = SweptKernel("dynamics", model.kernels(), "", driven)
     rows = {"x": x[None], "u": u[None], "w": w[None], "p": np.zeros((1, 0))}
     found = kernel.evaluate(CReal.KINDS["double"], **rows)["xd"][0]
     true = np.array(model.forward_dynamics(x, u, w, [])).ravel()
@@ -210,7 +210,7 @@ def test_code_does_not_grow_with_the_elements():
     def lines(count: int) -> int:
         finger = model_of("arc", "bare").finger
         model = FingerModel(finger, family="arc", elements=count, loads=(ForceLoad(at=0.6, force=(0.0, 0.0)),))
-        kernel = SweptKernel("dynamics", model.kernels, "")
+        kernel = SweptKernel("dynamics", model.kernels(), "")
         return kernel.c_source("finger", CReal.KINDS["float"]).count("\n")
 
     assert lines(4 * COUNT) <= lines(COUNT)

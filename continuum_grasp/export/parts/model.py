@@ -25,7 +25,7 @@ def _dynamics_kernel(subject: Subject) -> Kernel:
     text = "Rate of change xd of the state x; equation of motion."
     if subject.moving.sweeps:
         driven = subject.model.drive_rates if subject.equations.drives_feel_motion else None
-        return SweptKernel("dynamics", subject.moving.kernels, text, driven)
+        return SweptKernel("dynamics", subject.moving.kernels(), text, driven)
     return Kernel("dynamics", subject.moving.forward_dynamics, text)
 
 
