@@ -208,7 +208,7 @@ class Worker:
 
     def __init__(self, source: Path, cache: str, warm: list[Data]) -> None:
         self.source, self.fresh, self._warm = source, cache == "fresh", warm
-        self._folder = "" if cache == "user" else tempfile.mkdtemp()  # of compiled libraries
+        self._folder = tempfile.mkdtemp()  # of compiled kernels
         self._process: subprocess.Popen[str] | None = None
         self.hello: Data = {}
 
@@ -239,12 +239,11 @@ class Worker:
     def remove(self) -> None:
         """End the process and remove what it compiled."""
         self.close()
-        if self._folder:
-            shutil.rmtree(self._folder, ignore_errors=True)
+        shutil.rmtree(self._folder, ignore_errors=True)
 
     def _started(self) -> subprocess.Popen[str]:
         if self._process is None:
-            own = {"CONTINUUM_GRASP_CACHE": self._folder} if self._folder else {}
+            own = {"CONTINUUM_GRASP_CACHE": self._folder}
             command = [sys.executable, "-P", str(Path(__file__).with_name("grasp_worker.py"))]
             env = {**os.environ, "PYTHONPATH": str(self.source), **own}
             pipe = subprocess.PIPE
@@ -517,9 +516,9 @@ def main() -> None:
     run.add_argument("--limit", type=float, default=60.0, help="processor time of one scene [s]")
     run.add_argument(
         "--cache",
-        choices=("fresh", "process", "user"),
+        choices=("fresh", "process"),
         default="fresh",
-        help="structures of problems: forgotten before each scene, of this process, or also those on the disk",
+        help="structures of problems: forgotten before each scene, or those of this process",
     )
     run.add_argument("--out", type=Path, required=True)
     draw.add_argument("--folder", type=Path, required=True)

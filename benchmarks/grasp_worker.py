@@ -82,7 +82,7 @@ def _summary(result: Any) -> dict[str, Any]:
 
 
 def forget_structures() -> None:
-    """Empty what this process remembers of the structures of grasp problems, but for compiled libraries."""
+    """Empty what this process remembers of the structures of grasp problems, but for compiled kernels."""
     for name, module in list(sys.modules.items()):
         if name.startswith("continuum_grasp.grasp") and "kernel" not in name:
             for value in list(vars(module).values()):

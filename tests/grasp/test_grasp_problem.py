@@ -380,6 +380,34 @@ def test_names_of_supports_and_fingers_are_no_names_of_numbers(free):
     assert_allclose(*problems, rtol=0.0, atol=0.0)
 
 
+def test_the_balance_of_the_object_is_that_of_stored_forces():
+    """Of an object whose center of mass is off its middle, with a tenth of its mass taken away."""
+    body = make_scene().object.model_copy(update={"center_of_mass": (0.006, -0.004)})
+    scene = make_scene(object=body)
+    start = first_start(scene)
+    problem = GraspProblem(ProblemSpec.of(scene, start.contacts))
+    features = values.contact_features(scene, start.contacts)
+    p = problem.numbers.pack(values.problem_values(problem, scene, start, features), 0.3)
+    x = points.starting_point(problem, scene, start, features)
+    x[problem.x.at["relaxed mass"]] = 0.1
+    for contact in problem.spec.contacts:
+        x[problem.x.at[f"force, {contact.name}"]] = np.random.default_rng(4).uniform(0.2, 1.0, problem.spec.dimensions)
+    stored, unit = points.stored_arrays(problem, scene, start, x, p), values.Units.of(scene)
+    flat = np.zeros((len(stored["contact_names"]), 3))
+    arms, normals, loads = flat.copy(), flat.copy(), stored["contact_forces"]
+    turned = np.array([[np.cos(body.angle), -np.sin(body.angle)], [np.sin(body.angle), np.cos(body.angle)]])
+    arms[:, :2] = stored["contact_positions"] - (np.array(body.position) + turned @ body.com)
+    normals[:, :2] = stored["contact_normals"]
+    across = np.cross([0.0, 0.0, 1.0], normals)
+    world = loads[:, :1] * normals + loads[:, 1:2] * across - loads[:, 2:] * [0.0, 0.0, 1.0]
+    wrench = [0.9 * body.mass * np.array(scene.gravity) - world.sum(axis=0), -np.cross(arms, world).sum(axis=0)]
+    wrench = np.concatenate([wrench[0] / unit.force, wrench[1] / (unit.force * body.size)])
+    g = np.array(problem.nlp.values(x, p)[1]).ravel()
+    rows = [b.rows.ravel() for b in problem.rows.blocks if b.name.startswith("object ") and "balance" in b.name]
+    assert np.abs(wrench[list(problem.spec.balances)]).min() > 1e-3
+    assert_allclose(g[np.concatenate(rows)], wrench[list(problem.spec.balances)], atol=1e-12)
+
+
 def test_a_bound_on_a_sum_of_unknowns_counts_what_parts_share_once():
     scene = load(CONFIGS / "mug_hanging.yaml").changed({"fidelity.elements": 2})
     start = first_start(scene)
