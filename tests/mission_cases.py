@@ -46,6 +46,19 @@ def carried(name, *changes, shift=(0.0, 0.0)):
     return runner(name, *changes).run(PlantVariation(shift=shift))
 
 
+def straight_grasp(mission, *stations):
+    """A grasp in name: its first finger straight, with contacts of 1 N at its tip and at ``stations`` [m]."""
+    setup = mission.grasp.setups[0]
+    finger = setup.finger
+    line = np.linspace([0.0, 0.0, 0.0, 0.0], [finger.rod.length, finger.rod.length, 0.0, 0.0], 3)
+    tensions = [tendon.max_tension for tendon in finger.tendon_list]
+    posture = SimpleNamespace(base=np.array(finger.base.pose), tensions=tensions, backbone=line)
+    contacts = [SimpleNamespace(name=f"{setup.name}.{k}", station=s, normal_force=1.0) for k, s in enumerate(stations)]
+    contacts.append(SimpleNamespace(name=setup.tip_name, station=finger.rod.length, normal_force=1.0))
+    pose = np.array(mission.grasp.object.pose)
+    return SimpleNamespace(fingers={setup.name: posture}, contacts=contacts, object_pose=pose)
+
+
 CERTIFIED, STEP = 4.0, 0.01  # N at each tip, s
 STAGES = SimpleNamespace(
     r_names=("contact_force_finger.tip [N]",), weights=np.zeros(1), u_min=np.zeros(2), u_max=np.full(2, 75.0)

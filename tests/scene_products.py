@@ -37,7 +37,7 @@ from continuum_grasp.addons.learning.environments.plants import plants_of
 from continuum_grasp.addons.learning.environments.sensing import observed_of, state_bounds
 from continuum_grasp.addons.mission import MissionScene
 from continuum_grasp.addons.mission import plant as mission_plant
-from continuum_grasp.addons.mission.from_grasp import _control_scene
+from continuum_grasp.addons.mission.from_grasp import _Task
 from continuum_grasp.addons.planning import PlanScene
 from continuum_grasp.addons.planning.search import PlanSearch
 from continuum_grasp.addons.sweeps import Sweep, SweepPlan
@@ -65,6 +65,7 @@ from continuum_grasp.scene import (
 from continuum_grasp.simulation import Signals, initial_state, modes, resolve_fidelity
 from continuum_grasp.simulation.accuracy.motion import timing_of_comparison
 from continuum_grasp.simulation.accuracy.truth import load_cases
+from tests.mission_cases import straight_grasp
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 _AROUND = tuple(Surroundings.model_fields)
@@ -285,10 +286,7 @@ class _AskedPlant(PlantModel):
 
 def carried_out(mission: MissionScene) -> Iterator[object]:
     """What a mission asks of controller and plant, once its grasp has been found: of one middle contact."""
-    given = mission.grasp.setups[0].finger.replaced(tendons=mission.tendons or mission.grasp.setups[0].finger.tendons)
-    held = given if mission.drive_tension is None else given.with_tendons(max_tension=mission.drive_tension)
-    body = mission.grasp.object.replaced(free=None)
-    control = _control_scene(mission, held, body, (0.1,), {"finger.1": 1.0})
+    control = _Task(mission, straight_grasp(mission, 0.1), mission.grasp.setups[0].name).control
     one: Any = SimpleNamespace(mission=mission, control=control, pulls=[0])
     with patch.object(mission_plant, "PlantModel", _AskedPlant):
         yield from (control, mission_plant.mission_plant_model(one), mission_plant.Timetable(one).spans)

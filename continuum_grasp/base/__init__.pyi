@@ -26,7 +26,6 @@ from .labels import clipped as clipped
 from .labels import nearest as nearest
 from .labels import prefixed as prefixed
 from .labels import prefixes as prefixes
-from .labels import quoted as quoted
 from .labels import split_unit as split_unit
 from .shell import COMMAND as COMMAND
 from .shell import command_line as command_line

@@ -97,6 +97,13 @@ class Summarized:
         return f"<div><b>{escape(head)}</b><table>{cells}</table>{self._picture_html()}</div>"
 
     @staticmethod
+    def quoted(name: str | None, *more: str) -> str:
+        """A name in quotation marks, where there is one, and a statement about it: ``"mug": optimal``."""
+        head = f'"{name}"' if name else ""
+        rest = ", ".join(part for part in more if part)
+        return f"{head}: {rest}" if head and rest else head or rest
+
+    @staticmethod
     def listed(head: str, rows: Mapping[str, str]) -> str:
         """Names and values below a line, so many at most."""
         lines = [clipped(f"  {line}") for line in Summarized.aligned(list(rows.items()), (0, 1))]
@@ -141,9 +148,3 @@ def nearest(word: str, allowed: Iterable[str], *, say_all: bool = True, cutoff: 
     if close := get_close_matches(word.lower(), known, n=1, cutoff=cutoff):
         return f"; did you mean {known[close[0]]!r}?"
     return f"; expected one of {', '.join(known.values())}" if known and say_all else ""
-
-
-def quoted(name: str | None, *more: str) -> str:
-    """A name in quotation marks, where there is one, and a statement about it: ``"mug": optimal``."""
-    head, rest = f'"{name}"' if name else "", ", ".join(part for part in more if part)
-    return f"{head}: {rest}" if head and rest else head or rest

@@ -158,7 +158,11 @@ class ControlRun(MotionResult):
         scene's loads; a plant that was not the scene's own is not simulated. A tip moment acts as it follows the
         command by ``controller.input.time_constant``.
         """
-        return scene_under(self.scene, self.t, self.u)
+        return self.simulated_on(None)
+
+    def simulated_on(self, plant: Scene | None) -> Scene:
+        """Scene of a simulation of the recorded commands on a plant; None: the finger that the controller knows."""
+        return scene_under(self.scene, self.t, self.u, plant=plant)
 
     @property
     def outcome(self) -> str:

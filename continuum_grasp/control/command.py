@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from continuum_grasp.base import Array, InputError, Summarized, quoted, split_unit
+from continuum_grasp.base import Array, InputError, Summarized, split_unit
 from continuum_grasp.control.estimation.adaptation import Adapted
 from continuum_grasp.control.parts import ControlParts
 from continuum_grasp.control.status import (
@@ -97,7 +97,7 @@ class Command(Summarized):
 
     def headline(self) -> str:
         """Status and health of the command."""
-        return quoted(
+        return self.quoted(
             None, self.status.name.lower(), f"{self.health.name.lower()} ({self.suspect})" if self.health else ""
         )
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import CheckedArgument, InputError, check_arguments, quoted
+from continuum_grasp.base import CheckedArgument, InputError, check_arguments
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled_controller import CompiledController
 from continuum_grasp.control.ocp.cost_terms import Outputs
@@ -116,7 +116,7 @@ class Controller(CompiledController):
 
     def headline(self) -> str:
         """Scene and periods of the controller."""
-        return quoted(self.scene.name, f"{1e3 * self.period:g} ms, {self.stages.stages} stages")
+        return self.quoted(self.scene.name, f"{1e3 * self.period:g} ms, {self.stages.stages} stages")
 
     def pairs(self) -> dict[str, str]:
         """Measured, followed and commanded quantities, loads that the loop bears, and how steps ended."""

@@ -9,7 +9,6 @@ from .nearby.held import Stencil as Stencil
 from .nearby.held import StructureChanges as StructureChanges
 from .quality.quality import Quality as Quality
 from .quality.resistance import Resistance as Resistance
-from .quality.response import GraspResponse as GraspResponse
 from .result import GraspResult as GraspResult
 from .robust.result import GraspTrials as GraspTrials
 from .robust.result import Robustness as Robustness

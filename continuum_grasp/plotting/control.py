@@ -185,8 +185,7 @@ def control_frames(run: ControlRun, indices: NDArray[Any], width: int) -> Iterat
                 *_parted(wanted, _jumps(wanted)).T, color=Color.ORANGE, linewidth=0.8, alpha=0.6, zorder=Z.SUPPORT
             )
             film.ax.plot([], [], "+", markersize=9, label="setpoint", **cross)
-        film.ax.plot([], [], color=Color.GREEN, linewidth=1.4, label="predicted")
-        path = film.line(color=Color.GREEN, linewidth=1.4, zorder=Z.CLAMP_FACE)
+        path = film.prediction("predicted")
         target = film.line("+", markersize=11, zorder=Z.FORCE, **cross)
 
         def move(k: int) -> list[Artist]:

@@ -10,7 +10,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from continuum_grasp.base import InputError, Summarized, addons, check_arguments, clipped, named_value, quoted
+from continuum_grasp.base import InputError, Summarized, addons, check_arguments, clipped, named_value
 from continuum_grasp.results.atomic import write_text
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.run_folder import Run, read_run, write_run
@@ -101,9 +101,16 @@ class Result(Summarized):
         """Outcome, in a word or two."""
         return str(self.status)
 
+    @staticmethod
+    def as_yaml(values: Any, head: str = "", *, exact: bool = False) -> str:
+        """Plain values and arrays as YAML below comments; ``exact`` retains all digits of numbers, otherwise nine."""
+        from continuum_grasp.results.plain_values import yaml_text
+
+        return head + yaml_text(values, exact=exact)
+
     def headline(self) -> str:
         """Name, and how it ended."""
-        return quoted(self.name, self.outcome)
+        return self.quoted(self.name, self.outcome)
 
     def words(self) -> Mapping[str, Iterable[str]]:
         """Names that stand for the words in braces in the names of stored arrays."""

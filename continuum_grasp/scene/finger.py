@@ -358,6 +358,12 @@ class Finger(Value):
         axial = tendon.end(self.rod.length) / tendon.axial_stiffness
         return DriveLaw(tendon.drive, 1.0 / tendon.series_stiffness, axial, self.onset(tendon))
 
+    @property
+    def drives_keep_position(self) -> bool:
+        """Whether the drives keep their position while tensions change: winches, and motors under a position servo."""
+        law = self.drive_law
+        return bool(self.winches) if law is None else law.locks
+
     def natural_tension(self, tendon: Tendon) -> float:
         """Tension of a tendon that bends a rod by one radian that is as stiff all along as at the base [N]."""
         return self.rod.stiffness / (self.rod.length * tendon.greatest_offset)

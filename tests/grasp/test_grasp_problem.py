@@ -16,7 +16,7 @@ from grasp_scenes import CONFIGS, make_scene
 from numpy.testing import assert_allclose
 from scipy.integrate import simpson
 
-from continuum_grasp.grasp import GraspResponse, Resistance, optimize_grasp
+from continuum_grasp.grasp import Quality, Resistance, optimize_grasp
 from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem import points, surroundings, values
 from continuum_grasp.grasp.problem.parts import friction_cone
@@ -227,7 +227,7 @@ def test_resisted_disturbance_against_the_fine_rod(tendons):
     search.run()
     best = search.best
     factor = float(best.attempt.x[best.solver.problem.x.at["resisted disturbance"]][0])
-    fine = Resistance.of(GraspResponse(scene, result.arrays), displacement_limit=math.inf)
+    fine = Resistance.of(Quality(scene, result.arrays).response, displacement_limit=math.inf)
     assert factor > 0.5
     assert fine.least == pytest.approx(factor, rel=0.05)
 

@@ -10,7 +10,7 @@ import pytest
 from grasp_elastica import Hand, designed, disturbed, stored
 from scipy.optimize import brentq
 
-from continuum_grasp.grasp import GraspResponse, Quality, Resistance
+from continuum_grasp.grasp import Quality, Resistance
 from continuum_grasp.scene import Box, Circle, Ellipse, OffsetPolygon, Palm, Point, Rod, Tendons
 from tests import certificate_cases as cases
 
@@ -47,10 +47,10 @@ def column(push):
 
 def test_the_grasp_buckles_where_the_closed_form_says():
     critical = brentq(lambda push: column(push) * RADIUS - push, 0.01, 0.4)
-    assert GraspResponse(*axial_pinch(critical * 0.9999)).stable("retensioned")
-    assert not GraspResponse(*axial_pinch(critical * 1.0001)).stable("retensioned")
-    assert GraspResponse(*axial_pinch(critical * 1.0001)).stable("locked")
-    held = Resistance.of(GraspResponse(*axial_pinch(critical * 1.01)))
+    assert Quality(*axial_pinch(critical * 0.9999)).response.stable("retensioned")
+    assert not Quality(*axial_pinch(critical * 1.0001)).response.stable("retensioned")
+    assert Quality(*axial_pinch(critical * 1.0001)).response.stable("locked")
+    held = Resistance.of(Quality(*axial_pinch(critical * 1.01)).response)
     assert not held.stable
     assert held.least == 0.0
     assert set(held.limiting) == {("unstable",)}
@@ -60,7 +60,7 @@ def test_the_grasp_buckles_where_the_closed_form_says():
 def test_resisted_forces_of_the_axial_pinch(tendons):
     push, mu = 0.08, 0.5
     held = Resistance.of(
-        GraspResponse(*axial_pinch(push, mu)), wrenches=WRENCHES, tendons=tendons, displacement_limit=math.inf
+        Quality(*axial_pinch(push, mu)).response, wrenches=WRENCHES, tendons=tendons, displacement_limit=math.inf
     )
     assert held.factors[0] == pytest.approx(2 * push, rel=1e-6)
     assert held.limiting[0] == ("a.tip parts",)
@@ -72,14 +72,16 @@ def test_resisted_forces_of_the_axial_pinch(tendons):
 def test_what_the_weight_takes_of_the_cone_out_of_the_plane(tendons):
     push, mu, lift = 0.08, 0.5, 0.03
     scene, arrays = axial_pinch(push, mu, lift, cases.INTO_PLANE)
-    held = Resistance.of(GraspResponse(scene, arrays), wrenches=WRENCHES, tendons=tendons, displacement_limit=math.inf)
+    held = Resistance.of(
+        Quality(scene, arrays).response, wrenches=WRENCHES, tendons=tendons, displacement_limit=math.inf
+    )
     assert held.factors[0] == pytest.approx(2 * (push - lift / mu), rel=1e-6)
     assert held.factors[1] == pytest.approx(2 * math.sqrt((mu * push) ** 2 - lift**2), rel=1e-6)
 
 
 @pytest.mark.parametrize(("friction", "given", "limit"), [(0.5, {"displacement_limit": 1e-3}, 1e-3), (50.0, {}, 0.1)])
 def test_the_give_limits_what_the_first_order_may_say(friction, given, limit):
-    response = GraspResponse(*axial_pinch(0.08, friction))
+    response = Quality(*axial_pinch(0.08, friction)).response
     held = Resistance.of(response, wrenches=WRENCHES, tendons="locked", **given)
     moved = held.factors[1] * (response.to_wrenches("locked").pose @ WRENCHES[1])
     assert moved[1] == pytest.approx(limit * RADIUS, rel=1e-9)
@@ -89,7 +91,9 @@ def test_the_give_limits_what_the_first_order_may_say(friction, given, limit):
 def test_the_polygon_holds_the_single_forces():
     scene, arrays = axial_pinch(0.08)
     polygon = Quality(scene, arrays).resistance_polygon
-    along = Resistance.of(GraspResponse(scene, arrays), wrenches=[(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)])
+    along = Resistance.of(
+        Quality(scene, arrays).response, wrenches=[(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)]
+    )
     np.testing.assert_allclose(np.hypot(*polygon[[0, 9, 18]].T), along.factors, rtol=1e-9)
 
 
@@ -127,7 +131,7 @@ def all_forces(hand, state):
 @pytest.mark.parametrize("tendons", ["retensioned", "locked"])
 def test_small_disturbances_of_a_nonlinear_equilibrium(kind, tendons):
     hand, state, names = held_disc(kind)
-    change = GraspResponse(*stored_scene(hand, state, names)).to_wrenches(tendons)
+    change = Quality(*stored_scene(hand, state, names)).response.to_wrenches(tendons)
     retained = {"differences": state.differences} if tendons == "retensioned" else {"tips": state.tips}
     step = 1e-4
     for k, wrench in enumerate(np.array(WRENCHES)):
@@ -147,7 +151,7 @@ def test_small_disturbances_of_a_nonlinear_equilibrium(kind, tendons):
 @pytest.mark.parametrize("kind", ["wall", "pinch"])
 def test_a_change_of_tension(kind):
     hand, state, names = held_disc(kind)
-    change = GraspResponse(*stored_scene(hand, state, names)).to_tensions()
+    change = Quality(*stored_scene(hand, state, names)).response.to_tensions()
     for k in range(len(names)):
         step = 1e-3 * np.eye(len(names))[k]
         after, before = (disturbed(hand, state, differences=state.differences + s * step) for s in (1, -1))
@@ -159,7 +163,7 @@ def test_a_contact_slips_where_the_nonlinear_equilibrium_says():
     hand, state, names = held_disc("wall")
     mu = 0.19
     held = Resistance.of(
-        GraspResponse(*stored_scene(hand, state, names, mu)),
+        Quality(*stored_scene(hand, state, names, mu)).response,
         wrenches=(*WRENCHES, (-1.0, 0.0, 0.0)),
         tendons="locked",
     )
@@ -179,8 +183,8 @@ def test_retensioning_can_be_followed():
     mu = 0.19
     scene, arrays = stored_scene(hand, state, names, mu)
     wrench = (-1.0, 0.0, 0.0)
-    locked = Resistance.of(GraspResponse(scene, arrays), wrenches=[wrench], tendons="locked")
-    free = Resistance.of(GraspResponse(scene, arrays), wrenches=[wrench], tendons="retensioned")
+    locked = Resistance.of(Quality(scene, arrays).response, wrenches=[wrench], tendons="locked")
+    free = Resistance.of(Quality(scene, arrays).response, wrenches=[wrench], tendons="retensioned")
     assert free.least > 10 * locked.least
 
     def margin(change):
@@ -208,13 +212,13 @@ def test_two_ends_of_a_face_on_a_wall_share_alike():
         ("floor.2", (0.04, 0.0), cases.DOWN, (2.0, 0.0, 0.0), cases.NONE, 0),
     ]
     arrays = cases.stored(scene, {"finger": {}}, contacts)
-    change = GraspResponse(scene, arrays).to_wrenches("retensioned")
+    change = Quality(scene, arrays).response.to_wrenches("retensioned")
     np.testing.assert_allclose(change.forces[:, 0, 1], [0.0, -0.5, -0.5], atol=1e-6)
     np.testing.assert_allclose(change.forces[1:, 1, 0], [0.5, 0.5], atol=1e-4)
     np.testing.assert_allclose(change.forces[1:, 0, 2], [1 / 0.08, -1 / 0.08], atol=1e-3)
     for tendons in ("locked", "retensioned"):
         held = Resistance.of(
-            GraspResponse(scene, arrays), wrenches=[(0.0, -1.0, 0.0), (0.0, 1.0, 0.0)], tendons=tendons
+            Quality(scene, arrays).response, wrenches=[(0.0, -1.0, 0.0), (0.0, 1.0, 0.0)], tendons=tendons
         )
         assert held.factors[0] == pytest.approx(56.0, rel=1e-5)
         assert held.factors[1] >= 4.0 * (1 - 1e-6)  # a finger that pulls down harder holds more

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from continuum_grasp.addons.mission import NotLifted, Outcome, PlantVariation, Trials, TrialsResult
 from continuum_grasp.addons.mission import run as runs
 from continuum_grasp.addons.mission.causes import Drop
-from continuum_grasp.addons.mission.from_grasp import _control_scene, assign
+from continuum_grasp.addons.mission.from_grasp import _Task, assign
 from continuum_grasp.addons.mission.lift import Doubted, Slipped
 from continuum_grasp.addons.mission.pictures import _draw_moved
 from continuum_grasp.addons.mission.plant import MissionPlant, Timetable, mission_plant_model
@@ -35,7 +35,7 @@ from continuum_grasp.results import read_run
 from continuum_grasp.scene import DataTable, load
 from continuum_grasp.simulation import simulate
 from tests.declared import assert_declared
-from tests.mission_cases import COARSE, MUG, QUICK, SHORT, begun, planned
+from tests.mission_cases import COARSE, MUG, QUICK, SHORT, begun, planned, straight_grasp
 
 COSTLY_FIXTURES = ("held",)
 
@@ -95,8 +95,7 @@ def test_a_plant_that_cannot_be_is_refused_by_name(name, value):
 )
 def test_elements_of_the_controller_end_at_the_contacts(stations, elements):
     mission = load(MUG, [*QUICK, "controller.elements=[2, 2]"])
-    body = mission.grasp.object.replaced(free=None)
-    control = _control_scene(mission, mission.grasp.setups[0].finger, body, stations, {"finger.1": 1.0})
+    control = _Task(mission, straight_grasp(mission, *stations), mission.grasp.setups[0].name).control
     assert control.fidelity.elements == pytest.approx(elements)
     assert control.contacts == stations
 

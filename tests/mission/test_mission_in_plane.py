@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.addons.mission import PlantVariation
-from continuum_grasp.addons.mission.budget import keep_position, lowered_by_pulls
+from continuum_grasp.addons.mission.budget import lowered_by_pulls
 from continuum_grasp.addons.mission.causes import find_drop
 from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.addons.mission.plant import Timetable
@@ -158,9 +158,9 @@ def test_winches_hold_as_firmly_as_their_cables(stacked):
         change = WINCHES[0].replace("33 N/mm", series).replace("10e3", "1e12")
         wound = assign(load(PINCH, [DOWN, COARSE, change, *WINCHES[1:]]), stacked)
         given.append(float(lowered(wound, pull, 1e9)[0][0]))
-        assert keep_position([one.control.finger for one in wound])
+        assert all(one.control.finger.drives_keep_position for one in wound)
     pulled = assign(load(PINCH, [DOWN, COARSE]), stacked)
-    assert not keep_position([one.control.finger for one in pulled])
+    assert not any(one.control.finger.drives_keep_position for one in pulled)
     away, certified = (float(value[0]) for value in lowered(pulled, pull, 1e9))
     assert given[0] == pytest.approx(certified, rel=1e-3)
     assert given[2] == pytest.approx(away, rel=1e-3)

@@ -14,7 +14,7 @@ from continuum_grasp.addons.design.scene import DESIGN_QUANTITIES, Design
 from continuum_grasp.addons.design.space import DesignSpace
 from continuum_grasp.base import Array
 from continuum_grasp.grasp import GraspResult
-from continuum_grasp.results import Dimension, File, Picture, Result, Stored, yaml_text
+from continuum_grasp.results import Dimension, File, Picture, Result, Stored
 
 _HEAD = """\
 # The best design found: values of the variables, cost, quantities of every case, sensitivities. SI units. `set` are the
@@ -316,7 +316,7 @@ class DesignResult(Result):
     def yaml(self) -> str:
         """The design as YAML."""
         about = {"status": self.status.value, "message": self.message, "set": self.values, **self.details()}
-        return _HEAD + yaml_text(about | {"statistics": dict(self.statistics)})
+        return self.as_yaml(about | {"statistics": dict(self.statistics)}, _HEAD)
 
     def details(self) -> dict[str, Any]:
         """Values, quantities of the cases, sensitivities, combinations of errors."""

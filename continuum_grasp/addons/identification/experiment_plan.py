@@ -12,7 +12,7 @@ from continuum_grasp.addons.identification.fit import estimate_texts, table_of
 from continuum_grasp.addons.identification.scene import IdentifyScene
 from continuum_grasp.addons.identification.segments import Segment
 from continuum_grasp.base import Array
-from continuum_grasp.results import Dimension, File, Picture, Result, Stored, yaml_text
+from continuum_grasp.results import Dimension, File, Picture, Result, Stored
 from continuum_grasp.scene import DataTable, Scene
 from continuum_grasp.simulation import Trajectory
 
@@ -131,7 +131,7 @@ def configuration_text(plan: ExperimentPlan) -> str:
     """The configuration that reads what was measured, and the table of poses."""
     head = f"# Reads {POSES}, once its empty cells are filled in.\n"
     plain = {} if plan.configuration is None else plan.configuration.model_dump(mode="json", exclude_unset=True)
-    return head + yaml_text({"schema_version": 1, **plain}, exact=True)
+    return plan.as_yaml({"schema_version": 1, **plain}, head, exact=True)
 
 
 def commands_text(plan: ExperimentPlan) -> str:
@@ -143,4 +143,5 @@ def commands_text(plan: ExperimentPlan) -> str:
 def scene_text(plan: ExperimentPlan) -> str:
     """The scene with the commands, which ``simulate`` reads."""
     lines = [f"# {segment.start:g} to {segment.end:g} s: {segment.name}, {segment.shows}" for segment in plan.segments]
-    return "\n".join([*lines, yaml_text(plan.scene.model_dump(mode="json", exclude_unset=True), exact=True)])
+    head = "".join(f"{line}\n" for line in lines)
+    return plan.as_yaml(plan.scene.model_dump(mode="json", exclude_unset=True), head, exact=True)

@@ -14,7 +14,7 @@ from continuum_grasp.addons.identification.searches import LawTrial
 from continuum_grasp.addons.identification.unknowns import ALONG, DELAY, LAG, Unknown
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.model import Parameters
-from continuum_grasp.results import Dimension, File, Picture, Stored, yaml_text
+from continuum_grasp.results import Dimension, File, Picture, Stored
 from continuum_grasp.scene import Finger, FingerScene
 
 
@@ -226,7 +226,7 @@ def finger_text(fit: Fit) -> str:
         return f"# Not a finger: {why}\n"
     head = f"# Identified from {', '.join(name for name, _ in fit.blocks)}.\n"
     head += "".join(f"# {name}: {text}\n" for name, text in estimate_texts(fit, 6).items())
-    return head + yaml_text({"schema_version": 1, **finger}, exact=True)
+    return fit.as_yaml({"schema_version": 1, **finger}, head, exact=True)
 
 
 def applied(scene: Any, targets: Sequence[tuple[str, float, bool]], values: Array) -> Any:

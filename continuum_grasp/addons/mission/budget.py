@@ -16,8 +16,7 @@ from continuum_grasp.addons.mission.assignment import Assignment
 from continuum_grasp.addons.mission.plant import PlantVariation
 from continuum_grasp.addons.mission.scene import MissionScene
 from continuum_grasp.base import Array
-from continuum_grasp.grasp import GraspResponse, GraspResult, Resistance
-from continuum_grasp.scene import Finger
+from continuum_grasp.grasp import GraspResult, Resistance
 
 ROUNDING = 1e-6
 """Excess, as a part of a number, that is none: the certificate itself holds to this."""
@@ -138,11 +137,11 @@ def held_resistance(
     contact bears an equal part of what it has left beside its friction in the plane. ``max_tension`` [N] is by default
     the grasp's, ``wrenches`` its scene's.
     """
-    scene, arrays = grasp.scene, grasp.arrays
+    scene = grasp.scene
     if max_tension is not None:
         fingers = {name: finger.with_tendons(max_tension=max_tension) for name, finger in scene.named_fingers.items()}
         scene = scene.with_fingers(fingers)
-    forces = np.array(arrays["contact_forces"], dtype=float)
+    forces = np.array(grasp.arrays["contact_forces"], dtype=float)
     normal, across, lift = forces.T
     lift = lift * mass / scene.object.mass
     cone = friction * normal
@@ -150,7 +149,7 @@ def held_resistance(
         spare = np.sqrt(np.maximum(cone**2 - across**2, 0.0))
         lift = spare * lift.sum() / max(float(spare.sum()), 1e-300)
     forces[:, 2] = lift
-    response = GraspResponse(scene, {**arrays, "contact_forces": forces})
+    response = grasp.quality.response.changed(scene=scene, contact_forces=forces)
     response.contacts.friction = friction
     # Weight in the plane beyond that of the grasp is one more wrench, to which all contacts respond.
     more = (mass - scene.object.mass) * np.array([*scene.gravity[:2], 0.0])
@@ -180,11 +179,6 @@ class Lowered:
         )
 
 
-def keep_position(fingers: Sequence[Finger]) -> bool:
-    """Whether the drives keep their position while a pull grows: winches, and motors under a position servo."""
-    return all(bool(finger.winches) if (law := finger.drive_law) is None else law.locks for finger in fingers)
-
-
 def lowered_by_pulls(assignments: Sequence[Assignment], variation: PlantVariation) -> tuple[Lowered, ...]:
     """Distances by which pulls lower an object that weighs in the plane, once it rests; empty where it weighs out of
     it.
@@ -199,12 +193,13 @@ def lowered_by_pulls(assignments: Sequence[Assignment], variation: PlantVariatio
         return ()
     more = (plant_mass(of.mission, variation) - grasp.scene.object.mass) * np.array([*down, 0.0])
     laws = [finger.drive_law for finger in fingers]
-    keeps = keep_position(fingers)
+    keeps = all(finger.drives_keep_position for finger in fingers)
     springs = [np.inf if law is None else sum(law.springs(2 * [1.0 / (law.series + law.axial)])) for law in laws]
-    there = GraspResponse(grasp.scene, grasp.arrays, springs, 1.0 / of.mission.contact_law.stiffness)
+    response = grasp.quality.response
+    there = response.changed(springs=springs, compliance=1.0 / of.mission.contact_law.stiffness)
     changes = (
         there.to_wrenches("locked" if keeps else "retensioned"),
-        GraspResponse(grasp.scene, grasp.arrays).to_wrenches("locked"),
+        response.to_wrenches("locked"),
     )
     distances = np.stack([down / np.hypot(*down) @ change.pose[:2] @ (of.pulls + more).T for change in changes])
     return tuple(

@@ -13,7 +13,7 @@ from continuum_grasp.addons.mission.plant import Timetable, mission_plant_model
 from continuum_grasp.addons.mission.precheck import admitted
 from continuum_grasp.addons.mission.result import MissionRun
 from continuum_grasp.addons.mission.scene import MissionScene
-from continuum_grasp.base import InputError, Summarized, check_arguments, interruptible, quoted
+from continuum_grasp.base import InputError, Summarized, check_arguments, interruptible
 from continuum_grasp.closed_loop import PlantModel
 from continuum_grasp.control import Stages
 from continuum_grasp.export import ExportedLoop, ExportedPhases
@@ -57,7 +57,7 @@ class AssignedMission(Summarized):
 
     def headline(self) -> str:
         """Name of the mission and status of its grasp."""
-        return quoted(self.name, self.assignments[0].grasp.status.value)
+        return self.quoted(self.name, self.assignments[0].grasp.status.value)
 
     def pairs(self) -> dict[str, str]:
         """Tensions that hold the object, by finger."""

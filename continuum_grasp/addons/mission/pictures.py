@@ -15,7 +15,6 @@ from continuum_grasp.plotting import (
     ForceArrows,
     HeldObject,
     StyledAxes,
-    Z,
 )
 
 if TYPE_CHECKING:
@@ -93,8 +92,7 @@ def mission_frames(mission: MissionRun, indices: NDArray[Any], width: int) -> It
     film = Film(held.box(shapes, poses[[0, -1]], 0.09 * mission.length), width)
     ax = film.ax
     held.draw_fixed(ax, shapes[0])
-    ahead = [film.line(color=Color.GREEN, linewidth=1.6, zorder=Z.MASS) for _ in mission.runs]
-    ax.plot([], [], color=Color.GREEN, linewidth=1.6, label="predicted tip")
+    ahead = [film.prediction("" if k else "predicted tip") for k in range(len(mission.runs))]
     clock = film.clock()
     StyledAxes(ax).head(mission.name)
 

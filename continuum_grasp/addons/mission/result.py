@@ -29,10 +29,9 @@ from continuum_grasp.results import (
     Picture,
     Result,
     Stored,
-    yaml_text,
 )
 from continuum_grasp.scene import GraspObject, Scene
-from continuum_grasp.simulation import ContactHistory, scene_under
+from continuum_grasp.simulation import ContactHistory
 
 _LONGEST = 24
 """Letters of a finger's name in the names of supports that stand for it, which have 31 at most [1]."""
@@ -118,7 +117,7 @@ class MissionRun(MissionRecord, MotionResult):
         The table sinks and rises, and what pulls does, as in the mission. Of several fingers the first one is
         simulated; the others are supports, a disc at each of their contacts, that move as recorded.
         """
-        plant = scene_under(self.runs[0].scene, self.t, self.runs[0].u, plant=self.scene)
+        plant = self.runs[0].simulated_on(self.scene)
         outside = self.timetable.outside()
         pulls = np.transpose([outside[name](self.t) for name in PlantModel.WRENCH])
         height = outside["table_height [m]"](self.t)
@@ -325,7 +324,7 @@ class MissionRun(MissionRecord, MotionResult):
     def yaml(self) -> str:
         """Summary of a mission as YAML, in SI units."""
         head = {"name": self.name, "status": self.status, "outcome": self.outcome, "warnings": list(self.warnings)}
-        return _HEAD + yaml_text({**head, **self.findings()})
+        return self.as_yaml({**head, **self.findings()}, _HEAD)
 
     def meta(self, **options: Any) -> dict[str, Any]:
         """Meta data, whose configuration is the mission; the closed loops have theirs in the fingers' folders."""

@@ -7,7 +7,7 @@ from os import PathLike
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, CheckedArgument, InputError, Summarized, check_arguments, quoted
+from continuum_grasp.base import Array, CheckedArgument, InputError, Summarized, check_arguments
 from continuum_grasp.control.compiled import Compiled, estimator_source
 from continuum_grasp.control.estimation.adaptation import AdaptedState
 from continuum_grasp.control.parts import ControlParts
@@ -161,7 +161,7 @@ class Estimator(Remade, Summarized):
 
     def headline(self) -> str:
         """Scene and period of the estimator."""
-        return quoted(self.scene.name, f"{1e3 * self.period:g} ms")
+        return self.quoted(self.scene.name, f"{1e3 * self.period:g} ms")
 
     def pairs(self) -> dict[str, str]:
         """Measured and estimated quantities."""

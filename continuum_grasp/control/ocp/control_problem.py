@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, CheckedArgument, InputError, Summarized, check_arguments, quoted, split_unit
+from continuum_grasp.base import Array, CheckedArgument, InputError, Summarized, check_arguments, split_unit
 from continuum_grasp.control.arguments import named
 from continuum_grasp.control.ocp.bounds import ABSENT, HARD, BoundedRows, Row
 from continuum_grasp.control.ocp.cost_terms import Residual
@@ -170,7 +170,7 @@ class ControlProblem(Summarized):
         s = self.stages
         sizes = ((s.nd, "state"), (s.nu, "input"), (s.np, "parameter"), (s.nr, "setpoint"), (s.nc, "row"))
         counted = [f"{count} {word}{'' if count == 1 else 's'}" for count, word in sizes if count]
-        return quoted(self.name or None, f"{s.stages} stages of {s.stage:g} s", *counted)
+        return self.quoted(self.name or None, f"{s.stages} stages of {s.stage:g} s", *counted)
 
     def pairs(self) -> dict[str, str]:
         """Names of its vectors."""

@@ -51,6 +51,8 @@ class GraspResponse:
         springs: Sequence[float] | None = None,
         compliance: float | None = None,
     ) -> None:
+        self._scene = scene
+        self._arrays = arrays
         self.contacts = ContactSet(scene, arrays)
         self.setups = scene.setups
         self.tensions = np.array([np.asarray(arrays[f"{s.name}.tensions"], dtype=float) for s in self.setups])  # [N]
@@ -78,6 +80,20 @@ class GraspResponse:
             self._add_contact(contact)
         rigid = COMPLIANCE * min(f.length**3 / f.stiffness for f in self._fingers)
         self._compliance = rigid if compliance is None else compliance
+
+    def changed(
+        self,
+        *,
+        scene: GraspScene | None = None,
+        contact_forces: Array | None = None,
+        springs: Sequence[float] | None = None,
+        compliance: float | None = None,
+    ) -> GraspResponse:
+        """Response of the same grasp with other limits of a scene, contact forces (C, 3) [N] or drives and contacts."""
+        arrays = self._arrays
+        if contact_forces is not None:
+            arrays = {**arrays, "contact_forces": contact_forces}
+        return GraspResponse(scene or self._scene, arrays, springs, compliance)
 
     def stable(self, tendons: Tendons) -> bool:
         """Whether every small motion that the contacts and, where locked, the tendons leave raises the energy."""

@@ -35,6 +35,12 @@ class Film:
         """A line that moves, empty at first."""
         return self.ax.plot([], [], *marker, animated=True, **style)[0]
 
+    def prediction(self, label: str) -> Line2D:
+        """Path that a controller predicts, with its entry in the legend."""
+        style: dict[str, Any] = {"color": Color.GREEN, "linewidth": 1.4}
+        self.ax.plot([], [], label=label, **style)
+        return self.line(zorder=Z.CLAMP_FACE, **style)
+
     def clock(self) -> Text:
         """A text in the upper right corner that moves on."""
         style: dict[str, Any] = {"ha": "right", "va": "top", "color": Color.INK, "animated": True}

@@ -15,7 +15,7 @@ from time import perf_counter
 
 import numpy as np
 
-from continuum_grasp.base import InputError, SolverError, Summarized, check_arguments, interruptible, quoted
+from continuum_grasp.base import InputError, SolverError, Summarized, check_arguments, interruptible
 from continuum_grasp.scene import Scene, scene_of
 from continuum_grasp.simulation.accuracy.choice import ACCURACIES, Assessment, Choice, assess, choices, open_families
 from continuum_grasp.simulation.accuracy.truth import Truth, find_truth
@@ -33,7 +33,7 @@ class Chosen(Summarized):
 
     def headline(self) -> str:
         """The choice."""
-        return quoted(self.best.choice.scene.name, str(self.best.choice))
+        return self.quoted(self.best.choice.scene.name, str(self.best.choice))
 
     def pairs(self) -> dict[str, str]:
         """Errors, cost, and the choices that it was chosen from."""

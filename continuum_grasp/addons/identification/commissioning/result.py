@@ -11,7 +11,7 @@ from continuum_grasp.addons.identification.commissioning.bench import BIAS, CAME
 from continuum_grasp.addons.identification.fit import Fit, applied, estimate_texts
 from continuum_grasp.base import InputError
 from continuum_grasp.control import ControlLog
-from continuum_grasp.results import File, Picture, yaml_text
+from continuum_grasp.results import File, Picture
 from continuum_grasp.scene import ControlScene, Mounting
 
 
@@ -107,7 +107,7 @@ class Commissioning(Fit):
 def configuration_text(result: Commissioning) -> str:
     """The corrected configuration as YAML."""
     plain = result.apply().model_dump(mode="json", exclude_unset=True)
-    return yaml_text({"schema_version": 1, **plain}, exact=True)
+    return result.as_yaml({"schema_version": 1, **plain}, exact=True)
 
 
 def report_text(result: Commissioning) -> str:
