@@ -374,7 +374,7 @@ class Equations:
     @cached_property
     def moving(self) -> Acting:
         """Forces on a finger that moves."""
-        return self._in_motion(Memory(self._structure.return_time), self.full_rates)
+        return self._in_motion(self._structure.memory, self.full_rates)
 
     def _in_motion(self, memory: Memory, rates: Sequence[Scalar]) -> Acting:
         at = self._instant(memory, rates)

@@ -19,7 +19,7 @@ from continuum_grasp.model.family import Family, Mesh
 from continuum_grasp.model.laws import laws_of
 from continuum_grasp.model.laws.section import STATEFUL, Kind
 from continuum_grasp.model.layout import element_lengths, element_ranges, open_lengths, place_at, with_breaks
-from continuum_grasp.model.memory import RETURN_SHARE
+from continuum_grasp.model.memory import RETURN_SHARE, Memory
 from continuum_grasp.model.parameters import Choices, ModelOptions, Parameters
 from continuum_grasp.model.stations import Touches, touching_nothing
 from continuum_grasp.model.stumpff_functions import ROUNDING
@@ -320,6 +320,11 @@ class Structure:
             else:
                 sources.append(MomentSource(shape, length, (0.0,) * drives, couples=(k,)))
         return tuple(sources)
+
+    @property
+    def memory(self) -> Memory:
+        """Knowledge of friction states in a motion."""
+        return Memory(self.return_time)
 
     @property
     def motors(self) -> tuple[Motor, ...]:

@@ -11,7 +11,6 @@ from continuum_grasp.base import Array, InputError
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.laws.section import STATEFUL, Bend, Port, SectionLaw
 from continuum_grasp.model.link import Attached
-from continuum_grasp.model.memory import Memory
 from continuum_grasp.model.planar import Rotation, Scalar, Vec, column
 from continuum_grasp.model.sweep import SECTION, Kernels, digest
 
@@ -189,7 +188,7 @@ class SweepWriter:
         # Of laws a moment per port, and its slopes by the curvature and its rate, which a step is implicit in.
         steep, stiff = ca.SX(size, size), ca.SX(size, size)
         rest = par["rest_curvature"] if par.is_runtime("rest_curvature") else None
-        memory = Memory(self._made.return_time)
+        memory = self._made.memory
         for law, numbers in self._at_ports:
             measure, shapes, (at_rest, *others) = numbers[0], numbers[1 : 1 + size], ca.vertsplit(numbers[1 + size :])
             there, square = ca.SX.sym("curvature"), ca.mtimes(shapes, shapes.T)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Literal
 
@@ -210,6 +210,10 @@ class Attempt:
     seconds: float
     violation: float
     error: float
+
+    def moved(self, x: Array, g: Array, objective: float) -> Attempt:
+        """The run with a point that it did not find itself: it has failed, whatever the point is worth."""
+        return replace(self, status=SolverStatus.FAILED, x=x, g=g, objective=objective)
 
     @property
     def converged(self) -> bool:

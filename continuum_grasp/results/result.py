@@ -108,6 +108,16 @@ class Result(Summarized):
 
         return head + yaml_text(values, exact=exact)
 
+    @staticmethod
+    def as_csv(headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+        """A table as text, with commas between the cells."""
+        from csv import writer
+        from io import StringIO
+
+        text = StringIO()
+        writer(text, lineterminator="\n").writerows([headings, *rows])
+        return text.getvalue()
+
     def headline(self) -> str:
         """Name, and how it ended."""
         return self.quoted(self.name, self.outcome)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from operator import attrgetter
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -195,6 +196,20 @@ class CommandedScene(FingerScene, Surroundings):
                 raise InputError(f"expected {words}, got {got} numbers", key=f"reference.{name}")
         given = dict(self.reference)
         Reach(self.finger, at, self.object, self.stated_ranges, gaps, moves).check("reference", given)
+
+    def check_reach(
+        self,
+        key: str,
+        rows: Mapping[str, Any],
+        *,
+        at: Sequence[float] = (),
+        ranges: Sequence[float] | None = None,
+    ) -> None:
+        """Refuse goals that the finger cannot meet; ``ranges`` [rad] are those of its elements, where not the stated
+        ones.
+        """
+        bent = self.stated_ranges if ranges is None else ranges
+        Reach(self.finger, at, ranges=bent).check(key, rows)
 
     @property
     def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -167,6 +167,13 @@ class Surroundings(Supported):
         return super().places if table is None else (*super().places, table)
 
     @property
+    def body(self) -> GraspObject:
+        """The object; ValueError in a scene without one."""
+        if self.object is None:
+            raise ValueError("this needs an object")
+        return self.object
+
+    @property
     def moving_supports(self) -> tuple[str, ...]:
         """Names of round supports whose motion is a run-time input."""
         return ()

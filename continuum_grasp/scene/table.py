@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -143,13 +141,6 @@ class DataTable:
         found, of_deep_lab_cut = parsed(text_of(path, MAX_BYTES), names, str(path))
         table = DataTable(str(path), *found)
         return _sure(table) if of_deep_lab_cut else table
-
-    @staticmethod
-    def csv_text(headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-        """A table as text, with commas between the cells."""
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows([headings, *rows])
-        return text.getvalue()
 
     @staticmethod
     def bag(topics: Mapping[str, tuple[Array, Mapping[str, Sequence[Any] | Array]]], start: int = 0) -> bytes:

@@ -16,6 +16,7 @@ import continuum_grasp as cg
 from continuum_grasp.addons.identification import IdentifyScene, commission, read_data, replay
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
+from continuum_grasp.results import Result
 from continuum_grasp.scene import DataTable
 from tests.identification.test_comparison import LENGTH, ROD, on_arc
 
@@ -387,7 +388,7 @@ def test_compare_takes_a_log_in_a_bag_as_in_a_table(tmp_path):
     (tmp_path / "log.mcap").write_bytes(DataTable.bag({"/measured": (t, tip), "/commands": (t, commands)}))
     columns = {"t [s]": t, **tip, **commands}
     rows = [[repr(value) for value in row] for row in np.column_stack([*columns.values()]).tolist()]
-    (tmp_path / "log.csv").write_text(DataTable.csv_text([*columns], rows))
+    (tmp_path / "log.csv").write_text(Result.as_csv([*columns], rows))
     bag, table = (cg.compare(scene, tmp_path / f"log.{kind}") for kind in ("mcap", "csv"))
     assert np.abs(bag.residuals - table.residuals).max() == 0.0
     assert bag.measured.tolist() == table.measured.tolist()

@@ -19,8 +19,8 @@ from continuum_grasp.core import Core
 from continuum_grasp.export import check_file, title_of
 from continuum_grasp.grasp import HandResult, optimize_grasp
 from continuum_grasp.model import FingerModel
-from continuum_grasp.results import write_text
-from continuum_grasp.scene import Consumer, DataTable, HandScene, Scene, scene_of
+from continuum_grasp.results import Result, write_text
+from continuum_grasp.scene import Consumer, HandScene, Scene, scene_of
 from continuum_grasp.simulation import Signals, initial_state, resolve_fidelity
 
 _HINGES = 40
@@ -279,4 +279,4 @@ def _saved(chain: HingeChain, file: Path, scene: Scene) -> HingeChain:
 def _write_table(t: ArrayLike, chain: HingeChain | HandChain, file: Path) -> Path:
     """Write the controls of a chain over time."""
     rows = [[f"{v:.9g}" for v in row] for row in np.column_stack([t, chain.controls(t)])]
-    return write_text(DataTable.csv_text(["time", *chain.control_names], rows), file)
+    return write_text(Result.as_csv(["time", *chain.control_names], rows), file)

@@ -13,7 +13,7 @@ from continuum_grasp.addons.identification.scene import IdentifyScene
 from continuum_grasp.addons.identification.segments import Segment
 from continuum_grasp.base import Array
 from continuum_grasp.results import Dimension, File, Picture, Result, Stored
-from continuum_grasp.scene import DataTable, Scene
+from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import Trajectory
 
 POSES, SET = "poses.csv", "set"
@@ -124,7 +124,7 @@ class ExperimentPlan(Result):
 
 def poses_text(plan: ExperimentPlan) -> str:
     """The poses as a table with empty cells for the measurements."""
-    return DataTable.csv_text(plan.pose_headings, plan.pose_rows)
+    return plan.as_csv(plan.pose_headings, plan.pose_rows)
 
 
 def configuration_text(plan: ExperimentPlan) -> str:
@@ -137,7 +137,7 @@ def configuration_text(plan: ExperimentPlan) -> str:
 def commands_text(plan: ExperimentPlan) -> str:
     """The commands as a table for the drives' controller, and for a log."""
     rows = [[f"{value:.9g}" for value in row] for row in np.column_stack([plan.t, plan.commands]).tolist()]
-    return DataTable.csv_text(("t [s]", *plan.command_names), rows)
+    return plan.as_csv(("t [s]", *plan.command_names), rows)
 
 
 def scene_text(plan: ExperimentPlan) -> str:

@@ -16,7 +16,7 @@ from continuum_grasp.addons.identification.least_squares import least_squares
 from continuum_grasp.addons.identification.rows import symbols
 from continuum_grasp.addons.identification.unknowns import START, Unknown
 from continuum_grasp.base import Array, InputError, SolverError, split_unit
-from continuum_grasp.model import FingerModel, Motor
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Consumer
 
 
@@ -84,7 +84,8 @@ def _at_drive(model: FingerModel, reading: Reading, u: ca.SX, tensions: ca.SX, s
         refusal.check(winch.drive, of={f"data.measured.quantity={reading.quantity}": "measured"})
     if reading.quantity == "motor_angle":
         return drive_states[0]
-    return ca.SX(cast(Motor, winch).torque(u[number], drive_states[0], drive_states[1]))
+    (motor,) = (motor for motor in model.structure.motors if motor is winch)
+    return ca.SX(motor.torque(u[number], drive_states[0], drive_states[1]))
 
 
 def check_tensions(model: FingerModel, readings: Sequence[Reading], name: str) -> None:

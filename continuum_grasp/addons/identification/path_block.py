@@ -22,7 +22,7 @@ from continuum_grasp.addons.identification.rows import Chained, Dual, RestShapes
 from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.base import Array, InputError, NumericalError, split_unit
 from continuum_grasp.core import Core, Rollouts
-from continuum_grasp.model import FingerModel, Memory, Parameters
+from continuum_grasp.model import FingerModel, Parameters
 from continuum_grasp.scene import INTEGRATORS, Scene
 from continuum_grasp.simulation import (
     Signals,
@@ -271,9 +271,10 @@ def _start_function(model: FingerModel, passed: Sequence[Array]) -> Chained:
         # Of a tendon's state in a motion friction acts by the cubic, of which this is the inverse.
         count = model.structure.tendon_friction_states
         of_tendons = 2.0 * ca.sin(ca.asin(history[:count]) / 3.0)
-        states = ca.SX(Memory.clipped(ca.vertcat(of_tendons, history[count:-1]) + history[-1] * slid[0]))
+        clipped = model.structure.memory.clipped
+        states = ca.SX(clipped(ca.vertcat(of_tendons, history[count:-1]) + history[-1] * slid[0]))
         for before, now in pairwise(slid):
-            states = ca.SX(Memory.clipped(states + now - before))
+            states = ca.SX(clipped(states + now - before))
         parts.append(states)
     return Chained("start", ca.vertcat(*parts), q, u, p, history)
 

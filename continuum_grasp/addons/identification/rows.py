@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.addons.identification.unknowns import DELAY, START, Unknown
 from continuum_grasp.base import Array, InputError, SolverError, split_unit
-from continuum_grasp.model import FingerModel, Memory
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import Signals, equilibrium_under
 
@@ -120,7 +120,7 @@ class RestShapes:
         carried = ca.SX(start.history.size, 1)
         if start.history.size:
             slid = model.sliding()(q, u, p)
-            carried = ca.vertcat(Memory.clipped(history[:-1] + history[-1] * slid) - slid, 1.0)
+            carried = ca.vertcat(model.structure.memory.clipped(history[:-1] + history[-1] * slid) - slid, 1.0)
         self._carried = Chained("carried", carried, q, z, history)
 
     def all(self, values: Array, last: Sequence[Resting]) -> list[Resting]:

@@ -8,7 +8,7 @@ from typing import TypeVar
 from continuum_grasp.addons.mission.scene import MissionScene
 from continuum_grasp.base import Array
 from continuum_grasp.grasp import GraspResult, Resistance
-from continuum_grasp.scene import ControlScene, GraspObject, Scene
+from continuum_grasp.scene import ControlScene
 
 T = TypeVar("T")
 
@@ -57,13 +57,6 @@ class Assignment:
         """Name in the mission of a contact of this finger's controller or plant: ``finger.tip`` with this name."""
         body, _, part = contact.partition(".")
         return f"{self.name}.{part}" if body == "finger" else contact
-
-
-def object_of(scene: ControlScene | Scene) -> GraspObject:
-    """The object of a mission's controller or plant."""
-    if scene.object is None:
-        raise ValueError("a mission needs an object")
-    return scene.object
 
 
 def present(value: T | None) -> T:

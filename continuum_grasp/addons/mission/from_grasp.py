@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.addons.mission.assignment import LARGEST, Assignment, object_of
+from continuum_grasp.addons.mission.assignment import LARGEST, Assignment
 from continuum_grasp.addons.mission.budget import lowered_by_pulls, promised
 from continuum_grasp.addons.mission.causes import CLEAR
 from continuum_grasp.addons.mission.on_pads import standing
@@ -285,7 +285,7 @@ class _Task:
         without them, infinite where it never comes close. ``moved``: the object stands where the mission begins.
         """
         control = self.control
-        body = object_of(control) if moved else self.body
+        body = control.body if moved else self.body
         finger = self.placed.with_tendons(
             time_constant=None, drive_order=2, drive=None, axial_stiffness=None, series_stiffness=None
         )
@@ -326,7 +326,7 @@ def _check_start(control: ControlScene, nearest: float) -> None:
 
     ``nearest`` is the place of the finger that first comes close to the object, as `_about_to_touch` has it.
     """
-    body = object_of(control)
+    body = control.body
     length = control.finger.rod.length
     key = "turn.position"
     for wall in control.walls:

@@ -14,7 +14,6 @@ from continuum_grasp.addons.mission.plant import PlantVariation
 from continuum_grasp.addons.mission.scene import MissionScene
 from continuum_grasp.addons.mission.verdict import MissionVerdict
 from continuum_grasp.results import Dimension, File, Picture, Result, Stored
-from continuum_grasp.scene import DataTable
 
 
 @dataclass(frozen=True)
@@ -236,4 +235,4 @@ def trials_csv(result: TrialsResult) -> str:
         for outcome in result
     ]
     names = list(dict.fromkeys(name for row in rows for name in row))
-    return DataTable.csv_text(names, [[row.get(name) for name in names] for row in rows])
+    return result.as_csv(names, [[row.get(name) for name in names] for row in rows])

@@ -134,7 +134,7 @@ def _pull_words(wrench: Array) -> str:
 
 
 def _held_object(mission: MissionRun) -> HeldObject:
-    return HeldObject(mission.body, [scene.finger for scene in mission.scenes], mission.scene.supports)
+    return HeldObject(mission.scene.body, [scene.finger for scene in mission.scenes], mission.scene.supports)
 
 
 def _backbones(mission: MissionRun, at: Array) -> Array:

@@ -10,12 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.addons.mission.assignment import Assignment, object_of
-from continuum_grasp.addons.mission.scene import MissionScene
+from continuum_grasp.addons.mission.assignment import Assignment
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.closed_loop import Plant, PlantModel
 from continuum_grasp.control import Prediction
-from continuum_grasp.scene import GraspObject
 
 _FINGER, _OBJECT = ("bending_stiffness", "material_damping"), ("object_mass", "friction_factor")
 """Numbers of finger and object that vary from plant to plant: run-time numbers, so that equations are compiled once.
@@ -86,7 +84,7 @@ def mission_plant_model(assignment: Assignment) -> PlantModel:
     """Equations of the plant of one finger."""
     mission = assignment.mission
     control = assignment.control
-    body = object_of(assignment.control)
+    body = control.body
     mass = mission.grasp.object.mass if mission.object_mass is None else mission.object_mass
     scene = PlantModel.plant_scene(control).replaced(
         contacts=tuple(sorted({*control.contacts, *mission.more_contacts})),
@@ -95,14 +93,16 @@ def mission_plant_model(assignment: Assignment) -> PlantModel:
         supports=mission.grasp.supports,
         contact_law=mission.contact_law,
         out_of_plane_gravity=mission.gravity,
-        table=_table(mission, body, mass),
+        table=_table(assignment, mass),
     )
     of_tendons = ("tendon_friction",) * scene.finger.has_tendon_friction
     return PlantModel(control, scene, (*_FINGER, *of_tendons), _OBJECT, falls=True)
 
 
-def _table(mission: MissionScene, body: GraspObject, mass: float) -> dict[str, Any]:
+def _table(assignment: Assignment, mass: float) -> dict[str, Any]:
     """Table that the object stands on: below the plane, or with gravity in the plane a wall below the object."""
+    mission = assignment.mission
+    body = assignment.control.body
     down = np.array(mission.grasp.gravity[:2])
     size = float(np.hypot(*down))
     if size == 0.0:

@@ -11,7 +11,6 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.addons.mission.assignment import object_of
 from continuum_grasp.addons.mission.lift import Doubted, NotLifted, Slipped
 from continuum_grasp.addons.mission.on_pads import reserved
 from continuum_grasp.addons.mission.plan import PhasePlan
@@ -30,7 +29,7 @@ from continuum_grasp.results import (
     Result,
     Stored,
 )
-from continuum_grasp.scene import GraspObject, Scene
+from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import ContactHistory
 
 _LONGEST = 24
@@ -262,11 +261,6 @@ class MissionRun(MissionRecord, MotionResult):
             plan.enter(span.start, SimpleNamespace(change=note), SimpleNamespace(command=before), number)
         return changes
 
-    @property
-    def body(self) -> GraspObject:
-        """The object."""
-        return object_of(self.scene)
-
     @cached_property
     def friction_use(self) -> Array:
         """Share of the friction cone (K + 1, contacts) that each contact uses [1]; NaN for the table and in the air."""
@@ -286,7 +280,7 @@ class MissionRun(MissionRecord, MotionResult):
             known += [f"{whose}{text}" for text in run.warnings]
             half = scene.finger.profile.half_thickness
             contacts = run.contacts
-            if contacts and (overlap := contacts.overlap_text(run, self.body, self.object_pose, half, 50)):
+            if contacts and (overlap := contacts.overlap_text(run, self.scene.body, self.object_pose, half, 50)):
                 known.append(
                     f"{whose}between its contacts the finger overlaps the object by {overlap}: add more_contacts"
                 )

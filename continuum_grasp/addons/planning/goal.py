@@ -12,7 +12,6 @@ from continuum_grasp.addons.planning.motion import PlannedMotion
 from continuum_grasp.addons.planning.shooting import Term, derived
 from continuum_grasp.base import Array, InputError, split_unit
 from continuum_grasp.nlp import Violation
-from continuum_grasp.scene import Reach
 
 MET = 1e-5
 """Error of a goal, per its scale, with which it counts as reached where it has no weight, and excess of a bound, in
@@ -125,7 +124,7 @@ def goal_parts(motion: PlannedMotion, settles: bool, presses: bool) -> list[Goal
         values = np.array(target), scales, aim.weight, value, met, played
         parts.append(GoalPart(f"goal {name}", key, unit, names, *values))
 
-    Reach(motion.scene.finger, ranges=model.system.finger_model.ranges).check("goal", goal.targets)
+    motion.scene.check_reach("goal", goal.targets, ranges=model.system.finger_model.ranges)
     # Scales make errors of different kinds comparable: a tenth of the length, half a radian, the greatest force.
     if goal.tip is not None:
         add("tip", "m", ("x", "y"), goal.tip.value, 0.1 * length, model.tip(x, u, p))

@@ -20,7 +20,6 @@ from continuum_grasp.control import (
     Prediction,
     Setpoints,
 )
-from continuum_grasp.model import Memory
 from continuum_grasp.simulation import interpolate
 
 
@@ -236,7 +235,8 @@ class PlannedMotion:
         z = x[self.friction_states]
         # A friction state follows what slides, but for its return from beyond its range.
         rate = self.prediction.dynamics(x, np.zeros(self.nu), p)[self.friction_states]
-        return rate + (z - Memory.clipped(z)) / self.prediction.system.structure.return_time
+        memory = self.prediction.system.structure.memory
+        return rate + (z - memory.clipped(z)) / memory.return_time
 
     def _errors(self) -> ca.SX:
         """Errors whose half sum of squares per second is the objective."""

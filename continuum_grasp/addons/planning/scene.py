@@ -25,7 +25,6 @@ from continuum_grasp.scene import (
     Penalty,
     Position,
     Positive,
-    Reach,
     Reference,
     Row,
     Scene,
@@ -258,7 +257,7 @@ class PlanScene(CommandedScene):
         # The base of a plan with a grasp is that of the grasp, which is not known yet.
         if self.grasp is None:
             at = () if goal.shape is None else goal.shape.at
-            Reach(self.finger, at, ranges=self.stated_ranges).check("goal", goal.targets)
+            self.check_reach("goal", goal.targets, at=at)
         if self.objective != "tracking" and not goal.targets and self.grasp is None:
             raise ValueError("goal: give tip, bending, shape, contact_force or input (only tracking can omit the goal)")
         free = isinstance(self.duration, DurationRange)

@@ -30,7 +30,7 @@ from continuum_grasp.addons.planning.problem import OneWay, PlanProblem
 from continuum_grasp.addons.planning.result import MotionPlan
 from continuum_grasp.addons.planning.scene import DurationRange, Goal, PlanScene
 from continuum_grasp.base import Array, InputError, NumericalError, interrupts_held
-from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, SolverStatus
+from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings
 
 FEASIBLE = 1e-6
 """Violation below which constraints count as satisfied [units of the problem]: 100 times the solver's tolerance."""
@@ -462,7 +462,7 @@ class PlanSearch:
             if not self._try(f"{name}, from the goal", w, barrier) and self.best is None:
                 # A plan all the same, if not the cheapest: its goal is met, its bounds and its motion hold.
                 f, g = (np.array(v).ravel() for v in self._usual.assembly.values(w))
-                self.best = replace(self.attempts[-1][1], status=SolverStatus.FAILED, x=w, g=g, objective=float(f[0]))
+                self.best = self.attempts[-1][1].moved(w, g, float(f[0]))
         elif attempt.objective <= self.nearest[1].objective:
             self.diagnosis = diagnosis
         ends = [a.objective for _, a in self.relaxed if self._ended(a)]
