@@ -205,9 +205,7 @@ class CommandedScene(FingerScene, Surroundings):
         at: Sequence[float] = (),
         ranges: Sequence[float] | None = None,
     ) -> None:
-        """Refuse goals that the finger cannot meet; ``ranges`` [rad] are those of its elements, where not the stated
-        ones.
-        """
+        """Refuse goals that the finger cannot meet, with bending ``ranges`` [rad] of its elements; None: the stated."""
         bent = self.stated_ranges if ranges is None else ranges
         Reach(self.finger, at, ranges=bent).check(key, rows)
 
