@@ -31,17 +31,29 @@ typedef long long whole;
 #define REAL(a) ((real)(a))
 #endif
 
-/* Slopes in registers of four, which compilers keep apart where they split longer vectors by memory. */
-typedef double four __attribute__((vector_size(32)));
-#if LANES == 24
+/* Slopes in registers of the machine's size, which compilers keep apart where they split longer vectors by memory. */
+#ifdef __AVX512F__
+typedef double few __attribute__((vector_size(64)));
+#define FEW 8
+#else
+typedef double few __attribute__((vector_size(32)));
+#define FEW 4
+#endif
+#if LANES == 6 * FEW
 #define EACH(of) of(0) of(1) of(2) of(3) of(4) of(5)
-typedef struct { four d0, d1, d2, d3, d4, d5; } slopes;
-#elif LANES == 16
+typedef struct { few d0, d1, d2, d3, d4, d5; } slopes;
+#elif LANES == 4 * FEW
 #define EACH(of) of(0) of(1) of(2) of(3)
-typedef struct { four d0, d1, d2, d3; } slopes;
-#elif LANES == 8
+typedef struct { few d0, d1, d2, d3; } slopes;
+#elif LANES == 3 * FEW
+#define EACH(of) of(0) of(1) of(2)
+typedef struct { few d0, d1, d2; } slopes;
+#elif LANES == 2 * FEW
 #define EACH(of) of(0) of(1)
-typedef struct { four d0, d1; } slopes;
+typedef struct { few d0, d1; } slopes;
+#elif LANES == FEW
+#define EACH(of) of(0)
+typedef struct { few d0; } slopes;
 #else
 #define EACH(of)
 typedef struct { char none; } slopes;

@@ -130,6 +130,16 @@ class FingerSpec:
         )
 
 
+def _alike(fingers: list[FingerSpec]) -> tuple[FingerSpec, ...]:
+    """Fingers of a scene that share one structure where curves at rest or masses on tips of zero make them alike."""
+    tip_heavy = any(finger.tip_heavy for finger in fingers)
+    preshaped = any(finger.preshaped for finger in fingers)
+    # The nodes of graded fingers have their curvature at rest.
+    return tuple(
+        replace(finger, tip_heavy=tip_heavy, preshaped=preshaped and not finger.curves.graded) for finger in fingers
+    )
+
+
 def inner_masses(finger: Finger) -> list[PointMass]:
     length = finger.rod.length
     return [mass for mass in finger.masses if abs(mass.at - length) > 1e-9 * length]
@@ -211,7 +221,7 @@ class ProblemSpec:
             count = range(len(setups))
             pairs = tuple((k, m) for k in count for m in count if (setups[k].name, setups[m].name) in apart)
         return ProblemSpec(
-            fingers=tuple(FingerSpec.of(setup, on, weighs) for setup in setups),
+            fingers=_alike([FingerSpec.of(setup, on, weighs) for setup in setups]),
             contacts=tuple(specs),
             surfaces=surfaces,
             obstacles=min(len(scene.object.pieces), _NEAREST),
