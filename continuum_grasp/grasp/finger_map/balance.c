@@ -35,21 +35,29 @@ typedef struct { double tension, *x, *value, *pull, *slope; const double *multip
 
 static double *slopes_of(const Balance *b, Held *to, int row) { return to->slope + row * b->numbers; }
 
-static void add(const Balance *b, double factor, dual a, int at, int count, double *value, double *slope)
+/* Add a number of all combinations side by side, `to` (WIDE). */
+static void add(const Balance *b, real factor, dual a, int at, int count, int lane, double *value, double *slope)
 {
-    *value += factor * a.v;
+    *value += AT(factor, lane) * AT(a.v, lane);
     for (int k = 0; k < count; ++k)
-        slope[at + k] += factor * ((const double *)&a.d)[k] * b->step[at + k];
+        slope[at + k] += AT(factor, lane) * SLOPE(a, k, lane) * b->step[at + k];
 }
 
-static void add_row(const Balance *b, double factor, dual a, const Contact *by, Held *to, int row)
+static void add_row(const Balance *b, real factor, dual a, const Contact *by, Held *to, int row)
 {
-    add(b, factor, a, by->at, by->count, to->value + row, slopes_of(b, to, row));
+    for (int lane = 0; lane < WIDE; ++lane)
+        add(b, factor, a, by->at, by->count, lane, to[lane].value + row, slopes_of(b, to + lane, row));
 }
 
-static void add_unknown(const Balance *b, double factor, int k, const Held *at, double *value, double *slope)
+static inline real number(double value) { return value + (real){0}; }
+
+/* One of the unknowns of all combinations. */
+static real unknown_of(const Held *at, int k)
 {
-    *value += factor * b->force * at->x[k], slope[k] += factor * b->force * b->step[k];
+    real value = number(0.0);
+    for (int lane = 0; lane < WIDE; ++lane)
+        AT(value, lane) = at[lane].x[k];
+    return value;
 }
 
 static Contact finger_contact(const Rod *rod, const double *unit, const Finger *at, const dual *z, int k, int first)
@@ -63,13 +71,14 @@ static Contact finger_contact(const Rod *rod, const double *unit, const Finger *
         first, numbers_of(rod)};
 }
 
-static Contact support_contact(const Balance *b, int k, const double *x, int first)
+static Contact support_contact(const Balance *b, int k, const Held *at, int first)
 {
     const double *s = b->support + 4 * k;
     dual force[2];
     for (int j = 0; j < 2; ++j) {
-        force[j] = constant(b->force * x[first + j]);
-        ((double *)&force[j].d)[j] = b->force;
+        force[j] = constant_of(b->force * unknown_of(at, first + j));
+        for (int lane = 0; lane < WIDE; ++lane)
+            ((double *)&force[j].d)[WIDE * j + lane] = b->force;
     }
     return (Contact){constant(s[0]), constant(s[1]), constant(s[2]), constant(s[3]), force[0], force[1], first, 2};
 }
@@ -77,28 +86,35 @@ static Contact support_contact(const Balance *b, int k, const double *x, int fir
 /* The fingers' own constraints and tension; their contacts. */
 static void add_fingers(const Balance *b, Held *to, Contact *contact, int *equal, int *below)
 {
+    const real one = number(1.0);
     int first = 0;
     for (int f = 0; f < b->fingers; ++f) {
         const Rod *rod = b->rod[f];
         const int size = numbers_of(rod);
         Finger at;
         dual z[NUMBERS], row[ROWS];
-        read_numbers(rod, 1, to->x + first, z);
+        for (int k = 0; k < size; ++k) {
+            z[k] = constant_of(unknown_of(to, first + k));
+            for (int lane = 0; lane < WIDE; ++lane)
+                ((double *)&z[k].d)[WIDE * k + lane] = 1.0;
+        }
         integrate(rod, z, 1, &at);
         for (int k = 0; k < rod->contacts + rod->tip; ++k)
             *contact++ = finger_contact(rod, b->finger + 3 * f, &at, z, k, first);
         const Contact of_all = {.at = first, .count = size};
         for (int n = conditions(rod, z, &at, row), k = 0; k < n; ++k)
-            add_row(b, 1.0, row[k], &of_all, to, (*equal)++);
+            add_row(b, one, row[k], &of_all, to, (*equal)++);
         for (int n = shape_limits(rod, z, &at, 0.0, row), k = 0; k < n; ++k)
-            add_row(b, 1.0, row[k], &of_all, to, (*below)++);
+            add_row(b, one, row[k], &of_all, to, (*below)++);
         const dual pull = scaled(1.0 / rod->moment, z[3]);
-        const double size_of_pull = sqrt(pull.v * pull.v + STRAIGHT * STRAIGHT);
-        add(b, b->finger[3 * f + 2], with(pull, size_of_pull, pull.v / size_of_pull), first, size, &to->tension, to->pull);
+        const real size_of_pull = root(pull.v * pull.v + STRAIGHT * STRAIGHT);
+        const dual rounded = with(pull, size_of_pull, pull.v / size_of_pull);
+        for (int lane = 0; lane < WIDE; ++lane)
+            add(b, number(b->finger[3 * f + 2]), rounded, first, size, lane, &to[lane].tension, to[lane].pull);
         first += size;
     }
     for (int k = 0; k < b->supports; ++k, first += 2)
-        *contact++ = support_contact(b, k, to->x, first);
+        *contact++ = support_contact(b, k, to, first);
 }
 
 /* Balance of the object: forces and moment, lift and tilt. */
@@ -106,24 +122,31 @@ static void add_balance(const Balance *b, Held *to, const Contact *contact, int 
 {
     const double unit = WEIGHED / b->force, arm = unit / b->size;
     const int lifts = b->numbers - b->contacts;
-    to->value[row] = unit * b->weight[0], to->value[row + 1] = unit * b->weight[1];
-    if (b->lifted)
-        to->value[row + 3] = -unit * b->lift;
+    for (int lane = 0; lane < WIDE; ++lane) {
+        to[lane].value[row] = unit * b->weight[0], to[lane].value[row + 1] = unit * b->weight[1];
+        if (b->lifted)
+            to[lane].value[row + 3] = -unit * b->lift;
+    }
     for (int k = 0; k < b->contacts; ++k) {
         const Contact *c = contact + k;
         const dual fx = minus(times(c->normal, c->nx), times(c->along, c->ny));
         const dual fy = plus(times(c->normal, c->ny), times(c->along, c->nx));
         const dual rx = minus(c->x, constant(b->center[0])), ry = minus(c->y, constant(b->center[1]));
-        add_row(b, -unit, fx, c, to, row), add_row(b, -unit, fy, c, to, row + 1);
-        add_row(b, arm, minus(times(ry, fx), times(rx, fy)), c, to, row + 2);
+        add_row(b, number(-unit), fx, c, to, row), add_row(b, number(-unit), fy, c, to, row + 1);
+        add_row(b, number(arm), minus(times(ry, fx), times(rx, fy)), c, to, row + 2);
         if (!b->lifted)
             continue;
-        const double up = b->force * to->x[lifts + k];
-        add_unknown(b, unit, lifts + k, to, to->value + row + 3, slopes_of(b, to, row + 3));
+        const int at = lifts + k;
+        const real up = b->force * unknown_of(to, at);
+        for (int lane = 0; lane < WIDE; ++lane) {
+            to[lane].value[row + 3] += unit * AT(up, lane);
+            slopes_of(b, to + lane, row + 3)[at] += unit * b->force * b->step[at];
+        }
         for (int j = 0; b->tilts && j < 2; ++j) {
             const dual r = j ? ry : rx;
             add_row(b, arm * up, r, c, to, row + 4 + j);
-            slopes_of(b, to, row + 4 + j)[lifts + k] += arm * r.v * b->force * b->step[lifts + k];
+            for (int lane = 0; lane < WIDE; ++lane)
+                slopes_of(b, to + lane, row + 4 + j)[at] += arm * AT(r.v, lane) * b->force * b->step[at];
         }
     }
 }
@@ -135,38 +158,48 @@ static void add_cones(const Balance *b, Held *to, const Contact *contact, int ro
     const int lifts = b->numbers - b->contacts;
     for (int k = 0; k < b->contacts; ++k, row += 3) {
         const Contact *c = contact + k;
-        const double up = b->lifted ? b->force * to->x[lifts + k] : 0.0;
-        const double shear = sqrt(c->along.v * c->along.v + up * up + rounded * rounded);
-        add_row(b, unit, with(c->along, shear, c->along.v / shear), c, to, row);
-        if (b->lifted)
-            slopes_of(b, to, row)[lifts + k] += unit * up / shear * b->force * b->step[lifts + k];
-        add_row(b, -unit * b->cone[2 * k], c->normal, c, to, row);
-        add_row(b, -unit, c->normal, c, to, row + 1);
-        add_row(b, 1.0 / b->cone[2 * k + 1], c->normal, c, to, row + 2), to->value[row + 2] -= 1.0;
+        const real up = b->lifted ? b->force * unknown_of(to, lifts + k) : number(0.0);
+        const real shear = root(c->along.v * c->along.v + up * up + rounded * rounded);
+        add_row(b, number(unit), with(c->along, shear, c->along.v / shear), c, to, row);
+        for (int lane = 0; b->lifted && lane < WIDE; ++lane)
+            slopes_of(b, to + lane, row)[lifts + k] +=
+                unit * AT(up, lane) / AT(shear, lane) * b->force * b->step[lifts + k];
+        add_row(b, number(-unit * b->cone[2 * k]), c->normal, c, to, row);
+        add_row(b, number(-unit), c->normal, c, to, row + 1);
+        add_row(b, number(1.0 / b->cone[2 * k + 1]), c->normal, c, to, row + 2);
+        for (int lane = 0; lane < WIDE; ++lane)
+            to[lane].value[row + 2] -= 1.0;
     }
 }
 
-/* Constraints and tension of a combination; what coils up without end is as wrong as can be. */
+/* Constraints and tension of combinations side by side (WIDE); what coils up without end is as wrong as can be. */
 static void reach(const Balance *b, Held *to)
 {
     Contact contact[b->contacts];
-    int equal = 0, below = b->equal, sane = 1;
+    int equal = 0, below = b->equal;
     const int entries = b->rows * b->numbers;
-    to->tension = 0.0;
-    memset(to->value, 0, b->rows * sizeof(double)), memset(to->slope, 0, entries * sizeof(double));
-    memset(to->pull, 0, b->numbers * sizeof(double));
+    for (int lane = 0; lane < WIDE; ++lane) {
+        Held *one = to + lane;
+        one->tension = 0.0;
+        memset(one->value, 0, b->rows * sizeof(double)), memset(one->slope, 0, entries * sizeof(double));
+        memset(one->pull, 0, b->numbers * sizeof(double));
+    }
     add_fingers(b, to, contact, &equal, &below);
     add_balance(b, to, contact, equal);
     add_cones(b, to, contact, below);
-    for (int k = 0; k < entries; ++k)
-        sane &= fabs(to->slope[k]) < SANE;
-    for (int k = 0; k < b->rows; ++k)
-        to->value[k] += to->multiplier[k];
-    if (sane)
-        return;
-    memset(to->slope, 0, entries * sizeof(double));
-    for (int k = 0; k < b->rows; ++k)
-        to->value[k] = 1e3;
+    for (int lane = 0; lane < WIDE; ++lane) {
+        Held *one = to + lane;
+        int sane = 1;
+        for (int k = 0; k < entries; ++k)
+            sane &= fabs(one->slope[k]) < SANE;
+        for (int k = 0; k < b->rows; ++k)
+            one->value[k] += one->multiplier[k];
+        if (sane)
+            continue;
+        memset(one->slope, 0, entries * sizeof(double));
+        for (int k = 0; k < b->rows; ++k)
+            one->value[k] = 1e3;
+    }
 }
 
 static double wrong_by(const Balance *b, const double *value, int row)
@@ -217,38 +250,122 @@ static void newton(int n, const double *matrix, double more, const double *gradi
     solve(n, factors, move);
 }
 
-static void stepped(const Balance *b, const Held *from, double part, const double *move, Held *to)
+static void moved(const Balance *b, const Held *from, double part, const double *move, Held *to)
 {
     for (int k = 0; k < b->numbers; ++k)
         to->x[k] = from->x[k] + part * move[k] * b->step[k];
-    reach(b, to);
 }
 
 static void exchange(Held *a, Held *b) { const Held other = *a; *a = *b, *b = other; }
 
-/* The least tension under all constraints: a penalty that grows, and damped steps of Gauss and Newton. */
-static void settled(const Balance *b, int rounds, Held *here, Held *there, double *work)
+/* What is wrong with a combination at most, whatever its multipliers are. */
+static double most_wrong(const Balance *b, const Held *at)
 {
-    const int n = b->numbers;
-    double damping = 1e-2, *matrix = work, *factors = matrix + n * n, *gradient = factors + n * n, *move = gradient + n;
-    for (int round = 0; round < rounds; ++round) {
-        const double grown = round / (0.6 * rounds), stiff = 30.0 * pow(1000.0, fmin(1.0, grown));
-        const double before = merit(b, here, stiff);
-        memcpy(gradient, here->pull, n * sizeof(double));
-        normal_equations(b, here->slope, here->value, stiff, matrix, gradient);
-        /* 4: dampings that are tried */
-        int better = 0;
-        for (int attempt = 0; attempt < 4 && !better; ++attempt) {
-            newton(n, matrix, damping, gradient, factors, move);
-            stepped(b, here, fmin(1.0, 0.5 / longest(n, move)), move, there);
-            better = merit(b, there, stiff) < before;
-            damping = fmin(fmax(better ? 0.3 * damping : 5.0 * damping, 1e-7), 1e6);
-        }
+    double most = 0.0;
+    for (int k = 0; k < b->rows; ++k) {
+        const double value = at->value[k] - at->multiplier[k];
+        most = fmax(most, k < b->equal ? fabs(value) : value);
+    }
+    return most;
+}
+
+static double *held_in(const Balance *b, Held *at, const double *multiplier, double *memory)
+{
+    at->multiplier = multiplier;
+    at->x = memory, at->pull = at->x + b->numbers, at->value = at->pull + b->numbers, at->slope = at->value + b->rows;
+    return at->slope + b->rows * b->numbers;
+}
+
+/* A combination on its way to the least tension: a penalty that grows, and damped steps of Gauss and Newton. */
+typedef struct { int row, round, attempt; double damping, before, stiff, *matrix, *factors, *gradient, *move; } Settling;
+
+#define DAMPINGS 4 /* that are tried */
+#define GROWN 0.6  /* part of the rounds after which the penalty grows no more */
+
+static void next_step(const Balance *b, const Held *here, Settling *at, Held *there)
+{
+    newton(b->numbers, at->matrix, at->damping, at->gradient, at->factors, at->move);
+    moved(b, here, fmin(1.0, 0.5 / longest(b->numbers, at->move)), at->move, there);
+}
+
+static void next_round(const Balance *b, int rounds, const Held *here, Settling *at, Held *there)
+{
+    at->stiff = 30.0 * pow(1000.0, fmin(1.0, at->round / (GROWN * rounds)));
+    at->attempt = 0, at->before = merit(b, here, at->stiff);
+    memcpy(at->gradient, here->pull, b->numbers * sizeof(double));
+    normal_equations(b, here->slope, here->value, at->stiff, at->matrix, at->gradient);
+    next_step(b, here, at, there);
+}
+
+/* Take in what a step has reached, and step on; whether the last round is over. */
+static int settled(const Balance *b, int rounds, Held *here, Settling *at, Held *there)
+{
+    if (at->round < 0) {
+        exchange(here, there);
+    } else {
+        const int better = merit(b, there, at->stiff) < at->before;
+        at->damping = fmin(fmax((better ? 0.3 : 5.0) * at->damping, 1e-7), 1e6);
         if (better)
             exchange(here, there);
-        if (grown >= 1.0 && longest(n, move) < 1e-9)
-            return;
+        else if (++at->attempt < DAMPINGS) {
+            next_step(b, here, at, there);
+            return 0;
+        }
+        if (at->round >= GROWN * rounds && longest(b->numbers, at->move) < 1e-9)
+            return 1;
     }
+    if (++at->round >= rounds)
+        return 1;
+    next_round(b, rounds, here, at, there);
+    return 0;
+}
+
+/* Bring combinations (count, numbers) to the least tension, from afar; what is wrong with each at most. Those side by side
+   are of different rounds: where one is done, the next one begins. 0: there is no memory. */
+int settle(const Balance *b, int count, int rounds, double *x, double *off)
+{
+    const int n = b->numbers, of_held = (b->rows + 2) * (n + 1), of_one = 2 * of_held + 2 * n * (n + 1);
+    double *memory = calloc(b->rows + WIDE * of_one, sizeof(double)), *rest = memory + b->rows;
+    Held here[WIDE], there[WIDE];
+    Settling at[WIDE];
+    int next = 0;
+    if (!memory)
+        return 0;
+    for (int lane = 0; lane < WIDE; ++lane) {
+        Settling *one = at + lane;
+        rest = held_in(b, there + lane, memory, held_in(b, here + lane, memory, rest));
+        one->row = -1, one->matrix = rest, one->factors = rest + n * n, one->gradient = one->factors + n * n;
+        one->move = one->gradient + n, rest = one->move + n;
+    }
+    while (1) {
+        int working = 0;
+        for (int lane = 0; lane < WIDE; ++lane) {
+            if (at[lane].row < 0 && next < count) {
+                at[lane].row = next++, at[lane].round = -1, at[lane].damping = 1e-2;
+                memcpy(there[lane].x, x + n * at[lane].row, n * sizeof(double));
+            }
+            working |= at[lane].row >= 0;
+        }
+        if (!working)
+            break;
+        reach(b, there);
+        for (int lane = 0; lane < WIDE; ++lane) {
+            if (at[lane].row < 0 || !settled(b, rounds, here + lane, at + lane, there + lane))
+                continue;
+            memcpy(x + n * at[lane].row, here[lane].x, n * sizeof(double));
+            off[at[lane].row] = most_wrong(b, here + lane);
+            at[lane].row = -1;
+        }
+    }
+    free(memory);
+    return 1;
+}
+
+#if WIDE == 1
+static void stepped(const Balance *b, const Held *from, double part, const double *move, Held *to)
+{
+    moved(b, from, part, move, to);
+    reach(b, to);
 }
 
 /* The step to the least of a gradient and the penalties, both of first order: Newton's method on the active ones, of
@@ -324,17 +441,6 @@ static void refined(const Balance *b, int rounds, Held *here, Held *there, Held 
     }
 }
 
-/* What is wrong with a combination at most, whatever its multipliers are. */
-static double most_wrong(const Balance *b, const Held *at)
-{
-    double most = 0.0;
-    for (int k = 0; k < b->rows; ++k) {
-        const double value = at->value[k] - at->multiplier[k];
-        most = fmax(most, k < b->equal ? fabs(value) : value);
-    }
-    return most;
-}
-
 /* The optimum itself, where nothing is wrong: what a penalty leaves wrong becomes multipliers (M. J. D. Powell, 1969;
    J. Nocedal, S. J. Wright, Numerical Optimization, 2006, chapter 17), as long as less is wrong then. */
 static void converged(const Balance *b, int rounds, Held *here, Held *there, Held *back, double *multiplier, double *work)
@@ -357,16 +463,9 @@ static void converged(const Balance *b, int rounds, Held *here, Held *there, Hel
     }
 }
 
-static double *held_in(const Balance *b, Held *at, const double *multiplier, double *memory)
-{
-    at->multiplier = multiplier;
-    at->x = memory, at->pull = at->x + b->numbers, at->value = at->pull + b->numbers, at->slope = at->value + b->rows;
-    return at->slope + b->rows * b->numbers;
-}
-
-/* Bring combinations (count, numbers) to the least tension: from afar, or to the optimum next to them; what is wrong with
-   each at most. 0: there is no memory. */
-int hold(const Balance *b, int count, int rounds, int near, double *x, double *off)
+/* Bring combinations (count, numbers) to the optimum next to them; what is wrong with each at most. 0: there is no
+   memory. */
+int refine(const Balance *b, int count, int rounds, double *x, double *off)
 {
     const int n = b->numbers;
     double *memory = malloc((3 * (b->rows + 2) * (n + 1) + 2 * n * (n + 4) + n + 3 * b->rows) * sizeof(double));
@@ -379,16 +478,14 @@ int hold(const Balance *b, int count, int rounds, int near, double *x, double *o
         memset(multiplier, 0, b->rows * sizeof(double));
         memcpy(here.x, x, n * sizeof(double));
         reach(b, &here);
-        if (near)
-            converged(b, rounds, &here, &there, &back, multiplier, rest);
-        else
-            settled(b, rounds, &here, &there, rest);
+        converged(b, rounds, &here, &there, &back, multiplier, rest);
         memcpy(x, here.x, n * sizeof(double));
         *off = most_wrong(b, &here);
     }
     free(memory);
     return 1;
 }
+#endif
 #endif
 
 #if WIDE == 1

@@ -16,7 +16,7 @@ import numpy as np
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.finger_map.fill import FingerMap
-from continuum_grasp.grasp.finger_map.rod import MapFinger, Traced, call
+from continuum_grasp.grasp.finger_map.rod import MapFinger, Traced, call, slopes_beside
 from continuum_grasp.grasp.starts.supports import support_contacts
 from continuum_grasp.grasp.starts.values import Pose
 from continuum_grasp.scene import GraspScene
@@ -168,16 +168,17 @@ class ObjectBalance:
 
     def settle(self, x: Array) -> Settled:
         """Combinations (B, n) brought to the least tension under all constraints."""
-        return self._held(x, ROUNDS, near=False)
+        most = max(finger.numbers for finger in self.fingers)
+        return self._held("settle", x, ROUNDS, slopes_beside(most))
 
     def refined(self, x: Array) -> Settled:
         """Settled combinations (B, n) brought to the optimum next to them."""
-        return self._held(x, REFINED, near=True)
+        return self._held("refine", x, REFINED, None)
 
-    def _held(self, x: Array, rounds: int, *, near: bool) -> Settled:
+    def _held(self, how: str, x: Array, rounds: int, beside: tuple[int, int] | None) -> Settled:
         x, off = np.array(x, dtype=float, order="C"), np.empty(len(x))
-        lanes = max(finger.lanes for finger in self.fingers)
-        if not call(lanes, "hold", self.struct, len(x), rounds, int(near), x, off):
+        lanes, wide = beside or (max(finger.lanes for finger in self.fingers), 1)
+        if not call(lanes, how, self.struct, len(x), rounds, x, off, wide=wide):
             raise MemoryError
         return Settled.of(self, x, off)
 

@@ -269,23 +269,26 @@ def _filled(finger: MapFinger, seeds: Array) -> Traced:
     def unknown(place: Array) -> NDArray[np.bool_]:
         return np.array([key not in known for key in _keys(place)], bool)
 
-    def fresh(at: Traced, place: Array) -> Traced:
+    def fresh(place: Array) -> NDArray[np.int64]:
+        """Rows in cells that are new, one of each, which are known from now on."""
         rows = _one_per_cell(place)
         rows = rows[unknown(place[rows])]
         known.update(_keys(place[rows]))
-        return at.take(rows)
+        return rows
 
     seeded = finger.traced(seeds)
-    front = fresh(seeded, features(seeded))
+    front = seeded.take(fresh(features(seeded)))
     found = [front]
     while len(front) and len(known) < MOST:
         near = finger.touches(_neighbors(finger, front, directions))
         near = near.take(np.abs(near.conditions.value).max(axis=1) < ON_SET)
         place = features(near)
         new = unknown(place)
-        at = finger.traced(near.z[new], entered=ENTERED)
-        within = at.excess < WITHIN
-        front = fresh(at.take(within), place[new][within])
+        z, place = near.z[new], place[new]
+        # Most are beyond the limits or in one cell: only what is left needs slopes.
+        within = finger.traced(z, slopes=False, entered=ENTERED).excess < WITHIN
+        z, place = z[within], place[within]
+        front = finger.traced(z[fresh(place)])
         found.append(front)
     return Traced.joined(found)
 

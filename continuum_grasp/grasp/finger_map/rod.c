@@ -23,35 +23,53 @@ typedef long long whole __attribute__((vector_size(8 * WIDE)));
 #define AT(a, k) (a)[k]
 #define WHOLE(a) __builtin_convertvector(a, whole)
 #define REAL(a) __builtin_convertvector(a, real)
+#define MASK(test) (test)
+#define CHOSEN(mask, a, b) ((real)(((whole)(a) & (mask)) | ((whole)(b) & ~(mask))))
 #else
 typedef double real;
 typedef long long whole;
 #define AT(a, k) (a)
 #define WHOLE(a) ((whole)(a))
 #define REAL(a) ((real)(a))
+#define MASK(test) (-(whole)(test))
+#define CHOSEN(mask, a, b) ((mask) ? (a) : (b))
 #endif
 
-/* Slopes in registers of the machine's size, which compilers keep apart where they split longer vectors by memory. */
+/* Slopes: of rods side by side each in a register of its own; of one rod in registers of the machine's size, which compilers
+   keep apart where they split longer vectors by memory. */
 #ifdef __AVX512F__
-typedef double few __attribute__((vector_size(64)));
 #define FEW 8
 #else
-typedef double few __attribute__((vector_size(32)));
 #define FEW 4
 #endif
-#if LANES == 6 * FEW
+#if WIDE > 1
+typedef real few;
+#define PIECES LANES
+#define SLOPE(a, k, lane) (((const real *)&(a).d)[k][lane])
+#else
+typedef double few __attribute__((vector_size(8 * FEW)));
+#define PIECES (LANES / FEW)
+#define SLOPE(a, k, lane) (((const double *)&(a).d)[k])
+#endif
+#if PIECES == 12
+#define EACH(of) of(0) of(1) of(2) of(3) of(4) of(5) of(6) of(7) of(8) of(9) of(10) of(11)
+typedef struct { few d0, d1, d2, d3, d4, d5, d6, d7, d8, d9, d10, d11; } slopes;
+#elif PIECES == 8
+#define EACH(of) of(0) of(1) of(2) of(3) of(4) of(5) of(6) of(7)
+typedef struct { few d0, d1, d2, d3, d4, d5, d6, d7; } slopes;
+#elif PIECES == 6
 #define EACH(of) of(0) of(1) of(2) of(3) of(4) of(5)
 typedef struct { few d0, d1, d2, d3, d4, d5; } slopes;
-#elif LANES == 4 * FEW
+#elif PIECES == 4
 #define EACH(of) of(0) of(1) of(2) of(3)
 typedef struct { few d0, d1, d2, d3; } slopes;
-#elif LANES == 3 * FEW
+#elif PIECES == 3
 #define EACH(of) of(0) of(1) of(2)
 typedef struct { few d0, d1, d2; } slopes;
-#elif LANES == 2 * FEW
+#elif PIECES == 2
 #define EACH(of) of(0) of(1)
 typedef struct { few d0, d1; } slopes;
-#elif LANES == FEW
+#elif PIECES == 1
 #define EACH(of) of(0)
 typedef struct { few d0; } slopes;
 #else
@@ -108,11 +126,13 @@ static inline slopes part_of(real p, slopes a)
     return part;
 }
 
-static inline dual constant(double value) { return (dual){value + (real){0}}; }
+static inline dual constant_of(real value) { return (dual){value}; }
+static inline dual constant(double value) { return constant_of(value + (real){0}); }
 static inline dual plus(dual a, dual b) { return (dual){a.v + b.v, sum_of((real){0} + 1.0, a.d, (real){0} + 1.0, b.d)}; }
 static inline dual minus(dual a, dual b) { return (dual){a.v - b.v, sum_of((real){0} + 1.0, a.d, (real){0} - 1.0, b.d)}; }
 static inline dual scaled(double factor, dual a) { return (dual){factor * a.v, part_of(factor + (real){0}, a.d)}; }
 static inline dual times(dual a, dual b) { return (dual){a.v * b.v, sum_of(a.v, b.d, b.v, a.d)}; }
+static inline dual by(real factor, dual a) { return (dual){factor * a.v, part_of(factor, a.d)}; }
 static inline dual with(dual a, real value, real slope) { return (dual){value, part_of(slope, a.d)}; }
 
 static inline dual over(dual a, dual b)
@@ -134,11 +154,27 @@ static inline dual length_of(dual a, dual b)
     return (dual){size, sum_of(a.v * inverse, a.d, b.v * inverse, b.d)};
 }
 
+/* The first where a mask is set, else the other. */
+static inline dual chosen(whole mask, dual a, dual b)
+{
+#if WIDE > 1
+    dual c = {CHOSEN(mask, a.v, b.v), {0}};
+#define OF(k) c.d.d##k = CHOSEN(mask, a.d.d##k, b.d.d##k);
+    EACH(OF)
+#undef OF
+    return c;
+#else
+    return mask ? a : b;
+#endif
+}
+
+static inline real least_of(real a, real b) { return CHOSEN(MASK(a < b), a, b); }
+static inline real most_of(real a, real b) { return CHOSEN(MASK(a > b), a, b); }
+static inline real magnitude(real a) { return most_of(a, -a); }
+
 static inline dual size_of(dual a)
 {
-    real sign = {0};
-    for (int k = 0; k < WIDE; ++k)
-        AT(sign, k) = AT(a.v, k) < 0.0 ? -1.0 : 1.0;
+    const real one = 1.0 + (real){0}, sign = CHOSEN(MASK(a.v < 0.0), -one, one);
     return with(a, sign * a.v, sign);
 }
 
@@ -197,14 +233,14 @@ static inline Cell cell_of(const Rod *rod, real x, real y)
     const real dx = x - rod->pose[0], dy = y - rod->pose[1];
     const double c = rod->pose[2], s = rod->pose[3];
     Cell to = {(c * dx + s * dy - rod->corner[0]) * rod->per_cell, (c * dy - s * dx - rod->corner[1]) * rod->per_cell};
-    for (int k = 0; k < WIDE; ++k) {
-        const double u = AT(to.u, k), v = AT(to.v, k);
-        const double cu = fmin(fmax(u, 1.0), rod->width - 2.001), cv = fmin(fmax(v, 1.0), rod->height - 2.001);
-        const int i = (int)cu, j = (int)cv;
-        AT(to.cu, k) = cu, AT(to.cv, k) = cv, AT(to.a, k) = cu - i, AT(to.b, k) = cv - j;
-        AT(to.away, k) = sqrt((u - cu) * (u - cu) + (v - cv) * (v - cv)) / rod->per_cell;
-        to.at[k] = rod->distance + j * rod->width + i;
-    }
+    const real low = 1.0 + (real){0};
+    to.cu = least_of(most_of(to.u, low), rod->width - 2.001 + (real){0});
+    to.cv = least_of(most_of(to.v, low), rod->height - 2.001 + (real){0});
+    const whole i = WHOLE(to.cu), j = WHOLE(to.cv), first = j * rod->width + i;
+    const real du = to.u - to.cu, dv = to.v - to.cv;
+    to.a = to.cu - REAL(i), to.b = to.cv - REAL(j), to.away = root(du * du + dv * dv) / rod->per_cell;
+    for (int k = 0; k < WIDE; ++k)
+        to.at[k] = rod->distance + AT(first, k);
     return to;
 }
 
@@ -241,16 +277,12 @@ static inline void cubic(real t, real w[3][4])
 /* Distance of a point from the object, by values alone. */
 static inline real gap_at(const Rod *rod, real x, real y)
 {
-#if LANES > 0
     const Cell at = cell_of(rod, x, y);
     real wu[3][4], wv[3][4], d[4][4], gap = 0.7 * at.away;
     cubic(at.a, wu), cubic(at.b, wv), patch(rod, &at, 1, 4, d);
     for (int j = 0; j < 4; ++j)
         gap += wv[0][j] * (wu[0][0] * d[j][0] + wu[0][1] * d[j][1] + wu[0][2] * d[j][2] + wu[0][3] * d[j][3]);
     return gap;
-#else
-    return rough_gap(rod, x, y);
-#endif
 }
 
 /* Distance of a point from the object, and the world normal of the object there. */
@@ -404,9 +436,8 @@ static inline void step_by(const Rod *rod, State *q, double h, const dual *z, in
 /* A segment between contacts as integrated; its extremes are sought by values, and have slopes where they are. */
 typedef struct { dual begin, h, x[STEPS], y[STEPS], bent[STEPS]; int steps; } Segment;
 
-#if WIDE == 1
-static inline dual least(dual a, dual b) { return a.v < b.v ? a : b; }
-static inline dual greatest(dual a, dual b) { return a.v > b.v ? a : b; }
+static inline dual least(dual a, dual b) { return chosen(MASK(a.v < b.v), a, b); }
+static inline dual greatest(dual a, dual b) { return chosen(MASK(a.v > b.v), a, b); }
 
 /* How far a section is clear of the supports; before its first contact a finger may come out of one. */
 static inline dual clear_of_supports(const Rod *rod, dual x, dual y, dual half, int emerging)
@@ -417,7 +448,7 @@ static inline dual clear_of_supports(const Rod *rod, dual x, dual y, dual half, 
         const double start = (rod->base[0] - w[2]) * w[0] + (rod->base[1] - w[3]) * w[1];
         dual height = plus(scaled(w[0], x), scaled(w[1], y));
         height.v -= w[0] * w[2] + w[1] * w[3];
-        const dual needed = emerging && start < half.v ? constant(fmin(start, 0.0)) : half;
+        const dual needed = emerging ? chosen(MASK(start < half.v), constant(fmin(start, 0.0)), half) : half;
         clear = least(clear, minus(height, needed));
     }
     for (int k = 0; k < rod->pegs; ++k) {
@@ -428,67 +459,108 @@ static inline dual clear_of_supports(const Rod *rod, dual x, dual y, dual half, 
     return clear;
 }
 
-static inline dual place_of(const Segment *seg, int k) { return plus(seg->begin, scaled(k, seg->h)); }
-
-static inline dual blend(const double *w, const dual *three)
+/* By values alone. */
+static inline real away_from_supports(const Rod *rod, real x, real y, real half, int emerging)
 {
-    return plus(plus(scaled(w[0], three[0]), scaled(w[1], three[1])), scaled(w[2], three[2]));
+    real clear = FAR + (real){0};
+    for (int k = 0; k < rod->walls; ++k) {
+        const double *w = rod->wall + 4 * k;
+        const double start = (rod->base[0] - w[2]) * w[0] + (rod->base[1] - w[3]) * w[1];
+        const real height = w[0] * (x - w[2]) + w[1] * (y - w[3]), out = fmin(start, 0.0) + (real){0};
+        clear = least_of(clear, height - (emerging ? CHOSEN(MASK(start < half), out, half) : half));
+    }
+    for (int k = 0; k < rod->pegs; ++k) {
+        const double *peg = rod->peg + 3 * k;
+        clear = least_of(clear, root((x - peg[0]) * (x - peg[0]) + (y - peg[1]) * (y - peg[1])) - peg[2] - half);
+    }
+    return clear;
+}
+
+/* Where a step begins, counted in steps. */
+static inline dual place_of(const Segment *seg, real k) { return plus(seg->begin, by(k, seg->h)); }
+
+/* One of a row of numbers for each rod. */
+static inline dual taken(const dual *row, real at)
+{
+#if WIDE > 1
+    dual one = row[0];
+    for (int lane = 0; lane < WIDE; ++lane) {
+        const double *from = (const double *)(row + (int)at[lane]) + lane;
+        double *to = (double *)&one + lane;
+        for (int k = 0; k <= LANES; ++k)
+            to[WIDE * k] = from[WIDE * k];
+    }
+    return one;
+#else
+    return row[(int)at];
+#endif
+}
+
+static inline real half_at(const Rod *rod, const Segment *seg, real k)
+{
+    return along(rod, HALF, constant_of(seg->begin.v + k * seg->h.v)).v;
 }
 
 /* Least clearance of the object: at an end, or at the bottom of a parabola through three gaps, so that its place changes
-   smoothly with the numbers of the rod. */
+   smoothly with the numbers of the rod. Which three is seen roughly. */
 static dual clear_of_object(const Rod *rod, const Segment *seg)
 {
-    double gap[STEPS], least_gap = FAR, off = 0.0;
-    int at = 1;
     const int last = seg->steps - 1;
+    const real none = FAR + (real){0}, one = 1.0 + (real){0};
+    real gap[STEPS + 1], least_gap = none, off = {0}, at = one;
+    gap[0] = gap[last + 1] = none;
     for (int k = 1; k <= last; ++k)
-        gap[k] = gap_at(rod, seg->x[k].v, seg->y[k].v) - along(rod, HALF, constant(place_of(seg, k).v)).v;
+        gap[k] = rough_gap(rod, seg->x[k].v, seg->y[k].v) - half_at(rod, seg, k + (real){0});
     for (int k = 1; k <= last; ++k) {
-        const double before = k > 1 ? gap[k - 1] : FAR, after = k < last ? gap[k + 1] : FAR;
-        if (gap[k] > before || gap[k] >= after)
-            continue;
-        const int inner = k > 1 && k < last;
-        const double to = inner ? 0.5 * (before - after) / (before - 2.0 * gap[k] + after) : 0.0;
-        const double here = gap[k] - (inner ? 0.25 * (before - after) * to : 0.0);
-        if (here < least_gap)
-            least_gap = here, at = k, off = to;
+        const real before = gap[k - 1], after = gap[k + 1];
+        real here = gap[k];
+        if (k > 1 && k < last) {
+            const real difference = before - after;
+            here -= 0.125 * difference * difference / (before - 2.0 * here + after);
+        }
+        const whole lower = MASK(gap[k] <= before) & MASK(gap[k] < after) & MASK(here < least_gap);
+        least_gap = CHOSEN(lower, here, least_gap), at = CHOSEN(lower, k + (real){0}, at);
     }
-    const int first = at > 1 && at < last ? at - 1 : at == 1 ? 1 : last - 2, middle = at - first;
-    const double t = middle == 1 ? off : middle - 1.0;
-    const double w[3] = {0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)};
-    const dual s = plus(place_of(seg, at), scaled(middle == 1 ? off : 0.0, seg->h));
-    return minus(place(rod, blend(w, seg->x + first), blend(w, seg->y + first)).gap, along(rod, HALF, s));
+    /* The first of three gaps around it, and where it is among these. */
+    const real first = most_of(one, least_of(at - 1.0, last - 2.0 + (real){0}));
+    const whole inner = MASK(at - first == 1.0);
+    dual x[3], y[3];
+    for (int k = 0; k < 3; ++k) {
+        x[k] = taken(seg->x, first + k), y[k] = taken(seg->y, first + k);
+        gap[k] = gap_at(rod, x[k].v, y[k].v) - half_at(rod, seg, first + k);
+    }
+    const real bend = gap[0] - 2.0 * gap[1] + gap[2];
+    off = CHOSEN(inner & MASK(bend > 0.0), least_of(one, most_of(-one, 0.5 * (gap[0] - gap[2]) / bend)), off);
+    const real t = CHOSEN(inner, off, at - first - 1.0), w0 = 0.5 * t * (t - 1.0), w1 = 1.0 - t * t, w2 = 0.5 * t * (t + 1.0);
+    const dual px = plus(plus(by(w0, x[0]), by(w1, x[1])), by(w2, x[2]));
+    const dual py = plus(plus(by(w0, y[0]), by(w1, y[1])), by(w2, y[2])), s = place_of(seg, at + off);
+    return minus(place(rod, px, py).gap, along(rod, HALF, s));
 }
 
 static dual segment_clear_of_supports(const Rod *rod, const Segment *seg, int emerging)
 {
-    double lowest = FAR;
-    int at = 0;
+    real lowest = FAR + (real){0}, at = {0};
     for (int k = 1; k <= seg->steps; ++k) {
-        const dual half = along(rod, HALF, constant(place_of(seg, k).v));
-        const double clear = clear_of_supports(rod, constant(seg->x[k].v), constant(seg->y[k].v), half, emerging).v;
-        if (clear < lowest)
-            lowest = clear, at = k;
+        const real clear = away_from_supports(rod, seg->x[k].v, seg->y[k].v, half_at(rod, seg, k + (real){0}), emerging);
+        const whole lower = MASK(clear < lowest);
+        lowest = CHOSEN(lower, clear, lowest), at = CHOSEN(lower, k + (real){0}, at);
     }
-    return clear_of_supports(rod, seg->x[at], seg->y[at], along(rod, HALF, place_of(seg, at)), emerging);
+    return clear_of_supports(rod, taken(seg->x, at), taken(seg->y, at), along(rod, HALF, place_of(seg, at)), emerging);
 }
 
 /* Greatest curvature, or change of it. */
 static dual greatest_bend(const Rod *rod, const Segment *seg, int from_rest)
 {
-    double most = -1.0;
-    int at = 0;
+    real most = {0}, at = {0};
     for (int k = 0; k <= seg->steps; ++k) {
-        const double rest = from_rest ? along(rod, REST, constant(place_of(seg, k).v)).v : 0.0;
-        const double bend = fabs(seg->bent[k].v - rest);
-        if (bend > most)
-            most = bend, at = k;
+        const real rest = from_rest ? along(rod, REST, constant_of(seg->begin.v + k * seg->h.v)).v : (real){0};
+        const real bend = magnitude(seg->bent[k].v - rest);
+        const whole more = MASK(bend > most);
+        most = CHOSEN(more, bend, most), at = CHOSEN(more, k + (real){0}, at);
     }
-    return size_of(from_rest ? minus(seg->bent[at], along(rod, REST, place_of(seg, at))) : seg->bent[at]);
+    const dual bent = taken(seg->bent, at);
+    return size_of(from_rest ? minus(bent, along(rod, REST, place_of(seg, at))) : bent);
 }
-
-#endif
 
 /* A section that touches, or the tip. */
 typedef struct { dual gap, lean, x, y, nx, ny, half; } Touch;
@@ -544,7 +616,6 @@ static void integrate(const Rod *rod, const dual *z, int extremes, Finger *out)
             step(rod, &q, seg.h, half, twelfth, z, segment * seg.steps + k - 1, out->feel);
             seg.x[k] = q.x, seg.y[k] = q.y, seg.bent[k] = q.bent;
         }
-#if WIDE == 1
         if (extremes) {
             out->strain = greatest(out->strain, greatest_bend(rod, &seg, 1));
             out->bend[segment] = times(span, greatest_bend(rod, &seg, 0));
@@ -552,7 +623,6 @@ static void integrate(const Rod *rod, const dual *z, int extremes, Finger *out)
             if (rod->walls + rod->pegs)
                 out->supports = least(out->supports, segment_clear_of_supports(rod, &seg, segment == 0));
         }
-#endif
         out->touch[segment] = touch_of(rod, &q);
         if (segment < rod->contacts)
             pass(rod, &q, out->touch + segment, z + 4 + 3 * segment, z[3]);

@@ -48,7 +48,9 @@ _CELLS = 220
 
 
 WIDE = 8
-"""Rods that are integrated side by side where values alone are asked for."""
+"""Rods that are integrated side by side: each step waits for the one before it, but not for those of other rods."""
+_BESIDE = (4, 8, 12)
+"""Slopes of rods side by side; with more they leave the registers."""
 
 
 def call(lanes: int, name: str, *given: Any, wide: int = 1) -> Any:
@@ -246,15 +248,20 @@ class MapFinger:
             return 16
         return 24
 
+    @property
+    def beside(self) -> tuple[int, int]:
+        """Slopes that are computed at a time, and of how many rods side by side."""
+        return slopes_beside(self.numbers) or (self.lanes, 1)
+
     def traced(self, z: Array, *, slopes: bool = True, entered: float = 0.0) -> Traced:
         """Integrate equilibria (B, 4 + 3 k), which may be so deep in obstacles [L]."""
         z = np.ascontiguousarray(z, dtype=float)
-        lanes = self.lanes if slopes else 0
+        lanes, wide = self.beside if slopes else (0, WIDE)
         numbers = 7 * (self.middles + 1) + 2
         shape = self.shape_limits
         rows = numbers + self.conditions + shape + 3 * (self.middles + self.tip)
         out = np.empty((len(z), rows, 1 + lanes))
-        call(lanes, "trace", self.struct, len(z), z, entered, out)
+        call(lanes, "trace", self.struct, len(z), z, entered, out, wide=wide)
         return Traced(self, z, out, numbers, numbers + self.conditions, numbers + self.conditions + shape)
 
     def touches(self, z: Array) -> Traced:
@@ -275,7 +282,8 @@ class MapFinger:
     def onto(self, z: Array, rounds: int, entered: float, close: float) -> Array:
         """Bring equilibria (B, n) onto the set within the limits by so many damped steps; the ones that arrive."""
         z, landed = np.array(z, dtype=float, order="C"), np.empty(len(z), np.int32)
-        call(self.lanes, "onto", self.struct, len(z), rounds, entered, close, z, landed)
+        lanes, wide = self.beside
+        call(lanes, "onto", self.struct, len(z), rounds, entered, close, z, landed, wide=wide)
         return z[landed > 0]
 
     def corrected(self, z: Array, rounds: int, back: Array, step: Array) -> Array:
@@ -301,7 +309,9 @@ class MapFinger:
         z = np.ascontiguousarray(z, dtype=float)
         out = np.empty((len(z), 4))
         low, high = self.place_bounds
-        call(0, "nearest", self.struct, len(z), z, max(low - BEYOND, 0.0), min(high + BEYOND, 1.0), out)
+        bounds = max(low - BEYOND, 0.0), min(high + BEYOND, 1.0)
+        # Where they touch is where each is in a step of its own.
+        call(0, "nearest", self.struct, len(z), z, *bounds, out, wide=1 if self.middles else WIDE)
         return out
 
     def curve(self, z: Array) -> Array:
@@ -309,6 +319,11 @@ class MapFinger:
         z = np.ascontiguousarray(z, dtype=float)
         out = np.empty((2 * STEPS_OF_ELEMENTS * (self.middles + 1), 4))
         return np.asarray(out[: call(0, "curve", self.struct, z, out)])
+
+
+def slopes_beside(numbers: int) -> tuple[int, int] | None:
+    """Slopes that are computed at a time of rods side by side, and how many of these; None where there are too many."""
+    return next(((lanes, WIDE) for lanes in _BESIDE if numbers <= lanes), None)
 
 
 def _weights(family: str, elements: tuple[int, ...], steps: int) -> Array:

@@ -1,6 +1,6 @@
 /* What a finger answers when its contacts move and stick to it, its tendons' moments held. */
 
-#if LANES > 0
+#if LANES > 0 && WIDE == 1
 static inline double *write_constant(double *to, double value)
 {
     const dual a = constant(value);
