@@ -115,7 +115,9 @@ def test_draws_that_use_a_reserve_of_friction_are_held_and_fail_nowhere() -> Non
 
 def test_a_robust_grasp_says_where_was_looked_and_what_may_be_missed(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = make_scene("arc", robust=Robust(friction=0.05, draws=2), objective="least_normal_force")
-    monkeypatch.setattr("continuum_grasp.grasp.solve._Verdict._notes", lambda *_: ["samples were tried, not all"])
+    monkeypatch.setattr(
+        "continuum_grasp.grasp.verdict.SearchVerdict._notes", lambda *_: ["samples were tried, not all"]
+    )
     found = optimize_grasp(scene)
     assert found.status is GraspStatus.FEASIBLE
     assert re.search("whatever the errors within robust; .* N without errors; samples were tried", found.message)

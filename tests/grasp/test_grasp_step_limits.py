@@ -30,10 +30,10 @@ from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.joint import JointSolverRun
 from continuum_grasp.grasp.robust.response import Responder, Response, _reserve
 from continuum_grasp.grasp.search import GraspSearch
-from continuum_grasp.grasp.solve import _Verdict
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.grasp.stations import _slope
+from continuum_grasp.grasp.verdict import SearchVerdict
 from continuum_grasp.nlp import Budget, SolverStatus
 from continuum_grasp.scene import Robust, load
 from tests import certificate_cases as cases
@@ -199,10 +199,11 @@ def notes(off=0.0, **more):
     """Why a grasp may not be the best, whose exact rods are so far off."""
     explored = Some(open=0, modes=1, sampled=0, exact_less=np.nan, untried=0)
     search = Some(**{"best": None, "fallback": None, "proven": True, "excess": 0.0, "exploration": explored, **more})
-    verdict = Some(search=search, _before=None, budget=Some(cut=None), interrupted=False, _elements=2)
+    scene = Some(setups=[Some(elements=2)])
+    verdict = SearchVerdict(scene, search, Some(cut=None), began=0.0, by_stations=False, interrupted=False)
     error = ModelError({"finger.tip": off * 0.2}, 0.2, 0.0)
     certificate = Some(model_error=error)
-    return list(_Verdict._notes(verdict, Some(certificate=certificate, attempt=Some(optimal=True))))
+    return list(verdict._notes(Some(certificate=certificate, attempt=Some(optimal=True))))
 
 
 def slack(pull):
