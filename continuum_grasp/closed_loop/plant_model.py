@@ -5,10 +5,9 @@ Add-ons announce plants of their own; ``plant.guides`` takes one of them.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, Self
 
 import casadi as ca
 import numpy as np
@@ -16,11 +15,11 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, InputError, addons, named_value
 from continuum_grasp.closed_loop.plant_scene import plant_scene
+from continuum_grasp.closed_loop.plant_steps import PlantIntegration, cheapest_steps
 from continuum_grasp.control import Outputs, Prediction, Quantities
 from continuum_grasp.model import Lag, Memory, Remade, System, column
 from continuum_grasp.scene import (
     FAMILIES,
-    INTEGRATORS,
     ControlScene,
     Measured,
     Scene,
@@ -51,17 +50,6 @@ def _announced(name: str) -> type[PlantModel]:
         raise InputError("no installed add-on provides this plant", key=f"plant.{name}")
     kind: type[PlantModel] = named_value(known[name])
     return kind
-
-
-class PlantIntegration(NamedTuple):
-    """Integration of a plant: name in ``INTEGRATORS``, steps per control period, fastest rate [1/s].
-
-    Plants of add-ons may have a name of their own.
-    """
-
-    name: str
-    substeps: int
-    radius: float
 
 
 class PlantModel(Remade):
@@ -461,25 +449,19 @@ class PlantModel(Remade):
         return PlantIntegration(*self.steps_for(period))
 
     def steps_for(self, period: float) -> tuple[str, int, float]:
-        """Method, steps per period and fastest rate, by the rates of some shapes at rest, contacts and damping."""
+        """Method, steps per period and fastest rate; plants of add-ons have their own."""
+        rate = self._fastest_rate()
+        return *cheapest_steps(self.elements, rate, period), rate
+
+    def _fastest_rate(self) -> float:
+        """Greatest eigenvalue of the motion [1/s] about some shapes at rest, where the model's numbers are finite."""
         system = self.elements
         w = self.forces(0.0)[0]
-        radius = 0.0
-        longest = system.finger_model.structure.partial_step
+        greatest = 0.0
         for q in system.finger_model.sample_shapes(self.start[: system.n])[:_SHAPES]:
             x = self.start.copy()
             x[: system.n] = q
-            a = np.array(self.linearization(x, self.rest_input, w, self.p)[0])
-            # A shape at which the model's numbers are not finite says nothing about the rate.
-            if np.all(np.isfinite(a)):
-                radius = max(radius, float(np.abs(np.linalg.eigvals(a)).max()))
-        if system.surroundings is not None or system.structure.has_law("damping"):
-            partial = system.structure.stiff_method() if system.structure.has_law("damping") else "ros2"
-            return partial, math.ceil(period / longest - 1e-9), radius
-        # 12.5: longest step of either method per that; on fingers of a hand it follows a step of the input to 1e-6
-        wanted = math.ceil(radius * period / INTEGRATORS["rk4"].target)
-        least = math.ceil(period / (12.5 * longest) - 1e-9)
-        # 40: sub-steps per control period up to which the explicit method is taken
-        if wanted <= max(40, least):
-            return "rk4", max(wanted, least, 1), radius
-        return system.structure.stiff_method(), max(least, 1), radius
+            slope = np.array(self.linearization(x, self.rest_input, w, self.p)[0])
+            if np.all(np.isfinite(slope)):
+                greatest = max(greatest, float(np.abs(np.linalg.eigvals(slope)).max()))
+        return greatest

@@ -26,9 +26,10 @@ from continuum_grasp.addons.planning.grid import MOST_ELEMENTS
 from continuum_grasp.addons.planning.guess import Path, Posture, final_postures, first_state_of_plan, smooth_path
 from continuum_grasp.addons.planning.motion import PlannedMotion
 from continuum_grasp.addons.planning.pressing import PressingPostures
-from continuum_grasp.addons.planning.problem import OneWay, PlanProblem
+from continuum_grasp.addons.planning.problem import PlanProblem
 from continuum_grasp.addons.planning.result import MotionPlan
 from continuum_grasp.addons.planning.scene import DurationRange, Goal, PlanScene
+from continuum_grasp.addons.planning.sliding import SlidingStarts
 from continuum_grasp.base import Array, InputError, NumericalError, interrupts_held
 from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings
 
@@ -57,17 +58,6 @@ pushes of a disc towards a gap took 58 to 173 iterations; by default none ended 
 stands were not solved when regularized (none of six)."""
 _SECOND = 2
 """Iterations of a second start of a press, per those that gave the first plan [1]."""
-_TURNED, _TURNED_BY = 0.9, 0.8
-"""Friction state from which on friction counts as turned around [1], and the latest node, per the number of intervals:
-the finger needs the rest of the motion to come to rest."""
-_MOST_TURNING = 60
-"""Most iterations from a motion in which friction turns around [1]: the plans of twenty random cases took up to 33."""
-_PACE = 0.85
-"""Share of the sliding of the smooth motion that tendons keep up at first [1]. A cheap plan waits and lets friction
-turn around late, where slopes of given friction are wrong: with 0.6, one of three releases was not solved."""
-_SLIDES = 5.0
-"""Sliding per presliding between first and last posture from which on tendons slide one way [1]; below, they may stick
-all along."""
 
 
 class PlanSearch:
@@ -94,7 +84,9 @@ class PlanSearch:
         self.pressing = PressingPostures(self.motion, self.x0, self.first)
         self.problem = self._usual = PlanProblem(self.motion, self.x0)
         """Problem of the best attempt, or of the last one."""
-        self.budget, options, size = Budget.of(scene.solver), scene.solver, self.problem.assembly.size
+        options = scene.solver
+        self.budget = Budget.of(options)
+        size = self.problem.assembly.size
         if scene.transcription == "single_shooting":
             size = scene.intervals * int(np.prod(self.motion.steps))
         if "max_total_iterations" not in options.model_fields_set:
@@ -122,7 +114,7 @@ class PlanSearch:
         # A motion that goes on has no rest to come to, and a reference may go to and fro.
         rests = self.scene.goal.end != "moving" and self.scene.objective != "tracking"
         if self.motion.friction_states and rests:
-            self._try_one_way()
+            self._try_sliding()
         if self.best is None and self.warm is not None and not self.over:
             w, multipliers = self._warm_start(self.warm)
             self._try("warm", w, _NEAR, multipliers)
@@ -174,8 +166,10 @@ class PlanSearch:
             barriers = (_NEAR, _AT_PLAN) if left.any() else (_AT_PLAN, _NEAR)
             starts = [("simulated", states, barrier) for barrier in barriers]
             for name, x, barrier in (*starts, ("as planned", planned_states, _AT_PLAN)):
-                self.best, start = None, finer.start(replace(path, x=x))
-                found = not self.over and self._try(f"{counts.sum()} elements, {name}", start, barrier, problem=finer)
+                self.best = None
+                title = f"{counts.sum()} elements, {name}"
+                start = finer.start(replace(path, x=x))
+                found = not self.over and self._try(title, start, barrier, problem=finer)
                 if found and (missed or not self._misses(self.attempts[-1][1])):
                     break
             else:
@@ -183,78 +177,21 @@ class PlanSearch:
                 self.best = best
                 return
 
-    def _try_one_way(self) -> None:
-        """Start with tendons that slide one way, up to rest.
-
-        Their friction is then given: the problem is smooth. Its solution is the start where friction has its states.
-        """
-        begin, end = (self.motion.slid(posture.q, posture.u) for posture in (self.first, self.last))
-        change = end - begin
-        count = len(self.motion.tendon_friction)
-        ways = np.where(np.abs(change) > _SLIDES, np.sign(change), 0.0)
-        if not ways.any():
-            return
-        now = self.x0[self.motion.friction_states]
-        # Of a straight finger friction of tendons is none, whatever its states; motors turn theirs around soon.
-        turns = (np.abs(begin[:count]) > _SLIDES) & (ways * now < _TURNED)[:count]
-        if (turns & (ways != 0.0)[:count]).any() or (ways * now < -_TURNED)[count:].any():
-            self._try_turning(change)
-            return
-        speed = float(np.abs(change).max()) / self.motion.first_duration
-        one_way = OneWay(ways, speed)
-        if self.warm is not None:
-            w = self._warm_start(self.warm)[0]
-        else:
-            w = self._usual.start(smooth_path(self.motion, self.x0, self.first, self.last))
-        self.problem = PlanProblem(self.motion, self.x0, one_way=replace(one_way, given=True))
-        smooth = self._solved(self.problem, w)
-        self.attempts.append(("friction one way", smooth))
-        if smooth.violation <= self.feasible and not self.over:
-            self._try("sliding one way", smooth.x, problem=PlanProblem(self.motion, self.x0, one_way=one_way))
-
-    def _try_turning(self, change: Array) -> None:
-        """Start from smooth motions in which friction turns around early; then tendons slide one way, up to rest.
-
-        ``change`` is the sliding of tendons per presliding from the first to the last posture.
-        """
-        time, intervals = self.motion.first_duration, self.scene.intervals
-        speed = float(np.abs(change).max()) / time
-        if self.warm is not None:
-            self._slide_on("warm", self._usual.path(self._warm_start(self.warm)[0]), speed)
-        if self.best is not None or self.over:
-            return
-        path = smooth_path(self.motion, self.x0, self.first, self.last)
-        tau = np.linspace(0.0, 1.0, intervals + 1)[:, None]
-        rate = 30.0 * tau**2 * (1.0 - tau) ** 2 / time * change
-        rate[int(_TURNED_BY * intervals) :] = 0.0  # while it comes to rest
-        self._slide_on("sliding one way", path, speed, rate)
-
-    def _slide_on(self, name: str, path: Path, speed: float, rate: Array | None = None) -> None:
-        """Start from the motion under the inputs of a path, if its tendons end sliding one way.
-
-        With ``rate`` (N + 1, states), their usual sliding per presliding [1/s], they keep up with it first: friction is
-        sliding friction, on which inputs have no effect. From there on they only do not slide back.
-        """
-        motion = self.motion
-        try:
-            path = replace(path, x=simulated(self.scene, motion.prediction, path, self.x0, 1))
-        except NumericalError:
-            return
-        friction = path.x[:, motion.friction_states]
-        sliding = np.vstack([np.zeros(friction.shape[1], dtype=bool), friction * np.sign(friction[-1]) >= _TURNED])
-        # Nodes since which tendons slide as they do at the end.
-        since = np.asarray(len(path.x) - np.argmin(sliding[::-1], axis=0), dtype=np.int64)
-        if since.max() > _TURNED_BY * self.scene.intervals:
-            return
-        one_way = OneWay(np.sign(friction[-1]), speed, since=since)
-        w = self._usual.start(path)
-        if rate is not None:
-            least = np.maximum(_PACE * one_way.ways * rate, 0.0)
-            keeping_up = PlanProblem(motion, self.x0, one_way=replace(one_way, least=least))
-            self._try(f"{name}, at least as fast", w, problem=keeping_up, most=_MOST_TURNING)
-            w = self.attempts[-1][1].x
-        if not self.over:
-            self._try(name, w, problem=PlanProblem(motion, self.x0, one_way=one_way), most=_MOST_TURNING)
+    def _try_sliding(self) -> None:
+        """Start with tendons that slide one way, up to rest."""
+        warm = None if self.warm is None else self._warm_start(self.warm)[0]
+        trials = SlidingStarts(self._usual, self.x0, self.first, self.last, self.feasible).trials(warm)
+        with suppress(StopIteration):
+            trial = next(trials)
+            while True:
+                if trial.is_plan:
+                    self._try(trial.name, trial.w, problem=trial.problem, most=trial.most)
+                else:
+                    self.problem = trial.problem
+                    self.attempts.append((trial.name, self._solved(trial.problem, trial.w)))
+                if self.over:
+                    return
+                trial = trials.send(self.attempts[-1][1])
 
     def _try_paths(self) -> None:
         """Start from paths, up to a plan that misses no goal; as long as none gave a plan, seek the least distance too.
