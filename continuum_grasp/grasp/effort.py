@@ -4,6 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from continuum_grasp.grasp.certificate.space import CREEPS
+
+LEAST_IN_SPACE = 1.05 * CREEPS
+"""Least eigenvalue of motions out of the plane that is asked for where an unstable grasp is made stable [E I / L]: more
+than the search's tolerance can undo."""
+LINKS = 12
+"""Links of the chains whose least eigenvalue is differentiated for that."""
 HELD = 3
 """Grasps from which another scene starts, such as one with stations, or next to which a robust one is sought: of nearby
 branches another may be best for it. Of robust ones with stations, that

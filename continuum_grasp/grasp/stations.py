@@ -20,10 +20,9 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.out_of_plane import stability_out_of_plane
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
-from continuum_grasp.grasp.certificate.space import CREEPS
 from continuum_grasp.grasp.certificate.stability import contact_stability
 from continuum_grasp.grasp.changes import FIRST
-from continuum_grasp.grasp.effort import FIRST_CAP
+from continuum_grasp.grasp.effort import FIRST_CAP, LEAST_IN_SPACE, LINKS
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, solver_for
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, ordered
@@ -154,10 +153,6 @@ def _better(search: GraspSearch, start: GraspStart, options_at: int = 2) -> bool
 
 LEAST = 1e-2
 """Least eigenvalue [E I / L] that is asked for: well above what changes of the last digits can undo."""
-LEAST_IN_SPACE = 1.05 * CREEPS
-"""Least eigenvalue of motions out of the plane that is asked for [E I / L]."""
-LINKS = 12
-"""Links of the chains whose least eigenvalue is differentiated."""
 ROUNDS = 12
 """Linearizations from one unstable grasp."""
 _STEP = 1e-5

@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.base import Array, InputError, check_arguments
 from continuum_grasp.model.functions import Model, named
-from continuum_grasp.model.layout import WIDEST
 from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import column, matrix
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.scene import Finger, FingerScene
+from continuum_grasp.scene import Fidelity, Finger, FingerScene
 
 
 class FingerModel(Model):
@@ -308,7 +307,7 @@ class FingerModel(Model):
                 warnings.append(
                     f"element {k + 1} is bent beyond its declared range of {reach:.3g} rad{first(beyond)} "
                     f"(greatest: {use[:, k].max():.2f} times the range), where the model loses its accuracy: "
-                    f"{'take more elements' if reach >= WIDEST else 'raise fidelity.bending_range'}"
+                    f"{'take more elements' if reach >= Fidelity.WIDEST else 'raise fidelity.bending_range'}"
                 )
         return tuple(warnings)
 

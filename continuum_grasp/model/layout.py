@@ -37,8 +37,6 @@ MOST_ELEMENTS = 128
 """Most elements [1]: four times as many as a tolerance ever chooses, and the expressions grow with the square."""
 _FINE = 400
 """Parts of each smooth part of a rod over which its waves are counted [1]: boundaries are then off by 1e-5 of it."""
-WIDEST = 20.0
-"""Greatest bending range [rad]: the series for arcs are then off by 5e-9, by cancellation; at one turn by 4e-15."""
 
 
 def element_lengths(
@@ -182,8 +180,8 @@ def element_ranges(lengths: Sequence[float], bending_range: float | None, finger
     more than thick ones, and each by its share where there are stops, or as far as these let it, up to 20 rad.
     """
     if bending_range is not None:
-        if not 0.0 < bending_range <= WIDEST:
-            message = f"expected a positive number of radians, up to {WIDEST:g}, got {bending_range}"
+        if not 0.0 < bending_range <= Fidelity.WIDEST:
+            message = f"expected a positive number of radians, up to {Fidelity.WIDEST:g}, got {bending_range}"
             raise InputError(message, key="bending_range")
         return tuple(bending_range for _ in lengths)
     ends = np.cumsum([0.0, *lengths])
@@ -201,7 +199,7 @@ def element_ranges(lengths: Sequence[float], bending_range: float | None, finger
     # A long element among short ones has more than its share of the number.
     shares = np.maximum(1.0 / len(lengths), parts / parts.sum())
     allowed = np.minimum(WHOLE_RANGE * shares, Fidelity.DEFAULT_RANGE)
-    allowed = np.maximum(allowed, np.minimum(_beyond_stops(finger, lengths), WIDEST))
+    allowed = np.maximum(allowed, np.minimum(_beyond_stops(finger, lengths), Fidelity.WIDEST))
     return tuple(np.minimum(allowed, limits * lengths).tolist())
 
 

@@ -34,6 +34,8 @@ class Fidelity(Value):
 
     DEFAULT_RANGE: ClassVar = 2.0 * math.pi / 3.0
     """Bending range of one element by default [rad]; equation (44) of the paper."""
+    WIDEST: ClassVar = 20.0
+    """Greatest bending range [rad]: the series for arcs are then off by 5e-9, by cancellation; at one turn by 4e-15."""
 
     tolerance: Annotated[float, Field(ge=1e-9, le=0.5, examples=[0.005, "0.5 %"]), Unit("1")] | None = None
     """Greatest error of position per length, and of frequency where the scene moves [1], such as 0.005 or 0.5 %.
@@ -49,7 +51,7 @@ class Fidelity(Value):
     """Number of elements, or their lengths from base to tip [m]; None: two, or one per segment between contacts and
     jumps of the rest curvature; with stops as many, up to 16, as bend by one turn at most where links touch. For a
     grasp None is eight, or 16 where exact rods take clearly other forces."""
-    bending_range: Annotated[float, Field(ge=1e-3, le=20.0, examples=[2.5]), Unit("rad")] | None = None
+    bending_range: Annotated[float, Field(ge=1e-3, le=WIDEST, examples=[2.5]), Unit("rad")] | None = None
     """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature); None: 2 pi / 3, or
     less where there are more than four elements, which share 8 pi / 3, or the strain limit allows less;
     with stops 1.5 times the bend at which links touch where that is more, up to 20 rad."""

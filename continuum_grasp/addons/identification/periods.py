@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from os import PathLike
+from statistics import NormalDist
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -197,8 +198,9 @@ class Periods:
         count = int(np.isfinite(normalized).sum())
         known = np.nan_to_num(normalized)
         alike = float(middle(np.ones((*known.shape, 1)), known)[0].item()) / float(np.sum(known**2))
-        # 3.84: twice the logarithm of a ratio of likelihoods, by which intervals of 95 % end
-        allowed = left[k] + 3.84 * max(left[k], 1.0) * max(alike, 1.0) / count
+        # Twice the logarithm of a ratio of likelihoods, by which intervals of 95 % end.
+        ratio = NormalDist().inv_cdf(0.975) ** 2
+        allowed = left[k] + ratio * max(left[k], 1.0) * max(alike, 1.0) / count
         fine = np.linspace(0.0, float(ages[-1]), 100 * int(ages[-1]) + 1)
         inside = fine[np.interp(fine, ages, left) <= allowed]
         best = float(k)

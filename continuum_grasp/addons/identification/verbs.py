@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from statistics import NormalDist
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -168,10 +169,10 @@ def show_plan(design: Callable[[Callable[[float], None]], ExperimentPlan], outpu
         output.table(("segment", "from", "to", "shows"), *segments, left=(3,))
         output.say("")
     columns = plan.names, plan.values, plan.before, plan.deviations, plan.units, plan.shown_by
+    half = NormalDist().inv_cdf(0.975)  # of a 95 % interval, per standard deviation
     rows = []
     for name, value, *deviations, unit, shown in zip(*columns, strict=True):
-        # 1.96: half of a 95 % interval per standard deviation
-        intervals = [f"+/- {1.96 * deviation:.2g}" for deviation in deviations]
+        intervals = [f"+/- {half * deviation:.2g}" for deviation in deviations]
         rows.append((name, f"{value:.4g}", *intervals, unit, shown))
     output.table(("unknown", "assumed", "95 % now", "95 % then", "unit", "shown best by"), *rows, left=(5,))
     output.conclude(plan, files, **plan.details())

@@ -189,8 +189,7 @@ class _Task:
         free = [
             length * self._greatest_curvature(a, b) for length, a, b in zip(lengths, edges, edges[1:], strict=False)
         ]
-        # 20.0: greatest bending range that a scene may declare [rad]
-        reach = min(_MARGIN * max(free), max(lengths) * finger.curvature_limit, 20.0)
+        reach = min(_MARGIN * max(free), max(lengths) * finger.curvature_limit, mission.plant.fidelity.WIDEST)
         turn = mission.turn
         cost: dict[str, Any] = {
             "bending": asked.posture,

@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.certificate.space import CREEPS, held_directions
+from continuum_grasp.grasp.certificate.space import held_directions
+from continuum_grasp.grasp.effort import LEAST_IN_SPACE, LINKS
 from continuum_grasp.grasp.hand.certificate import HandCertificate, certify_hand
 from continuum_grasp.grasp.hand.parts import Aims
 from continuum_grasp.grasp.hand.problem import hand_problem
@@ -21,12 +22,8 @@ from continuum_grasp.grasp.hand.recomputed import RecomputedHand
 from continuum_grasp.grasp.hand.search import HandSearch, HandTried
 from continuum_grasp.grasp.hand.stability import HandSystem, steadying_system
 
-WANTED = 1.05 * CREEPS
-"""Least eigenvalue that is asked for, in E I / L: more than what the search's tolerance can undo."""
 ROUNDS = 10
 """Linearizations from one grasp."""
-LINKS = 12
-"""Links of the chains whose least eigenvalue is differentiated."""
 _STEP = 1e-6
 """Step of a difference, in units of the problem."""
 
@@ -40,7 +37,7 @@ def steadied(search: HandSearch, tried: HandTried, certificate: HandCertificate)
         value = certificate.stability.eigenvalue
         if search.budget.over or certificate.stability.stable or not np.isfinite(slope).all():
             return
-        wanted = value + share * (WANTED - value)
+        wanted = value + share * (LEAST_IN_SPACE - value)
         level = wanted - value + float(slope @ tried.attempt.x)
         found = search.next_to(tried, problem, problem.steadying(slope, level))
         better = found.attempt.converged

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.plotting.drawing.bodies import mass_positions, masses_of
-from continuum_grasp.plotting.drawing.style import SCREEN, Color, Z
+from continuum_grasp.plotting.drawing.style import Color, Inch, Z
 from continuum_grasp.plotting.drawing.styled_axes import Box, StyledAxes
 
 if TYPE_CHECKING:
@@ -27,8 +27,8 @@ class Film:
     def __init__(self, box: Box, width: int) -> None:
         across = 2 * max(1, width // 2)
         high = 2 * round(((across - _BESIDE) * (box[3] - box[2]) / (box[1] - box[0]) + _BELOW) / 2)
-        self._figure = StyledAxes.figure(across / SCREEN, high / SCREEN)
-        self._figure.set_dpi(SCREEN)
+        self._figure = StyledAxes.figure(across / Inch.PIXELS, high / Inch.PIXELS)
+        self._figure.set_dpi(Inch.PIXELS)
         self.ax = StyledAxes.plane(self._figure.add_subplot(), box).ax
 
     def line(self, *marker: str, **style: Any) -> Line2D:

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from continuum_grasp.plotting.drawing.style import SCREEN, Color, plain, quiet
+from continuum_grasp.plotting.drawing.style import Color, Inch, plain, quiet
 
 
 class ShownFigure(Figure):
@@ -56,7 +56,7 @@ class ShownFigure(Figure):
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
         buffer = io.BytesIO()
         self.savefig(buffer, format="png", dpi=self.dpi)
-        wide, high = (round(SCREEN * float(size)) for size in self.get_size_inches())
+        wide, high = (round(Inch.PIXELS * float(size)) for size in self.get_size_inches())
         return buffer.getvalue(), {"width": wide, "height": high}
 
 

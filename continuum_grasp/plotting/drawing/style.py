@@ -75,8 +75,43 @@ FORBIDDEN: dict[str, Any] = {"facecolor": "#F3D3C7", "edgecolor": "#C25B36", "li
 """Zones that must not be entered."""
 
 
-SCREEN = 100
-"""Pixels per inch of a screen: labels of 9 points are 12 pixels high, as the text of a notebook."""
+class Font:
+    """Sizes of letters [points]."""
+
+    TEXT = 9.0
+    SMALL = 8.0
+    PER_INCH = 15.5
+    """Small letters per inch: most sentences take a little less."""
+
+
+class Inch:
+    """Sizes on a page [inch]."""
+
+    PIXELS = 100
+    """Pixels of a screen: letters of 9 points are 12 pixels high, as the text of a notebook."""
+    DRAWING = (4.8, 5.4)
+    """Greatest width and height of a drawing: on a small screen, where a page shows it alone, labels are read."""
+    LEFT = 0.65
+    BELOW = 0.55
+    """Margins for the axes' ticks and labels."""
+    ABOVE = 0.22
+    """Margin above a title."""
+    LINE = 0.2
+    """A line of a title."""
+    BETWEEN = 0.3
+    """Distance of a drawing to the numbers beside it."""
+    PANEL = 2.9
+    """Width of numbers in four columns."""
+    ROW = 0.17
+    """Height of a row of them: 12 points."""
+    DISCS = 0.9
+    """Height of a row of discs of friction."""
+    POLYGON = 2.05
+    """Side of the forces that are resisted."""
+    SPACE = 4.6
+    """Side of a view in space."""
+    PLANE = 2.7
+    """Side of a view of a plane beside it."""
 
 
 class Z:

@@ -10,21 +10,17 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.plotting.drawing.bodies import draw_body, finger_outline
 from continuum_grasp.plotting.drawing.forces import draw_arrow
-from continuum_grasp.plotting.drawing.style import MATERIAL, Color, Z, plain
+from continuum_grasp.plotting.drawing.style import MATERIAL, Color, Inch, Z, plain
 from continuum_grasp.plotting.drawing.styled_axes import StyledAxes, wrapped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_SPACE, _PLANE = 4.6, 2.7
-"""Side of the view in space, and of each plane [inch]."""
 _SUPPORT = MATERIAL["edgecolor"]
 _VIEW = 18.0, -50.0
 """Elevation and azimuth from which the hand is seen [deg]."""
 _LIGHT = 160.0, 45.0
 """Azimuth and altitude of the light, as matplotlib counts them [deg]."""
-_LAYERS = 1.0, 2.0, 3.0, 4.0
-"""Orders of drawing in space: behind the object, the object, before it, forces."""
 _ARROW = 0.35
 """Length of the greatest force, per length of the longest finger [1]."""
 
@@ -41,11 +37,11 @@ def plot_hand(result: Any) -> list[Axes]:
     scene = result.scene
     columns = 2 if len(scene.setups) in (2, 4) else min(len(scene.setups), 3)
     rows = math.ceil(len(scene.setups) / columns)
-    figure = StyledAxes.figure(_SPACE + columns * _PLANE, max(_SPACE, rows * _PLANE) + 0.5)
-    grid = figure.add_gridspec(rows, columns + 1, width_ratios=[1.15 * _SPACE / _PLANE, *[1.0] * columns])
+    figure = StyledAxes.figure(Inch.SPACE + columns * Inch.PLANE, max(Inch.SPACE, rows * Inch.PLANE) + 0.5)
+    grid = figure.add_gridspec(rows, columns + 1, width_ratios=[1.15 * Inch.SPACE / Inch.PLANE, *[1.0] * columns])
     space: Any = figure.add_subplot(grid[:, 0], axes_class=Axes3D)
     title = f"{plain(scene.name or 'hand')}: {result.status.word}"
-    figure.suptitle(wrapped(title, _SPACE + columns * _PLANE), fontsize=10, color=Color.INK, x=0.02, ha="left")
+    figure.suptitle(wrapped(title, Inch.SPACE + columns * Inch.PLANE), fontsize=10, color=Color.INK, x=0.02, ha="left")
     lines = {s.name: result.arrays[f"{s.name}.backbone"] for s in scene.setups if result.arrays}
     scale = _arrow_scale(result)
     _draw_space(space, result, lines, scale)
@@ -92,7 +88,7 @@ def _draw_space(ax: Any, result: Any, lines: dict[str, Array], scale: float) -> 
     ax.computed_zorder = False  # by the depth of whole surfaces, which passes fingers through an object that they touch
     ax.view_init(elev=_VIEW[0], azim=_VIEW[1])
     look = {"linewidth": 0.0, "lightsource": LightSource(azdeg=_LIGHT[0], altdeg=_LIGHT[1])}
-    ax.plot_trisurf(*surface.T, triangles=triangles, color=Color.OBJECT, alpha=0.75, zorder=_LAYERS[1], **look)
+    ax.plot_trisurf(*surface.T, triangles=triangles, color=Color.OBJECT, alpha=0.75, zorder=Z.OBJECT, **look)
     boxes = [surface]
     for support in scene.supports:
         patch = 1e3 * _patch(scene, support)
@@ -110,7 +106,7 @@ def _draw_space(ax: Any, result: Any, lines: dict[str, Array], scale: float) -> 
     for contact in result.contacts:
         start = 1e3 * contact.position
         push = -1e3 * scale * contact.force
-        ax.quiver(*(start - push), *push, color=Color.INK, linewidth=1.4, arrow_length_ratio=0.25, zorder=_LAYERS[3])
+        ax.quiver(*(start - push), *push, color=Color.INK, linewidth=1.4, arrow_length_ratio=0.25, zorder=Z.FORCE)
     low, high = (getattr(np.concatenate(boxes), side)(axis=0) for side in ("min", "max"))
     center = 0.5 * (low + high)
     reach = 0.5 * float((high - low).max())
@@ -129,7 +125,7 @@ def _layer(points: Array, surface: Array) -> float:
     up, around = np.radians(_VIEW)
     toward = np.array([math.cos(up) * math.cos(around), math.cos(up) * math.sin(around), math.sin(up)])
     nearer = points.reshape(-1, 3).mean(axis=0) - surface.reshape(-1, 3).mean(axis=0)
-    return _LAYERS[2] if float(nearer @ toward) > 0.0 else _LAYERS[0]
+    return Z.SHAPE if float(nearer @ toward) > 0.0 else Z.SUPPORT
 
 
 def _patch(scene: Any, support: Any) -> Array:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.plotting.drawing.style import Z
+from continuum_grasp.plotting.drawing.style import Font, Z
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,14 +19,29 @@ _CELL = 2.0
 """Side of a cell of the map of taken places [points]: as wide as the widest line."""
 _TURNS = np.linspace(0.0, math.tau, 32, endpoint=False)
 """Directions in which a label is tried."""
-_NEAR, _FAR, _STEP = 7.0, 170.0, 7.0
-"""Distances of a label from what it names that are tried [points]: up to half of the drawing, by a line's height."""
-_ASIDE, _DRAWN, _WRITTEN, _TOUCHING, _CROSSED = 9.0, 400.0, 2000.0, 250.0, 60.0
-_ON_BODY, _OVER = 80.0, 0.5
-"""Costs of a place, as points of distance: pointing away from the wished side, share of it on the drawing and on other
-labels, touching either at all, a leader over a label; standing on a body, for labels that would rather not, and each
-point of a leader over the drawing. A label on another cannot be read: any distance is better.
-"""
+_LINE = 7.0
+"""Height of a line [points]: the least distance of a label from what it names, and the step to the next one."""
+_FAR = 170.0
+"""Greatest distance that is tried [points]: half of the drawing."""
+
+
+class _Cost:
+    """Costs of a place, as points of distance; a label on another cannot be read, so that any distance is better."""
+
+    ASIDE = 9.0
+    """Pointing away from the wished side."""
+    DRAWN = 400.0
+    """Share of the label on the drawing."""
+    WRITTEN = 2000.0
+    """Share of the label on other labels."""
+    TOUCHING = 250.0
+    """Touching either at all."""
+    CROSSED = 60.0
+    """A leader over a label."""
+    ON_BODY = 80.0
+    """Standing on a body, for labels that would rather not."""
+    OVER = 0.5
+    """Each point of a leader over the drawing."""
 
 
 class Label(NamedTuple):
@@ -78,8 +93,7 @@ class _Sheet:
 
     def write(self, label: Label) -> None:
         """Place one label and mark its box as taken."""
-        # 8.0: size of labels [points]
-        look: dict[str, Any] = {"color": label.color, "fontsize": 8.0, "multialignment": "center"}
+        look: dict[str, Any] = {"color": label.color, "fontsize": Font.SMALL, "multialignment": "center"}
         look |= {"linespacing": 1.15, "ha": "center", "va": "center", "zorder": Z.LABEL}
         text = self.ax.text(0, 0, label.text, **look)
         shown = text.get_window_extent()
@@ -90,14 +104,14 @@ class _Sheet:
         if np.any(label.away):
             way = self.points.transform(label.at + label.away) - at
             wanted = math.atan2(way[1], way[0])
-        center = self._best(at, half, wanted, 0.0 if label.on_body else _ON_BODY)
+        center = self._best(at, half, wanted, 0.0 if label.on_body else _Cost.ON_BODY)
         x, y = self.points.inverted().transform(center)
         text.set_position((float(x), float(y)))
         low = self._cells(center - half)
         high = self._cells(center + half)
         self.texts[low[0] : high[0] + 1, low[1] : high[1] + 1] = True
         end = np.clip(at, center - half, center + half)
-        if float(np.hypot(*(end - at))) > 1.6 * _NEAR:  # at all places but the nearest
+        if float(np.hypot(*(end - at))) > 1.6 * _LINE:  # at all places but the nearest
             path = np.array([label.at, self.points.inverted().transform(end)])
             look = {"color": label.color, "linewidth": 0.7, "alpha": 0.8, "zorder": Z.LEADER}
             self.ax.plot(*path.T, scalex=False, scaley=False, **look)
@@ -108,9 +122,9 @@ class _Sheet:
         ways = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1)
         edges = (half / np.maximum(np.abs(ways), 1e-9)).min(axis=1)
         aside = 0.0 * _TURNS if wanted is None else 1.0 - np.cos(_TURNS - wanted)
-        distances = np.arange(_NEAR, _FAR, _STEP)
+        distances = np.arange(_LINE, _FAR, _LINE)
         centers = at + (distances[None, :, None] + edges[:, None, None]) * ways[:, None, :]
-        costs = (distances[None, :] + _ASIDE * aside[:, None]).ravel()
+        costs = (distances[None, :] + _Cost.ASIDE * aside[:, None]).ravel()
         centers = centers.reshape(-1, 2)
         inside = ((centers >= half) & (centers + half <= self.size)).all(axis=1)
         if not inside.any():
@@ -118,7 +132,7 @@ class _Sheet:
         centers, costs = centers[inside], costs[inside]
         low, high = centers - half, centers + half
         drawn, written, bodies = (self._share(map_, low, high) for map_ in (self.taken, self.texts, self.bodies))
-        costs += _DRAWN * drawn + _WRITTEN * written + np.where(drawn + written > 0, _TOUCHING, 0.0)
+        costs += _Cost.DRAWN * drawn + _Cost.WRITTEN * written + np.where(drawn + written > 0, _Cost.TOUCHING, 0.0)
         costs += np.where(bodies > 0, on_body, 0.0) + self._crossed(at, np.clip(at, low, high))
         return np.asarray(centers[np.argmin(costs)])
 
@@ -128,8 +142,8 @@ class _Sheet:
         x, y = np.moveaxis(self._cells(start + along * (ends - start)), -1, 0)
         cells = np.hypot(*(ends - start).T) / _CELL
         return np.asarray(
-            _CROSSED * np.minimum(4.0, self.texts[x, y].mean(axis=0) * cells)
-            + _OVER * _CELL * self.taken[x, y].mean(axis=0) * cells
+            _Cost.CROSSED * np.minimum(4.0, self.texts[x, y].mean(axis=0) * cells)
+            + _Cost.OVER * _CELL * self.taken[x, y].mean(axis=0) * cells
         )
 
     def _share(self, taken: Array, low: Array, high: Array) -> Array:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp.base import Array, InputError, amount_text, prefixed
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_object, draw_supports, finger_outline
 from continuum_grasp.plotting.drawing.bodies import object_outlines as outlines_of
-from continuum_grasp.plotting.drawing.style import Color
+from continuum_grasp.plotting.drawing.style import Color, Inch
 from continuum_grasp.plotting.drawing.styled_axes import StyledAxes, bend_box
 from continuum_grasp.plotting.grasp.view import GraspView
 
@@ -92,7 +92,7 @@ def plot_friction(result: GraspResult, *, ax: Axes | None = None) -> Axes:
 
     view = GraspView(result)
     rows = friction_rows(view)
-    ax = StyledAxes.on(ax, 2.9, 0.9 * max(rows, 1) + 0.2).ax
+    ax = StyledAxes.on(ax, Inch.PANEL, Inch.DISCS * max(rows, 1) + 0.2).ax
     ax.set_axis_off()
     ax.set_aspect("equal", adjustable="box", anchor="NW")
     ax.set_xlim(0.0, DISCS * _PITCH)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp.base import Array, amount_text, prefixes
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_object, draw_supports, side_path
 from continuum_grasp.plotting.drawing.forces import draw_arrow
-from continuum_grasp.plotting.drawing.style import Color, Z, plain
+from continuum_grasp.plotting.drawing.style import Color, Font, Inch, Z, plain
 from continuum_grasp.plotting.drawing.styled_axes import StyledAxes, wrapped
 from continuum_grasp.plotting.grasp.labels import Label, place_labels
 from continuum_grasp.plotting.grasp.margins import (
@@ -34,12 +34,6 @@ if TYPE_CHECKING:
     from continuum_grasp.scene import Tendon
 
 
-_DRAWING = (4.8, 5.4)
-"""Greatest width and height of the drawing [inch]: on a small screen, where a page shows it alone, labels are read."""
-_LEFT, _BELOW, _ABOVE, _LINE = 0.65, 0.55, 0.22, 0.2
-"""Margins for the axes' ticks and labels, above the title, and for each of its lines [inch]."""
-_BETWEEN, _PANEL, _POLYGON = 0.3, 2.9, 2.05
-"""Distance to the numbers, their width for four columns, and the side of the resisted forces below them [inch]."""
 _FAILED = "#A03000"
 """Color of the title where there is no grasp: a red that is read on white."""
 _DRAWN = {
@@ -49,8 +43,6 @@ _DRAWN = {
     "": "the scene as it starts",
 }
 """Names of a picture where there is no grasp, by the answer of its result."""
-_LETTERS = 15.5
-"""Letters per inch of what stands beside the drawing: most sentences take a little less."""
 
 
 def plot_grasp(
@@ -95,33 +87,31 @@ def _sheet(view: GraspView, numbers: bool, resisted: ArrayLike | bool) -> Axes:
     if isinstance(resisted, bool):
         resisted = view.result.quality.resistance_polygon if resisted and rows and view.result.solved else np.zeros(0)
     sides = np.diff(np.reshape(view.box, (2, 2))).ravel()
-    size = sides * min(np.array(_DRAWING) / sides)
+    size = sides * min(np.array(Inch.DRAWING) / sides)
     polygon = bool(rows) and resistance_extremes(resisted)[1] > 0
-    # 0.9: height of a row of discs of friction [inch]
-    discs = 0.9 * friction_rows(view) + 0.4 if rows and view.scene.spatial and view.contacts else 0.0
-    # 0.17: height of a row [inch]
-    text = 0.17 * len(rows)
-    beside = _BETWEEN + _PANEL if rows else 0.0
-    width = float(_LEFT + size[0] + beside + 0.15)
+    discs = Inch.DISCS * friction_rows(view) + 0.4 if rows and view.scene.spatial and view.contacts else 0.0
+    text = Inch.ROW * len(rows)
+    beside = Inch.BETWEEN + Inch.PANEL if rows else 0.0
+    width = float(Inch.LEFT + size[0] + beside + 0.15)
     title = _title(view.result, float(size[0]))
-    above = _ABOVE + _LINE * len(title.splitlines())
-    tall = max(size[1], text + discs + (_POLYGON + 1.0 if polygon else 0.0))
-    height = float(_BELOW + tall + above)
+    above = Inch.ABOVE + Inch.LINE * len(title.splitlines())
+    tall = max(size[1], text + discs + (Inch.POLYGON + 1.0 if polygon else 0.0))
+    height = float(Inch.BELOW + tall + above)
     figure = StyledAxes.figure(width, height, layout=None)
-    ax = _at(figure, _LEFT, height - above - size[1], size[0], size[1])
+    ax = _at(figure, Inch.LEFT, height - above - size[1], size[0], size[1])
     ax.set_anchor("NW")
     ax.set_title(title, **_title_style(view.result))
-    right = _LEFT + size[0] + _BETWEEN
+    right = Inch.LEFT + size[0] + Inch.BETWEEN
     top = height - above
     if rows:
-        _write_panel(_at(figure, right, top - text, _PANEL, text), rows)
+        _write_panel(_at(figure, right, top - text, Inch.PANEL, text), rows)
     if discs:
-        plot_friction(view.result, ax=_at(figure, right, top - text - discs, _PANEL, discs - 0.15)).set_label(
+        plot_friction(view.result, ax=_at(figure, right, top - text - discs, Inch.PANEL, discs - 0.15)).set_label(
             "friction"
         )
     if polygon:
-        below = top - text - discs - 0.6 - _POLYGON
-        forces = _at(figure, right + 0.55, below, _POLYGON, _POLYGON)
+        below = top - text - discs - 0.6 - Inch.POLYGON
+        forces = _at(figure, right + 0.55, below, Inch.POLYGON, Inch.POLYGON)
         plot_resistance(resisted, ax=forces).set_label("resisted")
         # the title begins above the labels of the y axis
         forces.set_title(resistance_words(resisted), fontsize=8, color=Color.INK, loc="left", x=-0.26)
@@ -290,8 +280,6 @@ def _draw_scale(ax: Axes, view: GraspView) -> list[Array]:
     return [np.array([[begin, bottom], [right, bottom], [right, end], [begin, end]])]
 
 
-_SIZE = 8.0
-"""Size of the font [points]: a row of 0.17 inch is 12 points high."""
 Row = tuple[tuple[str, str], ...]
 
 
@@ -303,7 +291,7 @@ def _panel_rows(view: GraspView) -> list[Row]:
     result = view.result
     if not result.verified:
         # 6: number of repairs written beside the drawing; the report has all
-        repairs = [textwrap.wrap(reason.repair, int(_LETTERS * _PANEL)) for reason in result.reasons[:6]]
+        repairs = [textwrap.wrap(reason.repair, int(Font.PER_INCH * Inch.PANEL)) for reason in result.reasons[:6]]
         head: list[Row] = [(("any one of these repairs it", Color.SLATE),)] if repairs else []
         return [*head, *(((line, Color.INK),) for lines in repairs for line in ("", *lines))]
     of_tensions, of_contacts = result.force_units
@@ -336,9 +324,9 @@ def _write_panel(ax: Axes, rows: list[Row]) -> None:
     ax.set_ylim(len(rows), 0.0)
     columns = max(len(row) for row in rows) - 1
     # 6: digits that stand apart in a column, which words above them do as they are
-    size = _SIZE * 6.0 / max([6, *(len(text) for row in rows for text, color in row[1:] if color == Color.INK)])
+    size = Font.SMALL * 6.0 / max([6, *(len(text) for row in rows for text, color in row[1:] if color == Color.INK)])
     for k, row in enumerate(rows):
-        ax.text(0.0, k + 0.5, row[0][0], color=row[0][1], fontsize=_SIZE, va="center")
+        ax.text(0.0, k + 0.5, row[0][0], color=row[0][1], fontsize=Font.SMALL, va="center")
         for j, (text, color) in enumerate(row[1:]):
             right = 1.0 - 0.175 * (columns - 1 - j)  # columns of half an inch
             ax.text(
@@ -346,7 +334,7 @@ def _write_panel(ax: Axes, rows: list[Row]) -> None:
                 k + 0.5,
                 text,
                 color=color,
-                fontsize=size if color == Color.INK else _SIZE,
+                fontsize=size if color == Color.INK else Font.SMALL,
                 ha="right",
                 va="center",
             )
