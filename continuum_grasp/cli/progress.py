@@ -25,7 +25,8 @@ class Progress:
 
     def __call__(self, share: float | None, what: str | None = None) -> None:
         """Note the share, and the current work where it says more than the work's name."""
-        self.share, self.what = share, what or self.what
+        self.share = share
+        self.what = what or self.what
 
 
 @contextmanager

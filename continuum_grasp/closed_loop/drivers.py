@@ -214,7 +214,8 @@ def alarm(watchdog: float) -> Iterator[Callable[[bool], object]]:
 @contextmanager
 def real_time(asked: RealTime) -> Iterator[tuple[str, ...]]:
     """Ask the operating system, say what it granted, and give it back."""
-    said, undo = list[str](), ExitStack()
+    said = list[str]()
+    undo = ExitStack()
 
     def ask(what: str, wanted: bool, do: Any, back: Any) -> None:
         if not wanted:

@@ -260,7 +260,8 @@ class _Loop:
         self.jitter = list[float]()
         self.latency = list[float]()
         self.overruns = self.skipped = 0
-        self.status, self.health = dict.fromkeys(CommandStatus, 0), dict.fromkeys(Health, 0)
+        self.status = dict.fromkeys(CommandStatus, 0)
+        self.health = dict.fromkeys(Health, 0)
         self.ended = "finished"
         self.cause = "the duration is over"
         self.arm: Callable[[bool], object] = lambda on: None

@@ -129,7 +129,8 @@ class Plant:
         self._past_t = np.concatenate([self._past_t[needed], instants])
         self._past_x = np.concatenate([self._past_x[needed], states[1:]])
         self._past_u = np.concatenate([self._past_u[needed], np.tile(command, (substeps, 1))])
-        self.x, self.t = states[-1], self.t + self.period
+        self.x = states[-1]
+        self.t = self.t + self.period
 
     @property
     def command(self) -> Array:
@@ -197,7 +198,8 @@ class Sensors:
         self._rng = np.random.default_rng(scene.plant.seed if seed is None else seed)
         if scene.estimator is None:
             self.names: tuple[str, ...] = prediction.x_names
-            self.delay, self.std = 0.0, np.zeros(len(self.names))
+            self.delay = 0.0
+            self.std = np.zeros(len(self.names))
             self.value = plant.function("state", y=_nearest_state(plant, prediction))
             return
         by_sensor = plant.sensor_expressions(scene.estimator.measured, prediction)

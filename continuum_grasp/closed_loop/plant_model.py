@@ -102,13 +102,18 @@ class PlantModel(Remade):
         lagging = [Lag(self._order).names(name) for name in self.u_names[: self._lags]]
         self.x_names = (*self.system.x_names, *(name for names in zip(*lagging, strict=True) for name in names))
         self.w_names = (*self.system.w_names, *([self.FALL] if falls else []))
-        self.nx, self.nu, self.nw = len(self.x_names), len(self.u_names), len(self.w_names)
-        self._x, self._u = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu)
-        self._w, self._p = ca.SX.sym("w", self.nw), ca.SX.sym("p", self.system.np + varied_lag)
+        self.nx = len(self.x_names)
+        self.nu = len(self.u_names)
+        self.nw = len(self.w_names)
+        self._x = ca.SX.sym("x", self.nx)
+        self._u = ca.SX.sym("u", self.nu)
+        self._w = ca.SX.sym("w", self.nw)
+        self._p = ca.SX.sym("p", self.system.np + varied_lag)
         self.command = self._u
         self.symbols = (self._x, self._u, self._w, self._p)
         # What equations of the system take: loads that it knows, and parameters as they are by now.
-        self._loads, self._now = self._w[: self.system.nw], ca.SX(self._p[: self.system.np])
+        self._loads = self._w[: self.system.nw]
+        self._now = ca.SX(self._p[: self.system.np])
         if falls:
             self._now[self.finger_parameters + self.object_parameters.index("friction_factor")] *= 1.0 - self._w[-1]
         self.p: Array = np.array(self.system.p_nominal)
@@ -291,7 +296,8 @@ class PlantModel(Remade):
         if self.scene.object is None or not self.scene.object_moves:
             return ca.SX(4, 1)
         pose, (along, across) = self.object_pose, self.scene.object.com
-        c, s = ca.cos(pose[2]), ca.sin(pose[2])
+        c = ca.cos(pose[2])
+        s = ca.sin(pose[2])
         arms = point - (pose[:2] + ca.vertcat(c * along - s * across, s * along + c * across))
         moments = arms[0, :] * force[1, :] - arms[1, :] * force[0, :]
         return ca.vertcat(ca.sum2(force), ca.sum2(moments), ca.sum1(ca.vec(lift)))

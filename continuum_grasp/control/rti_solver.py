@@ -101,7 +101,8 @@ class RtiSolver(CompiledController):
         check_gaps: bool = False,
         deadline: float = math.inf,
     ) -> None:
-        self.problem, s = problem, replace(problem.stages, checks_gaps=check_gaps)
+        self.problem = problem
+        s = replace(problem.stages, checks_gaps=check_gaps)
         near_zero = np.clip(np.zeros(s.nu), s.u_min, s.u_max)
         self.safe = near_zero if safe is None else named("safe", safe, s.u_names, near_zero)
         if np.any(self.safe < s.u_min) or np.any(self.safe > s.u_max):

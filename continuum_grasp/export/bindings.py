@@ -22,7 +22,8 @@ def _interface(contents: Contents) -> dict[str, object]:
     structs = {s.name: [[f.name, list(f.shape), "real", f.unit] for f in s.fields] for s in contents.structs}
     if any(function.types[0] == "controller" for function in contents.stateful):
         structs["diagnosis"] = [[number.exported, [], number.kind, number.text] for number in ControlParts.diagnosis]
-    functions, stateful = dict[str, object](), dict[str, object]()
+    functions = dict[str, object]()
+    stateful = dict[str, object]()
     for call in contents.calls:
         functions[call.name] = {
             "text": call.text,

@@ -201,7 +201,9 @@ def _expm1(x: Array, n: SimpleNamespace) -> Array:
 
 
 def _log(x: Array, n: SimpleNamespace) -> Array:
-    bits, bias, mantissa = n.real.bits, n.real.bias, n.real.mantissa_bits
+    bits = n.real.bits
+    bias = n.real.bias
+    mantissa = n.real.mantissa_bits
     small = x < n.least
     scaled = np.where(x > 0, np.where(small, x * n.up, x), n.one).view(bits)
     exponent = (scaled >> bits(mantissa)).astype(np.int64) - bias
@@ -221,7 +223,8 @@ def _log1p(x: Array, n: SimpleNamespace) -> Array:
 
 
 def _tan(x: Array, n: SimpleNamespace) -> Array:
-    sine, cosine = _turn(x, n, 1), _turn(x, n, 0)
+    sine = _turn(x, n, 1)
+    cosine = _turn(x, n, 0)
     return np.where(cosine != 0, sine / np.where(cosine != 0, cosine, 1), n.real.dtype(np.nan))
 
 

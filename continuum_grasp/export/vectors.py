@@ -47,7 +47,9 @@ def _vectors(subject: Subject, call: Call, seed: int, count: int) -> Vectors:
     good = np.flatnonzero(codes >= 0)
     refused = np.flatnonzero(codes < 0)
     chosen = np.sort(np.concatenate([good[: count - min(_REFUSED, len(refused))], refused[:_REFUSED]]))
-    rows, outputs, codes = rows[chosen], outputs[chosen], codes[chosen]
+    rows = rows[chosen]
+    outputs = outputs[chosen]
+    codes = codes[chosen]
     base = int(np.flatnonzero(codes >= 0)[0])  # a good row, in which one number at a time is made bad
     bad = tuple(_bad(subject.real, arguments, base))
     pointers = 2 + sum(a.is_struct for a in call.inputs)

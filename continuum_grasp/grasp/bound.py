@@ -249,9 +249,12 @@ class _Places:
         """Upper bound on an outline, and place and normal angle where the most was found, if more than zero."""
         # The normal jumps at no place inside an interval, whose last place is before a jump.
         ends = np.unique(np.concatenate([np.linspace(0.0, outline.period, _PIECES + 1), outline.breaks]))
-        low, high = ends[:-1], ends[1:]
+        low = ends[:-1]
+        high = ends[1:]
         steep = math.hypot(1.0, self.friction)
-        best, bound, at = 0.0, 0.0, None
+        best = 0.0
+        bound = 0.0
+        at = None
         for _ in range(_ROUNDS):
             before = np.where(np.isin(high, outline.breaks), np.nextafter(high, low), high)
             first, last = outline.walk(low), outline.walk(before)
@@ -287,5 +290,6 @@ class _Places:
                 break
             low, high = low[wide], high[wide]
             middle = 0.5 * (low + high)
-            low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+            low = np.concatenate([low, middle])
+            high = np.concatenate([middle, high])
         return bound, at

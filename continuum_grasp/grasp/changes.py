@@ -202,7 +202,8 @@ def _by_mass(scene: GraspScene, tried: Tried) -> Array:
 
 def _by_move(scene: GraspScene, tried: Tried, x: float, y: float, turn: float) -> Array:
     """Derivative of the problem's numbers by a move of the object about its center of mass: all bases move back."""
-    c, s = np.cos(scene.object.angle), np.sin(scene.object.angle)
+    c = np.cos(scene.object.angle)
+    s = np.sin(scene.object.angle)
     com = np.asarray(scene.object.position) + np.array([[c, -s], [s, c]]) @ scene.object.com
     at = tried.solver.problem.numbers.at
     out = np.zeros(tried.solver.problem.numbers.size)

@@ -218,7 +218,8 @@ class GraspResult(Result):
         """Warnings before this grasp is relied on."""
         if not self.verified or self.certificate is None:
             return ()
-        warnings, error = [], self.certificate.model_error
+        warnings = []
+        error = self.certificate.model_error
         if not error.small:
             fine = FAMILIES.default(free_tip=False)
             coarse = any(Family.named(f.family).order < Family.named(fine).order for f in self.fingers.values())

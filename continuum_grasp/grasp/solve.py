@@ -282,7 +282,8 @@ class _ModelSearch:
         bending_range = max(setup.bending_range for setup in self.scene.setups)
         if max(bent) <= ONE_TURN:
             wide = min(max(2.0 * bending_range, max(bent)), ONE_TURN)
-            note, scene = f"fidelity.bending_range of {wide:.4g} rad", with_bending_range(self.scene, wide)
+            note = f"fidelity.bending_range of {wide:.4g} rad"
+            scene = with_bending_range(self.scene, wide)
         else:
             if most_elements(self.scene) > MOST_ELEMENTS:
                 return self._verdict.unsolved(None)
@@ -322,7 +323,8 @@ class _ModelSearch:
     def _again(self, scene: GraspScene, note: str) -> GraspResult:
         """The verdict with another model that the program chose."""
         other = _ModelSearch(scene, self.budget, chosen_range=self._chosen_range, chosen_elements=self._chosen_elements)
-        result, self.search = other.result(), other.search
+        result = other.result()
+        self.search = other.search
         return replace(result, statistics={**result.statistics, "fidelity": note})
 
     def _reasons(self, further: bool = False) -> list[Reason]:

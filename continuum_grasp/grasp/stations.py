@@ -87,7 +87,9 @@ def _on_nearest(scene: GraspScene, before: GraspScene, arrays: Mapping[str, Arra
     nearest to those that touch.
     """
     plain = GraspStart.of(before, dict(arrays))
-    fingers, contacts, forces = dict(plain.fingers), dict(plain.contacts), dict(plain.forces)
+    fingers = dict(plain.fingers)
+    contacts = dict(plain.contacts)
+    forces = dict(plain.forces)
     for old, setup in zip(before.setups, scene.setups, strict=True):
         if not setup.stations:
             continue
@@ -164,7 +166,8 @@ def stabilize(search: GraspSearch) -> None:
     unstable = sorted((t for t in search.good if not t.acceptable), key=lambda t: t.attempt.objective)
     tried: list[float] = []
     for at in unstable:
-        best, objective = search.best, at.attempt.objective
+        best = search.best
+        objective = at.attempt.objective
         # 2: unstable grasps from which a stable one is sought
         if search.budget.over or len(tried) == 2 or (best and best.attempt.objective <= objective):
             return
@@ -176,7 +179,9 @@ def stabilize(search: GraspSearch) -> None:
 def _stabilize(search: GraspSearch, at: Tried) -> None:
     """Raise the least eigenvalue of an unstable grasp, by smaller steps where the solver does not follow."""
     solver = solver_for(replace(at.solver.problem.spec, steadied=True))
-    share, before, in_space = 1.0, np.inf, at.certificate.stability.in_plane
+    share = 1.0
+    before = np.inf
+    in_space = at.certificate.stability.in_plane
     slope = _slope(search.scene, at, in_space)
     for _ in range(ROUNDS):
         value = _eigenvalue(at, in_space)
@@ -185,7 +190,8 @@ def _stabilize(search: GraspSearch, at: Tried) -> None:
             return
         wanted = value + share * ((LEAST_IN_SPACE if in_space else LEAST) - value)
         numbers = solver.problem.steadying(slope, wanted - value + float(slope @ at.attempt.x))
-        start, features = replace(at.attempt.start, label="stable"), at.attempt.features
+        start = replace(at.attempt.start, label="stable")
+        features = at.attempt.features
         tried = search.attempt(
             start, solver, features=features, x0=at.attempt.x, numbers=numbers, iterations=OPTION_SETS[0][1]
         )
@@ -195,11 +201,14 @@ def _stabilize(search: GraspSearch, at: Tried) -> None:
             if share < 0.3:
                 return
             continue
-        at, share, objective = tried, min(1.0, 2.0 * share), tried.attempt.objective
+        at = tried
+        share = min(1.0, 2.0 * share)
+        objective = tried.attempt.objective
         if at.acceptable and abs(objective - before) <= SAME * max(1.0, abs(objective)):
             return
         in_space = in_space or bool(at.certificate.stability.why)
-        before, slope = objective, _slope(search.scene, at, in_space)
+        before = objective
+        slope = _slope(search.scene, at, in_space)
 
 
 def _eigenvalue(at: Tried, in_space: bool) -> float:
@@ -219,7 +228,8 @@ def _slope(scene: GraspScene, at: Tried, in_space: bool = False) -> Array:
         verdict = stability_out_of_plane(grasp, LINKS) if in_space else None
         return contact_stability(grasp).eigenvalue if verdict is None else verdict.eigenvalue
 
-    slope, here = np.zeros(attempt.x.size), value(attempt.x)
+    slope = np.zeros(attempt.x.size)
+    here = value(attempt.x)
     shape = {f"{setup.name}.{key}" for setup in scene.setups for key in ("q", "pulls", "base")}
     for name, place in solver.problem.x.at.items():
         moves = name in shape or name == "object pose" or name.startswith(("force, ", "place, ")) or ".joint_" in name

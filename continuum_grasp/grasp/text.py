@@ -105,7 +105,9 @@ def further_advice(result: GraspResult) -> str:
 
 def _fingers(result: GraspResult) -> TextPart:
     """Tensions, base and contacts of each finger, and what its drives do."""
-    rows, notes, unit = [], [], result.force_units[0]
+    rows = []
+    notes = []
+    unit = result.force_units[0]
     if result.scene.object.free is not None:
         notes.append(f"object at {_mm(result.object_pose[:2])} mm, turned by {result.object_pose[2]:.4f} rad")
     for setup in result.scene.setups:
@@ -155,7 +157,9 @@ def drive_lines(drives: Iterable[RecomputedDrive], tensions: Array) -> list[str]
 
 def _contacts(result: GraspResult) -> TextPart:
     """Places of the contacts, and their forces."""
-    rows, lifted, unit = [], result.scene.spatial, result.force_units[1]
+    rows = []
+    lifted = result.scene.spatial
+    unit = result.force_units[1]
     for c in result.contacts:
         x, y = (round(1e3 * v, 3) + 0.0 for v in c.position)  # no -0.0
         forces = (result.force_text(f, unit) for f in (c.normal_force, c.friction_force, *([c.lift] if lifted else [])))
@@ -183,7 +187,8 @@ def _quality(result: GraspResult) -> TextPart:
 
 def _disturbances(result: GraspResult) -> TextPart:
     """The scene's disturbances, as far as they are resisted."""
-    held, rows = result.quality.resistance, []
+    held = result.quality.resistance
+    rows = []
     for (x, y, moment), factor, limiting in zip(held.wrenches, held.factors, held.limiting, strict=True):
         what = ", ".join(amount_text(value, unit) for value, unit in ((x, "N"), (y, "N"), (moment, "N m")))
         rows.append((what, "no limit" if np.isinf(factor) else _short(factor), ", ".join(limiting)))
@@ -206,7 +211,8 @@ def _certificate(certificate: Certificate) -> TextPart:
         rows.append((name + count, amount, of, f"{worst.limit:.0e}", "FAILED" if bad else "ok"))
     verdict = "all checks passed" if certificate.passed else f"{len(certificate.failed)} checks FAILED"
     stability, error, overlap = certificate.stability, certificate.model_error, certificate.overlap
-    word, mark = "stable" if stability.in_plane else "UNSTABLE", "" if error.small else " (raise fidelity.elements)"
+    word = "stable" if stability.in_plane else "UNSTABLE"
+    mark = "" if error.small else " (raise fidelity.elements)"
     space = stability.in_space
     notes = [
         *(f"FAILED: {failure.name}, {failure.value:.2e}, limit {failure.limit:.0e}" for failure in certificate.failed),

@@ -264,7 +264,8 @@ def contacts_of(scene: GraspScene, arrays: Mapping[str, Array]) -> tuple[Contact
     """The contacts of a grasp with their forces, by its stored numbers; none where there are no numbers."""
     if "contact_names" not in arrays:
         return ()
-    keys, contacts = ("names", "positions", "normals", "forces", "stations", "parts"), []
+    keys = ("names", "positions", "normals", "forces", "stations", "parts")
+    contacts = []
     columns = [arrays[f"contact_{key}"] for key in keys]
     for name, position, normal, forces, station, part in zip(*columns, strict=True):
         n, f, lift = (float(force) for force in forces)

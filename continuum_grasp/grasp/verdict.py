@@ -56,9 +56,11 @@ class SearchVerdict:
     def solved(self, best: Tried) -> GraspResult:
         """Result with the best grasp."""
         steadied = best.solver.problem.spec.steadied
-        unit, tension = force_units(best.arrays)[0], tension_of(self.scene, best.arrays)
+        unit = force_units(best.arrays)[0]
+        tension = tension_of(self.scene, best.arrays)
         held = f"a sum of tensions of {force_text(best.arrays, tension, unit)} {unit}"
-        notes, why = list(self._notes(best)), best.certificate.stability.why
+        notes = list(self._notes(best))
+        why = best.certificate.stability.why
         advice = STEADIER_IN_SPACE if why else STEADIER
         status = GraspStatus.FEASIBLE if notes else GraspStatus.OPTIMAL
         allowed = ""
@@ -91,7 +93,8 @@ class SearchVerdict:
             yield f"the solver stopped early ({best.attempt.why_it_ended})"
         if self.by_stations:
             yield f"a local search over {self.search.exploration.modes} sets chose the stations that press"
-        search, explored = self.search, self.search.exploration
+        search = self.search
+        explored = self.search.exploration
         if search.excess > OPEN and search.left_out:
             yield (
                 f"the greatest normal force is {search.excess:.0%} above its lower bound, and {search.left_out} starts "

@@ -139,7 +139,8 @@ class Backbone:
         else:
             # 16: nodes of arcs beyond one turn: exact to 1e-10 up to two
             rule = collocation(node_count(reach, accuracy) if reach <= RANGES[-1] else 16)
-        density, stiffness = self._eq.rod.linear_density, self._eq._par["bending_stiffness"]
+        density = self._eq.rod.linear_density
+        stiffness = self._eq._par["bending_stiffness"]
         return [_Uniform(link, density, stiffness, rule, start, self.lengths[k], point, angle)]
 
     def _function(self, name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
@@ -173,7 +174,8 @@ class Backbone:
         rule = collocation(count)
         panels = [panel for element in self.elements for panel in element]
         points, tangents, densities, stiffness, masses, moments = (list[ca.SX]() for _ in range(6))
-        mass, moment = ca.SX(0.0), ca.SX.zeros(2)
+        mass = ca.SX(0.0)
+        moment = ca.SX.zeros(2)
         for panel in panels:
             density, stiff = panel.per_length(rule.nodes)
             here = panel.at(rule.nodes[None])

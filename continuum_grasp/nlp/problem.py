@@ -246,7 +246,8 @@ class Constraints:
 
     def bounds(self) -> tuple[Array, Array]:
         """Bounds of all rows."""
-        lower, upper = np.zeros(self.count), np.zeros(self.count)
+        lower = np.zeros(self.count)
+        upper = np.zeros(self.count)
         for block in self.blocks:
             lower[block.rows], upper[block.rows] = block.lower, block.upper
         return lower, upper

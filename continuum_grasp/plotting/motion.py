@@ -190,7 +190,8 @@ def plot_shape(equilibrium: Equilibrium, *, ax: Axes | None = None) -> Axes:
 
 def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
     """Draw where the tip goes in the plane, colored by time; the path is the first collection of the axes."""
-    t, tip = np.asarray(trajectory.t), np.asarray(trajectory.tip)
+    t = np.asarray(trajectory.t)
+    tip = np.asarray(trajectory.tip)
     span = np.nanmax(tip, axis=0) - np.nanmin(tip, axis=0)
     size = max(float(span.max()), 0.02 * trajectory.length)  # a tip that rests shows where it rests
     styled = StyledAxes.plane(ax, bend_box([tip], 0.06 * size))

@@ -39,7 +39,9 @@ class DenseRod:
         inner = [at for at in (*marks, *finger_breaks(finger)) if at < self.joints[-1]]
         # 5: Gauss points per panel
         self.mesh = PanelMesh(panel_edges(with_places(self.joints, inner), panel * self.joints[-1]), 5)
-        self.nodes, self.edges, self.weights = self.mesh.nodes, self.mesh.edges, self.mesh.weights
+        self.nodes = self.mesh.nodes
+        self.edges = self.mesh.edges
+        self.weights = self.mesh.weights
 
     def angle(self, curvature: Array) -> Array:
         """World angle of the section's X axis at the Gauss points (..., G) [rad]."""

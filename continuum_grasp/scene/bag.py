@@ -158,7 +158,10 @@ class _Bag:
         if self._in_sqlite:
             return "recover it by `sqlite3 FILE .recover`"
         records = import_module("mcap.records")
-        counts, topics, first, last = Counter[int](), dict[int, str](), math.inf, -math.inf
+        counts = Counter[int]()
+        topics = dict[int, str]()
+        first = math.inf
+        last = -math.inf
         try:
             with open(self.file, "rb") as stream:
                 for record in import_module("mcap.stream_reader").StreamReader(stream).records:
@@ -166,7 +169,8 @@ class _Bag:
                         topics[record.id] = record.topic
                     elif isinstance(record, records.Message):
                         counts[record.channel_id] += 1
-                        first, last = min(first, record.log_time), max(last, record.log_time)
+                        first = min(first, record.log_time)
+                        last = max(last, record.log_time)
         except Exception:  # the fault itself
             pass
         if not counts:
@@ -310,7 +314,8 @@ class _Bag:
 
         def work(reader: Any) -> None:
             for decoded in reader.iter_decoded_messages(topics=[*of_topic]):
-                topic, message = decoded.channel.topic, decoded.decoded_message
+                topic = decoded.channel.topic
+                message = decoded.decoded_message
                 stamp = self._header(message) if self.by_header else None
                 found = samples[topic]
                 found.stamps.append(

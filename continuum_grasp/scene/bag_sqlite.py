@@ -66,7 +66,8 @@ class SqliteReader:
 
     def iter_decoded_messages(self, topics: Iterable[str]) -> Iterator[Any]:
         """Channel, message and decoded message of some topics, in the order in which they were logged."""
-        wanted, decoders = {*topics}, dict[int, Any]()
+        wanted = {*topics}
+        decoders = dict[int, Any]()
         for number, stamp, data in self._rows(_MESSAGES):
             channel = self._summary.channels.get(number)
             if channel is None or channel.topic not in wanted:

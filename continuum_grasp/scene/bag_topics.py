@@ -78,7 +78,8 @@ def _field_names(labels: Sequence[str]) -> list[str]:
     """A name per label, of which none is there twice."""
     names = list[str]()
     for label in labels:
-        name, k = field_name(label), 2
+        name = field_name(label)
+        k = 2
         while name in names:
             name, k = f"{field_name(label)}_{k}", k + 1
         names.append(name)

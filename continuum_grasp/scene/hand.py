@@ -100,10 +100,14 @@ class FingerRing(Value):
         bases = []
         for k in range(self.count):
             angle = self.start + math.tau * k / self.count
-            out, side = (math.cos(angle), math.sin(angle), 0.0), (-math.sin(angle), math.cos(angle), 0.0)
-            c, s = math.cos(self.tilt), math.sin(self.tilt)
-            along, inward = (s * out[0], s * out[1], -c), (-c * out[0], -c * out[1], -s)
-            turn, aside = math.cos(self.twist), math.sin(self.twist)
+            out = (math.cos(angle), math.sin(angle), 0.0)
+            side = (-math.sin(angle), math.cos(angle), 0.0)
+            c = math.cos(self.tilt)
+            s = math.sin(self.tilt)
+            along = (s * out[0], s * out[1], -c)
+            inward = (-c * out[0], -c * out[1], -s)
+            turn = math.cos(self.twist)
+            aside = math.sin(self.twist)
             # Inward turned about the finger: along x inward is the side.
             x, y, z = (turn * i + aside * o for i, o in zip(inward, side, strict=True))
             position = (self.radius * out[0], self.radius * out[1], 0.0)
@@ -271,9 +275,12 @@ class HandScene(Configuration):
     @cached_property
     def supports(self) -> tuple[PlaneSupport, ...]:
         """Palm and table, as far as there are any."""
-        found, palm, table = list[PlaneSupport](), self.hand.palm, self.table
+        found = list[PlaneSupport]()
+        palm = self.hand.palm
+        table = self.table
         if palm is not None:
-            point, normal = (0.0, 0.0, self.hand.palm_height), (0.0, 0.0, -1.0)
+            point = (0.0, 0.0, self.hand.palm_height)
+            normal = (0.0, 0.0, -1.0)
             found.append(palm.plane("palm", "hand.palm", point, normal, self.contacts.friction, palm.radius))
         if table is not None:
             found.append(table.plane("table", "table", table.point, table.normal, self.contacts.friction))
@@ -302,7 +309,8 @@ class HandScene(Configuration):
 
     def _check_torsional_friction(self) -> None:
         """Pads are no larger than the object."""
-        given, most = self.contacts.torsional_friction, max(setup.friction for setup in self.setups)
+        given = self.contacts.torsional_friction
+        most = max(setup.friction for setup in self.setups)
         if given > most * self.object.size:
             raise ValueError(
                 f"contacts.torsional_friction: {given:.3g} m is more than friction times the size of the object, "

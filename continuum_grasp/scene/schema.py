@@ -66,7 +66,8 @@ def schema_text(schema: _Node) -> str:
 
 def schema_files() -> dict[str, str]:
     """Texts of a folder of schemas by name: one file per kind, and one of the definitions that they share."""
-    shared, files = dict[str, _Node](), dict[str, str]()
+    shared = dict[str, _Node]()
+    files = dict[str, str]()
     for kind in kinds():
         schema = json_schema(kind)
         shared |= schema.pop("$defs")

@@ -127,7 +127,10 @@ class Modes(Result):
 def modes_of(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -> Modes:
     """Find the modes of a scene without ``fidelity.tolerance``; see `continuum_grasp.modes`."""
     rest = equilibrium_of(scene) if about is None else about
-    model, q, u, p = rest.model, rest.q, rest.u, rest.p
+    model = rest.model
+    q = rest.q
+    u = rest.u
+    p = rest.p
     core = Core(model, compiled=False)
     small = small_motions(rest)
     values, right, left = _eigen(small.mass, small.stiffness)

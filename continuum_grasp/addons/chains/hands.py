@@ -205,7 +205,8 @@ def _pace(chain: HandFingerChain, load: float) -> tuple[float, float]:
 
 def _controls(chain: HandFingerChain) -> list[Control]:
     """Actuators of a finger's tendons: tensions, or cable that locked drives have wound up."""
-    controls, wound = [], chain.wound
+    controls = []
+    wound = chain.wound
     for k, (side, tension, pull) in enumerate(
         zip(("left", "right"), chain.tensions.tolist(), chain.finger.pulls, strict=True)
     ):
@@ -237,7 +238,8 @@ def _finger(chain: HandFingerChain, armature: float, damping: float, edge: float
     found: list[dict[str, object]] = []
     for k in range(-1, len(links.at)):
         begin, end = links.span(k)
-        long, radius = end - begin, chain.radius(k)
+        long = end - begin
+        radius = chain.radius(k)
         capsule = max(radius - edge, _THIN)
         touch = {"margin": numbers(radius - capsule + edge)} if edge > 0.0 else {}
         touch |= {"condim": "4"} if torsional > 0.0 else {}

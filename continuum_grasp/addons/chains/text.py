@@ -32,7 +32,8 @@ def _surroundings(scene: Scene) -> dict[str, object]:
     body = scene.object
     if body is None:
         return {"body": None, "meshes": (), "supports": ()}
-    cos, sin = math.cos(body.angle), math.sin(body.angle)
+    cos = math.cos(body.angle)
+    sin = math.sin(body.angle)
     x = body.position[0] + cos * body.com[0] - sin * body.com[1]
     y = body.position[1] + sin * body.com[0] + cos * body.com[1]
     # 0.1: half the width of flat bodies out of the plane, per length of the finger: wider than links are thick

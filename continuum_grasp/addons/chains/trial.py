@@ -51,7 +51,9 @@ class HandInMujoco:
             import mujoco
         except ImportError:
             raise InputError("MuJoCo is not installed: pip install 'continuum-grasp[mujoco]'", key="--try-in") from None
-        self.mujoco, self.result, self.chain = mujoco, result, hand_chain(result)
+        self.mujoco = mujoco
+        self.result = result
+        self.chain = hand_chain(result)
         self.model = mujoco.MjModel.from_xml_string(self.chain.text)
         self.data = mujoco.MjData(self.model)
         self.weight = self.model.opt.gravity.copy()
@@ -77,7 +79,8 @@ class HandInMujoco:
     def moved(self) -> Array:
         """Displacement of the object's center of mass [m] and its turn as a vector [rad] since the start (6,)."""
         (place, axes), (first, before) = self._pose(), self.start
-        turn, most = axes @ before.T, float(self.away[1])
+        turn = axes @ before.T
+        most = float(self.away[1])
         about = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
         return np.concatenate([place - first, about * most / max(2.0 * math.sin(most), 1e-300)])
 

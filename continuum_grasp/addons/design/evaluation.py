@@ -26,7 +26,8 @@ class Expression:
     """A formula of named quantities."""
 
     def __init__(self, text: str) -> None:
-        self.text, self.names = text, tuple(sorted(names_in(text)))
+        self.text = text
+        self.names = tuple(sorted(names_in(text)))
         symbols = {name: ca.SX.sym(name) for name in self.names}
         tree = ast.parse(text.strip(), mode="eval")
         for node in ast.walk(tree):

@@ -243,7 +243,8 @@ class _DesignSearch:
                 self._why = self._why or str(error)
                 continue
             if self._first is None:
-                self._first, self._before = evaluation, self.problem.results
+                self._first = evaluation
+                self._before = self.problem.results
             if self.best is None or self._better(evaluation, self.best):
                 self._take(evaluation)
         if self.best is not None:
@@ -355,7 +356,8 @@ class _DesignSearch:
 
     def _corners(self) -> list[Signs]:
         """Combinations of greatest errors: all of them where these are few, else those that first order calls worst."""
-        m, n = len(self.space.tolerated), len(self.space.coordinates)
+        m = len(self.space.tolerated)
+        n = len(self.space.coordinates)
         # 6: tolerated numbers up to which all combinations of their greatest errors are tried: 64
         if m <= 6:
             return list(product((-1.0, 1.0), repeat=m))

@@ -209,7 +209,9 @@ def correlated(residuals: Array) -> tuple[int, float]:
     count = len(residuals)
     variances = np.mean(residuals**2, axis=0)
     own = np.einsum("kii->ki", _autocovariance(residuals))[:, variances > 0.0] / variances[variances > 0.0]
-    last, surest, end = 0, 0.0, 1
+    last = 0
+    surest = 0.0
+    end = 1
     while 4 * end <= count and own.size:
         span = own[end // 2 + 1 : end + 1]
         sure = abs(float(span.sum())) * math.sqrt(count / span.size)

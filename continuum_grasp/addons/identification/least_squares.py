@@ -112,7 +112,8 @@ def _search(
     """Search in the values that are free, in units of their typical sizes."""
     from scipy.optimize import least_squares
 
-    scale, count = sizes[free], start.evaluations
+    scale = sizes[free]
+    count = start.evaluations
     accepted = start.values[free] / scale
     # scipy asks for residuals and Jacobian one after the other; predictions give both at once
     known = {accepted.tobytes(): (start.values, start.residuals, start.jacobian)}

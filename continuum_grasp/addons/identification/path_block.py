@@ -86,7 +86,8 @@ class PathBlock(MeasuredBlock):
         self.model = model = FingerModel(scene, parameters=runtime_names(scene, unknowns))
         self._signals = Signals(scene, model)
         self._initial = scene.initial
-        self.kinked, self.free = bool(model.friction_names), self._signals.constant
+        self.kinked = bool(model.friction_names)
+        self.free = self._signals.constant
         if self.free and self._late is not None:
             raise InputError("a delay needs commands that vary (actuation or conditions of the set)", key=data.name)
         check_tensions(model, readings, data.name)
@@ -99,7 +100,8 @@ class PathBlock(MeasuredBlock):
             measured = MeasuredStart(model, readings, self._t, acting, data.name)
             self.own = measured.unknowns(data.start_sigma)
             self._passed = measured.before(data.before) if self.kinked else []
-        self._count, self._begins = len(unknowns), float(self._t[0]) if self.own else 0.0
+        self._count = len(unknowns)
+        self._begins = float(self._t[0]) if self.own else 0.0
         self._shape = None if self.own else _start_rows(scene, unknowns, data.name)
         self._by = list(range(len(unknowns) + len(self.own))) if by is None else list(by)
         self._share, self._turned = set_by([*unknowns, *self.own], names)

@@ -221,7 +221,9 @@ class Periods:
             return []
         unknown = Retuned("lag", "s", scene.lag, math.nan)
         shown = self.shown()
-        y, period, u = self._y, self.controller.period, _held(self.logged)
+        y = self._y
+        period = self.controller.period
+        u = _held(self.logged)
         pairs = [(u[:, k], y[:, self._names.index(name)]) for k, name in enumerate(names) if name in self._names]
         pairs = [
             (np.nan_to_num(commanded, nan=commanded[shown][0]), seen)

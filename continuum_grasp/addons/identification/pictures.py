@@ -252,7 +252,8 @@ def plot_excitation(plan: ExperimentPlan, *, ax: Axes | None = None) -> Axes:
         middle = 0.5 * (segment.start + segment.end)
         look: dict[str, Any] = {"rotation": 90, "ha": "center", "va": "top", "fontsize": 7, "color": "0.35"}
         ax.text(middle, 0.98, segment.name, transform=ax.get_xaxis_transform(), **look)
-    low, high = float(plan.commands.min()), float(plan.commands.max())
+    low = float(plan.commands.min())
+    high = float(plan.commands.max())
     span = max(high - low, 1e-12)
     ax.set_ylim(low - 0.08 * span, high + 0.75 * span)
     ax.set_xlim(float(plan.t[0]), float(plan.t[-1]))

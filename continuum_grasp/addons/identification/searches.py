@@ -100,7 +100,8 @@ def _scanned(problem: FitProblem, scaled: NDArray[np.bool_]) -> list[Array]:
         trials = trials.clip(lower, upper)
         totals = [problem.misfit(trial, early=True) for trial in trials]
         if min(totals) < least:
-            about, least = trials[int(np.argmin(totals))], min(totals)
+            about = trials[int(np.argmin(totals))]
+            least = min(totals)
             starts.append(about)
 
     if chosen.size > 1:
@@ -136,7 +137,8 @@ def choose_law(
     any_of = next(iter(candidates.values()))
     if any_of.fitted.all():
         raise InputError("laws are compared by their predictions: hold out rows or a set", key="laws")
-    fits, verdicts = dict[str, Solution](), dict[str, str]()
+    fits = dict[str, Solution]()
+    verdicts = dict[str, str]()
     for k, (name, problem) in enumerate(candidates.items()):
         try:
             fits[name] = problem.solve(lambda share: None)

@@ -130,7 +130,9 @@ class CommandDesign:
     """
 
     def __init__(self, scene: Scene, patterns: Sequence[DrivePattern], options: Excitation) -> None:
-        self._scene, self.options, self._base = scene, options, base_of(scene)
+        self._scene = scene
+        self.options = options
+        self._base = base_of(scene)
         tightened = self._commanded([(0.0, self._base), (1.0, self._base)])
         self._model = FingerModel(tightened, input_rates=False)
         self._forces = Signals(tightened, self._model).w(0.0)[0]
@@ -249,7 +251,8 @@ class CommandDesign:
     def _commanded(self, points: Sequence[tuple[float, Array]]) -> Scene:
         """The scene under commands at some instants, smooth between them."""
         least = 1e-3 * self.options.sample
-        times, rows = [points[0][0]], [points[0][1]]
+        times = [points[0][0]]
+        rows = [points[0][1]]
         for at, row in points[1:]:
             if at > times[-1] + least:
                 times.append(at)

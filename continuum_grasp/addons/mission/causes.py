@@ -83,7 +83,8 @@ def find_drop(record: MissionRecord, sunk: Array) -> Drop | None:
     lift = record.timetable.span("lift").start
     slips = []
     for name, rows in bodies(contacts.names, [assignment.name for assignment in record.assignments]).items():
-        normal, shear = contacts.normal_force[:, rows], contacts.shear[:, rows]
+        normal = contacts.normal_force[:, rows]
+        shear = contacts.shear[:, rows]
         gone = np.all(shear >= ON_CONE * friction[:, rows] * normal, axis=1)  # also where nothing presses
         gone[1:-1] |= gone[:-2] & gone[2:]  # friction that turns is within the cone for an instant
         firm = np.flatnonzero(~gone[: end + 1])

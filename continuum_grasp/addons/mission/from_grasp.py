@@ -181,7 +181,8 @@ class _Task:
         before, after = asked.elements
         between = [b - a for a, b in pairwise(stations)]
         if stations:
-            first, last = stations[0], finger.rod.length - stations[-1]
+            first = stations[0]
+            last = finger.rod.length - stations[-1]
             lengths = (*[first / before] * before, *between, *[last / after] * after)
         else:
             lengths = (finger.rod.length / (before + after),) * (before + after)

@@ -165,7 +165,8 @@ class LiftCheck:
     """
 
     def __init__(self, assignments: Sequence[Assignment]) -> None:
-        self._of, self.timetable = tuple(assignments), Timetable(assignments[0])
+        self._of = tuple(assignments)
+        self.timetable = Timetable(assignments[0])
         self._plans: list[PhasePlan] = []
         self._seen: dict[int, Any] = {}
         self._over = False

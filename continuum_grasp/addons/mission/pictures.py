@@ -88,7 +88,8 @@ def mission_frames(mission: MissionRun, indices: NDArray[Any], width: int) -> It
     unique, back = np.unique(indices, return_inverse=True)
     shapes = _backbones(mission, unique)
     poses = mission.object_pose[unique, :3]
-    arrows, held = _arrows_at(mission, unique), _held_object(mission)
+    arrows = _arrows_at(mission, unique)
+    held = _held_object(mission)
     film = Film(held.box(shapes, poses[[0, -1]], 0.09 * mission.length), width)
     ax = film.ax
     held.draw_fixed(ax, shapes[0])

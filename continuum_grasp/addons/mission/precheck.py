@@ -177,7 +177,8 @@ class _OnPlant:
         self.mission = assignments[0].mission
         grasp = self.of.grasp
         self.variation = variation
-        self.mass, self.gravity = plant_mass(self.mission, variation), self.mission.gravity
+        self.mass = plant_mass(self.mission, variation)
+        self.gravity = self.mission.gravity
         self.certified_mass = grasp.scene.object.mass
         self.names = [contact.name for contact in grasp.contacts]
         self.normal = np.array([contact.normal_force for contact in grasp.contacts])

@@ -133,13 +133,15 @@ class MissionRun(MissionRecord, MotionResult):
 
     def _others(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Contacts of all fingers but the first as supports, and their motion, by ``FINGER_1``, ``FINGER_tip``."""
-        supports, motion = dict[str, Any](), dict[str, Any]()
+        supports = dict[str, Any]()
+        motion = dict[str, Any]()
         if self.run is not None:
             return supports, motion
         # The plants are moved again from each recorded state: between the instants of a record, pressed contacts move
         # by more than smooth curves through these are near.
         plants = [run.readings.plant for run in self.runs]
-        joint, lead = SharedModel(plants), self.runs[0]
+        joint = SharedModel(plants)
+        lead = self.runs[0]
         substeps = int(lead.statistics["plant_substeps"])
         moved = joint.integration(str(lead.statistics["plant_method"])).advance
         begins = joint.joined([run.x for run in self.runs])
@@ -163,7 +165,8 @@ class MissionRun(MissionRecord, MotionResult):
                 # Supports of the plant may have such names.
                 while name in self.scene.supports or name in supports:
                     name += "_"
-                points, turn = found[:, 2 * k : 2 * k + 2], found[:, 2 * len(places) + k]
+                points = found[:, 2 * k : 2 * k + 2]
+                turn = found[:, 2 * len(places) + k]
                 radius = float(scene.finger.profile.half_thickness(place))
                 supports[name] = {"type": "point", "position": points[0].tolist(), "radius": radius}
                 shift = {"times": times.tolist(), "values": (points - points[0]).tolist()}

@@ -129,7 +129,8 @@ class Assembly(Constraints):
         rows, columns, factors = self._straight
         total = ca.mtimes(_sparse(rows, columns, factors, 1 + self.count, self.size), self._w)
         for placed in self._placed:
-            rows, factors = placed.rows.ravel(order="F"), placed.factors.ravel(order="F")
+            rows = placed.rows.ravel(order="F")
+            factors = placed.factors.ravel(order="F")
             out = placed.term.value.map(placed.rows.shape[1])(*self._given(placed))
             total += ca.mtimes(_sparse(rows, np.arange(rows.size), factors, 1 + self.count, rows.size), ca.vec(out))
         return total

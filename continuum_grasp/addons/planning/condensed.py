@@ -71,7 +71,8 @@ class Condensed:
         self.feasible = feasible
         self.least = least
         assembly, grid = problem.assembly, problem.grid
-        low, high = np.array(assembly.low), np.array(assembly.high)
+        low = np.array(assembly.low)
+        high = np.array(assembly.high)
         self._states = grid.s[1:].ravel()
         free = low < high
         free[self._states] = False
@@ -121,7 +122,8 @@ class Condensed:
                 if count < most:
                     outcome = budget.outcome_of_stop
                 break
-            count, budget.left = count + 1, budget.left - 1
+            count = count + 1
+            budget.left = budget.left - 1
             new, share = self._tried(point, model, step, predicted, radius, penalty)
             size = float(np.abs(step).max())
             if share < _POOR:
@@ -276,7 +278,8 @@ class _Model:
         """Multipliers of the whole problem: forces of the motion make the objective stationary in the states."""
         problem = self._problem
         n, count = problem._free.size, problem._others.size
-        bounds, forces = np.zeros(self._point.w.size), np.zeros(self._point.g.size)
+        bounds = np.zeros(self._point.w.size)
+        forces = np.zeros(self._point.g.size)
         bounds[problem._free] = multipliers[:n]
         forces[problem._others] = multipliers[n : n + count]
         bounds[problem._states[problem._bounded]] = multipliers[n + count :]

@@ -163,7 +163,9 @@ def goal_parts(motion: PlannedMotion, settles: bool, presses: bool) -> list[Goal
         for rows, weight in ((np.flatnonzero(~np.array(weighted)), None), (np.flatnonzero(weighted), soft)):
             if not rows.size:
                 continue
-            names, zero, selected = tuple(all_names[chosen][rows].tolist()), np.zeros(rows.size), value[rows.tolist()]
+            names = tuple(all_names[chosen][rows].tolist())
+            zero = np.zeros(rows.size)
+            selected = value[rows.tolist()]
             unit = scale[chosen][rows]
             if weight is None:
                 # Accelerations follow from what contacts and cables have within micrometers: what is held is judged by

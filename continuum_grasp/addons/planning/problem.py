@@ -124,7 +124,8 @@ class PlanProblem:
         intervals = motion.scene.intervals
         first = np.array(scene.initial_input)
         time = assembly.variables(1, 1, *(t / motion.scales.time for t in scene.duration_range))
-        low, high = np.full(motion.ns, -np.inf), np.full(motion.ns, np.inf)
+        low = np.full(motion.ns, -np.inf)
+        high = np.full(motion.ns, np.inf)
         limits = [np.array(bound) / motion.scales.u for bound in scene.input_limits]
         if motion.linear:
             low[motion.nx :], high[motion.nx :] = limits
@@ -304,7 +305,8 @@ class PlanProblem:
         ]
         if motion.linear and motion.scene.input.rate_max is not None:
             of_columns.append(("input rate", "input.rate_max", f"{unit}/s", grid.v, motion.scales.rate))
-        low, high = np.array(self.assembly.low), np.array(self.assembly.high)
+        low = np.array(self.assembly.low)
+        high = np.array(self.assembly.high)
         for name, key, unit, columns, scale in of_columns:
             # A bound counts once: the last input may be that before it.
             once = np.zeros(columns.shape)

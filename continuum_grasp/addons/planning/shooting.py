@@ -130,7 +130,8 @@ def shooting_interval(flow: Term, ns: int, intervals: int, steps: int, stages: i
     (z, D (nd, steps + 1): numbers at the ends of the steps) -> [s at the end, increment of the objective]. Its Hessian
     is the one of Gauss and Newton at the start of the interval, whose state is an unknown too.
     """
-    nz, nd = flow.value.numel_in(0), flow.value.numel_in(1)
+    nz = flow.value.numel_in(0)
+    nd = flow.value.numel_in(1)
     z = ca.MX.sym("z", nz)
     d = ca.MX.sym("d", nd, steps + 1)
     weights = ca.MX.sym("weights", ns + 1)
@@ -155,10 +156,13 @@ def shooting_interval(flow: Term, ns: int, intervals: int, steps: int, stages: i
 
 def _step(flow: Term, ns: int, h: float, stages: int, slopes: bool) -> ca.Function:
     """(y, held, numbers at both ends) -> y after a step; ``slopes``: beside it, columns of its derivatives by z."""
-    nz, nd = flow.value.numel_in(0), flow.value.numel_in(1)
+    nz = flow.value.numel_in(0)
+    nd = flow.value.numel_in(1)
     w0, w1, b, a, c = _polynomials(stages)
     start = ca.MX.sym("start", ns + 1, 1 + nz if slopes else 1)
-    held, before, after = ca.MX.sym("held", nz - ns), ca.MX.sym("before", nd), ca.MX.sym("after", nd)
+    held = ca.MX.sym("held", nz - ns)
+    before = ca.MX.sym("before", nd)
+    after = ca.MX.sym("after", nd)
 
     def rate(y: ca.MX, share: float) -> ca.MX:
         z = ca.vertcat(y[:ns, 0], held)

@@ -82,7 +82,8 @@ def plan(
         if result.solved and not search.interrupted:
             result = checked(result, search.motion, search.problem.goal)
     except KeyboardInterrupt:  # outside the solver, which keeps it until it has ended
-        search.interrupted, searched = True, time.perf_counter()
+        search.interrupted = True
+        searched = time.perf_counter()
         if not (search.attempts or search.relaxed):
             raise Interrupted("interrupted before a plan was found") from None
         result = _result(search)

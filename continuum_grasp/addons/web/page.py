@@ -111,7 +111,9 @@ def page_of(
     """
     WebAssembly.check_tools(_NEEDED)
     modules: dict[str, Future[bytes]] = {}
-    stages, controller, wrapper = None, None, ""
+    stages = None
+    controller = None
+    wrapper = ""
     with ThreadPoolExecutor() as pool:
         if isinstance(scene, ControlScene):
             wasm = WasmController(scene, None if mission is None else mission.exported().phases)

@@ -137,7 +137,8 @@ class Estimator(Remade, Summarized):
     def __init__(self, scene: ControlScene | str | PathLike[str], *, precision: str = "double") -> None:
         self.scene = scene_of(scene, ControlScene)
         self._arguments = (self.scene,), {"precision": precision}  # no path, whose file may change
-        self.prediction, self.precision = Prediction(self.scene), CReal.named(precision).name
+        self.prediction = Prediction(self.scene)
+        self.precision = CReal.named(precision).name
         parts = ControlParts.of_scene(self.scene, self.prediction)
         self.estimation = e = parts.observed
         self.period = parts.calls.period

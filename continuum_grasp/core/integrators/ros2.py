@@ -23,7 +23,8 @@ def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.M
     f = model.forward_dynamics
     n = model.internal.size1_out(0)
     mass, stiffness, damping = model.internal(x, u[0], p)
-    part, solve = _GAMMA * h, _ldl_solver(n)
+    part = _GAMMA * h
+    solve = _ldl_solver(n)
     matrix = mass + part * damping + part**2 * stiffness
 
     def stage(right: ca.MX) -> ca.MX:

@@ -211,7 +211,8 @@ class Loop(ControlParts):
                 unit = unit_of(label)
                 low, high = 0.0, np.inf
                 if member.of == "u":
-                    low, high = float(s.u_min[k]), float(s.u_max[k])
+                    low = float(s.u_min[k])
+                    high = float(s.u_max[k])
                 elif member.of == "r":
                     # A weight times a squared error is a number per second, or a number.
                     unit = f"1/{unit}2" if unit.isalpha() else f"1/({unit})2"

@@ -86,7 +86,8 @@ def _kernels(subject: Subject) -> tuple[Kernel, Kernel, Kernel, Kernel, Kernel]:
     symbols = {"x": eq.x, "u": eq.u, "w": eq.w, "p": eq.p}
     slope = straight_function("slope", symbols, {"rate": rate, "jacobian": ca.jacobian(rate, eq.x)})
     stages = Sdirk2Stages(slope)
-    x, at = ca.SX.sym("x", moving.nx), ca.SX.sym("at", moving.nx)
+    x = ca.SX.sym("x", moving.nx)
+    at = ca.SX.sym("at", moving.nx)
     off: ca.SX = ca.SX(0.0)
     for j, field in enumerate(subject.state.fields[: moving.n]):
         off = ca.fmax(off, ca.fabs((1.0 / field.high) * (x[j] - at[j])))

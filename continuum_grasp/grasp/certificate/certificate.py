@@ -142,7 +142,8 @@ class Certificate(Summarized):
     def pairs(self) -> dict[str, str]:
         """Failed checks, least margin, stability and model error."""
         failed = {"failed": ", ".join(check.name for check in self.failed)} if self.failed else {}
-        margin, stable = f"{self.friction_margin:.1%} of the friction cone", self.stability.word
+        margin = f"{self.friction_margin:.1%} of the friction cone"
+        stable = self.stability.word
         return {**failed, "least margin": margin, "second-order test": stable, "model": str(self.model_error)}
 
     def __getitem__(self, name: str) -> Check:
@@ -240,7 +241,8 @@ def _misfits(scene: GraspScene, arrays: Mapping[str, Any], *, reached: bool) -> 
         return None if values is None else tuple(values.shape)
 
     names = np.asarray(arrays.get("contact_names", 0.0))
-    count, parts = names.size, as_numbers(arrays.get("contact_parts"))
+    count = names.size
+    parts = as_numbers(arrays.get("contact_parts"))
     wrong = ["contact_names" not in arrays or names.shape != (count,)]
     wrong += [parts is None or not bool(np.isin(parts, np.arange(len(scene.object.parts))).all())]
     expected: dict[str, tuple[int, ...]] = {
@@ -287,7 +289,8 @@ def equilibrium_checks(finger: RecomputedFinger) -> Iterator[Check]:
     imbalance = float(np.max(np.abs(finger.virtual_work())))
     yield Check.part(f"finger equilibrium, {finger.name}", imbalance, scale, "N m")
     if finger.matches_tip:
-        tip, end = np.array(finger.length), finger.lengths.size
+        tip = np.array(finger.length)
+        end = finger.lengths.size
         couples = sum(contact.couple for contact in finger.contacts if contact.joint == end)
         gap = float(finger.shape.moment(tip) - finger.shape.actuation(tip)) - couples
         yield Check.part(f"tip moment balance, {finger.name}", abs(gap), scale, "N m")
@@ -333,7 +336,9 @@ def limit_checks(finger: RecomputedFinger) -> Iterator[Check]:
             (low, high), at = bounds[contact.name], finger.joint_position(contact.joint)
             over_length = worst(low - at, at - high)
             yield Check.part(f"position along the finger, {contact.name}", over_length, length, "m")
-    allowed, depth, s = finger.finger.strain_limit, finger.profile.half_depth, finger.rod.edges
+    allowed = finger.finger.strain_limit
+    depth = finger.profile.half_depth
+    s = finger.rod.edges
     if allowed is not None and depth is not None:
         # Where the curvature may be greatest: densely, on both sides of every end of a panel.
         strains = [np.abs(finger.shape.curvature(s, tip_side=side)) * depth(s, tip_side=side) for side in (False, True)]
@@ -345,10 +350,13 @@ def limit_checks(finger: RecomputedFinger) -> Iterator[Check]:
 
 
 def _object(grasp: RecomputedGrasp) -> Iterator[Check]:
-    scene, body, size = grasp.scene, grasp.scene.object, grasp.size
+    scene = grasp.scene
+    body = grasp.scene.object
+    size = grasp.size
     yield Check("object pose", _beyond(body.pose_bounds, grasp.pose, size), EXACT, f"{size:.4g} m")
     scale = grasp.force_scale
-    force, moment = body.mass * np.asarray(scene.gravity), np.zeros(3)
+    force = body.mass * np.asarray(scene.gravity)
+    moment = np.zeros(3)
     for contact in grasp.contacts:  # their forces are on what touches the object, lifts on the object
         load = np.array([*contact.force, -contact.lift])
         force = force - load

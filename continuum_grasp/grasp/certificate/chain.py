@@ -83,7 +83,8 @@ class FingerChain:
 
     def __init__(self, finger: ChainFinger, gravity: Array, links: int) -> None:
         self.finger, self.gravity = finger, gravity
-        plane, rod = finger.plane, finger.plane.rod
+        plane = finger.plane
+        rod = finger.plane.rod
         marks = np.unique(rod.joints[[0, *(contact.joint for contact in finger.contacts), plane.lengths.size]])
         counts = np.maximum(2, np.round(links * np.diff(marks) / marks[-1])).astype(int)
         pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(marks, marks[1:], counts, strict=False)]
@@ -97,7 +98,8 @@ class FingerChain:
         self.center, self.frames = self._at(self.middles)
         self.chords = np.diff(self.points, axis=0) / self.ds[:, None]
         # Moment per turn in the plane of each link [N m].
-        mesh, curve = rod.mesh, plane.profile.bending_stiffness
+        mesh = rod.mesh
+        curve = plane.profile.bending_stiffness
         self._give = (
             1.0 / curve(mesh.nodes) if curve.constant is None else np.full(mesh.nodes.size, 1.0 / curve.constant)
         )
@@ -121,7 +123,9 @@ class FingerChain:
 
     def _beyond(self) -> tuple[Array, Array]:
         """Force and moment (N, 3) of everything beyond the middle of each link [N, N m]."""
-        plane, force, moment = self.finger.plane, np.zeros(self.center.shape), np.zeros(self.center.shape)
+        plane = self.finger.plane
+        force = np.zeros(self.center.shape)
+        moment = np.zeros(self.center.shape)
 
         def add(load: Array, place: Array, couple: Array | float, at: float) -> None:
             there = (self.middles < at)[:, None]
@@ -143,7 +147,8 @@ class FingerChain:
 
     def hessian(self) -> Array:
         """Hessian (3 N, 3 N) of bending, twist, weight and contact forces, in the turns from node to node."""
-        finger, count = self.finger, self.ds.size
+        finger = self.finger
+        count = self.ds.size
         shares = np.array([finger.torsion, finger.lateral, finger.plane.stiffness]) / finger.plane.stiffness
         spatial = np.einsum("k,kia,a,kja->kij", self.springs, self.frames, shares, self.frames)
         force, moment = self._beyond()
@@ -209,7 +214,8 @@ class FingerChain:
 
     def weights(self) -> Array:
         """Generalized forces (3 N, 3) of the weight per gravity along x, y and z, of links at their middles."""
-        plane, mids = self.finger.plane, 0.5 * (self.points[1:] + self.points[:-1])
+        plane = self.finger.plane
+        mids = 0.5 * (self.points[1:] + self.points[:-1])
         loads = np.zeros((len(mids), 3, 3))
         carried = list(
             zip(self.middles, self.center, plane.profile.linear_density(self.middles) * self.ds, strict=True)

@@ -147,7 +147,8 @@ def depth_in_object(points: Array, body: PlacedObject, thickness: float | Array)
     """
     half = np.broadcast_to(thickness, len(points))
     depth = float((half - body.distance(points)).max())
-    start, end = points[:-1], points[1:]
+    start = points[:-1]
+    end = points[1:]
     step = float(np.hypot(*(end - start).T).max())
     # 20.0: radius of curvature, in distances of two samples, below which a surface may reach between them
     corners, radii = body.sharp_places(20.0 * step)
@@ -169,7 +170,8 @@ def depth_in_wall(points: Array, wall: Wall, thickness: float | Array, emerges: 
     A finger whose base is closer to the wall than half its thickness comes out of it: it then needs space only
     behind the point ``emerges``, its first contact along it, and before that must not lie deeper than its base.
     """
-    normal, middle = np.asarray(wall.normal), np.asarray(wall.point)
+    normal = np.asarray(wall.normal)
+    middle = np.asarray(wall.point)
     height = (points - middle) @ normal
     spare = height
     crossing = -np.inf
@@ -198,13 +200,16 @@ def depth_of_wall(body: PlacedObject, wall: Wall) -> float:
     The distance along a line is searched closer and closer. A corner that pokes through it counts as deep as it
     reaches.
     """
-    normal, middle = np.asarray(wall.normal), np.asarray(wall.point)
+    normal = np.asarray(wall.normal)
+    middle = np.asarray(wall.point)
     tips = body.farthest(-normal) - middle
     if np.isinf(wall.half_length):
         return -float((tips @ normal).min())
-    along, deepest = across(normal), -np.inf
+    along = across(normal)
+    deepest = -np.inf
     for part, tip in enumerate(tips):
-        low, high = -wall.half_length, wall.half_length
+        low = -wall.half_length
+        high = wall.half_length
         # The distance from a convex part is convex along a line: each round leaves a 20th, five 3e-7 of the line. A
         # polygon is nearest at an end of the line or at one of its own corners.
         corners = np.clip((body.corners(part) - middle) @ along, low, high)
@@ -254,7 +259,9 @@ def self_overlap(finger: RecomputedFinger) -> float:
     sharp = turns * np.maximum(finger.thickness[1:], finger.thickness[:-1]) > np.diff(finger.rod.edges)
     if float(turns.sum()) < np.pi and not sharp.any():
         return -finger.length
-    z, s, half = finger.points, finger.rod.edges, finger.thickness
+    z = finger.points
+    s = finger.rod.edges
+    half = finger.thickness
     thick = np.maximum(half[:-1], half[1:])
     between = s[None, :-1] - s[1:, None]  # of the end of one panel and the begin of another
     parts = between > np.pi * np.maximum.outer(thick, thick)

@@ -42,7 +42,9 @@ class WoundTendons:
     ) -> None:
         if setup.drive is None:
             raise ValueError(f"{setup.name} has no drives that wind up its tendons")
-        self.law, self.tensions, self._most = setup.drive, tensions, setup.tendons.max_tension
+        self.law = setup.drive
+        self.tensions = tensions
+        self._most = setup.tendons.max_tension
         self._shape, self._friction = shape, friction
 
     @cached_property
@@ -145,10 +147,12 @@ class WoundTendons:
         return tuple(self._state((name,), float(wound), float(pull)) for name, wound, pull in each)
 
     def _state(self, tendons: tuple[str, ...], wound: float, pull: float) -> RecomputedDrive:
-        law, drive = self.law, self.law.drive
+        law = self.law
+        drive = self.law.drive
         if not isinstance(drive, MotorDrive):
             return RecomputedDrive(tendons, wound, np.nan, np.nan, wound)
-        position, torque = wound / law.radius, pull * law.radius
+        position = wound / law.radius
+        torque = pull * law.radius
         if drive.gear_stiffness is not None:  # the motor is ahead of the drum by the twist of the gear and its play
             position += torque / drive.gear_stiffness + 0.5 * drive.backlash * float(np.sign(torque))
         command = torque if drive.position_gain is None else position + torque / drive.position_gain
@@ -161,7 +165,10 @@ class StoredFinger:
     """
 
     def __init__(self, setup: FingerSetup, arrays: Mapping[str, Any]) -> None:
-        self.setup, self.name, self.finger, self.profile = setup, setup.name, setup.finger, setup.finger.profile
+        self.setup = setup
+        self.name = setup.name
+        self.finger = setup.finger
+        self.profile = setup.finger.profile
         self.shape = FingerShape(setup, arrays)
         self.tensions, self.base = (np.asarray(arrays[f"{self.name}.{k}"], dtype=float) for k in ("tensions", "base"))
         # Of states that are stored, or of pulling from the straight finger on; None without friction.

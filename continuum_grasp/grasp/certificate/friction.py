@@ -63,7 +63,8 @@ class TendonFriction:
         """Along the halves of each cell (K, 2) the turn of the finger where the tendons run, and what it draws in of
         them per offset at the base.
         """
-        channel, profile = self._shape.channels[0], self._shape.profile
+        channel = self._shape.channels[0]
+        profile = self._shape.profile
         ends = np.append(np.stack([self.edges[:-1], self.edges[:-1] + 0.5 * self._widths], axis=1), self.edges[-1])
         s, weights, half = cell_nodes(ends, profile.breaks, channel.shape.breaks)
         bent = weights * self._shape.curvature(s)
@@ -123,7 +124,8 @@ class DryBending:
 
     def __init__(self, setup: FingerSetup, shape: FingerShape, states: Array | None = None) -> None:
         branches = setup.finger.damping.dry_friction
-        self._shape, self._profile = shape, setup.finger.profile
+        self._shape = shape
+        self._profile = setup.finger.profile
         self._stiffness = np.array([branch.stiffness for branch in branches])
         self._most = np.array([branch.moment for branch in branches])
         parts = [np.linspace(a, b, setup.bending_cells + 1)[:-1] for a, b in pairwise(shape.joints)]
@@ -134,7 +136,8 @@ class DryBending:
     def _cells(self) -> tuple[Array, Array]:
         """Mean curvature (C,) above rest of each cell [1/m], and its harmonic mean stiffness per that at the base."""
         s, weights, cell = cell_nodes(self.edges, self._profile.breaks)
-        stiffness, widths = self._profile.bending_stiffness, np.diff(self.edges)
+        stiffness = self._profile.bending_stiffness
+        widths = np.diff(self.edges)
         softness = weights * stiffness(np.zeros(1)) / stiffness(s)
         return np.bincount(cell, weights * self._shape.elastic(s)) / widths, widths / np.bincount(cell, softness)
 

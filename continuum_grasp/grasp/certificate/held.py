@@ -21,7 +21,8 @@ its size, and rad."""
 
 def held_checks(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Recompute) -> Iterator[Check]:
     """The checks of arrays stored with ``held.`` before their name, one for each set of friction states."""
-    stored, frictional = _given(grasp, arrays), _frictional(grasp)
+    stored = _given(grasp, arrays)
+    frictional = _frictional(grasp)
     if not stored and not grasp.scene.state_columns:
         return
     wrong = _misfits(grasp, stored)
@@ -66,7 +67,8 @@ def _reserve(grasp: RecomputedGrasp, posture: Mapping[str, Any]) -> float:
 
 def held_postures(grasp: RecomputedGrasp, arrays: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Arrays of the postures that are stored, one for each set of friction states."""
-    stored, postures = _given(grasp, arrays), []
+    stored = _given(grasp, arrays)
+    postures = []
     for k in range(len(stored["object.pose"]) if stored else 0):
         posture = {**arrays, **{key: value[k] for key, value in stored.items()}}
         # Contacts without a name are clear here, as the penetrations show.

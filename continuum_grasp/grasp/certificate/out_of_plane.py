@@ -63,9 +63,14 @@ class FlatFinger:
         section = plane.finger.section
         if section is None:
             raise ValueError(f"{plane.name} has no section")
-        self.plane, self.name, self.length, self.frame = plane, plane.name, plane.length, _Plane()
-        self.lateral, self.torsion = plane.stiffness * section.lateral, plane.stiffness * section.torsion
-        self.deflections, self.turns = np.zeros(plane.rod.edges.size), np.zeros((plane.rod.edges.size, 2))
+        self.plane = plane
+        self.name = plane.name
+        self.length = plane.length
+        self.frame = _Plane()
+        self.lateral = plane.stiffness * section.lateral
+        self.torsion = plane.stiffness * section.torsion
+        self.deflections = np.zeros(plane.rod.edges.size)
+        self.turns = np.zeros((plane.rod.edges.size, 2))
         self.touches = {c.name: self._touch(c) for c in plane.contacts}
 
     @property
@@ -74,7 +79,8 @@ class FlatFinger:
         return list(self.touches.values())
 
     def _touch(self, contact: RecomputedContact) -> FlatTouch:
-        plane, at = self.plane, self.plane.joint_position(contact.joint)
+        plane = self.plane
+        at = self.plane.joint_position(contact.joint)
         center = plane.points[plane.joint_edges[contact.joint]]
         return FlatTouch(
             contact.joint, at, contact.radius, load_of(contact), flat(contact.normal), flat(contact.point), flat(center)
@@ -119,7 +125,8 @@ class FlatSystem(SpatialSystem):
         for contact in grasp.contacts:
             if not contact.normal_force > EXACT * grasp.force_scale:
                 continue
-            roll, radius = turn[2], rolling_radius(contact.radius, surface_radius(grasp, contact))
+            roll = turn[2]
+            radius = rolling_radius(contact.radius, surface_radius(grasp, contact))
             if contact.finger is not None:
                 k = grasp.fingers.index(contact.finger)
                 touch = fingers[k].touches[contact.name]
@@ -158,7 +165,8 @@ class FlatSystem(SpatialSystem):
     def sinks(self, mass: float) -> float:
         """Displacement of an object of some mass out of the plane by its weight and the fingers' weight [m]."""
         free = self._free(self.aside)
-        stiff, weight = self._stiffness(free), np.zeros(self.size)
+        stiff = self._stiffness(free)
+        weight = np.zeros(self.size)
         if stiff is None or not free.shape[1]:
             return float("nan")
         weight[-4] = mass * self.gravity[2]
@@ -170,7 +178,8 @@ class FlatSystem(SpatialSystem):
     def _stiffness(self, free: Array) -> Array | None:
         """Stiffness (m, m) of motions out of the plane (n, m), which those within it follow; None where these fail."""
         within = self._free(~self.aside)
-        stiff, coupled = free.T @ self.hessian @ free, within.T @ self.hessian @ free
+        stiff = free.T @ self.hessian @ free
+        coupled = within.T @ self.hessian @ free
         if coupled.any():
             inner = within.T @ self.hessian @ within
             if float(np.linalg.eigvalsh(inner)[0]) <= 0.0:
@@ -191,7 +200,8 @@ class FlatSystem(SpatialSystem):
         if finger := self.moving_finger(vector):
             name, aside = finger
             return f"{name} {'leans out of the plane' if aside else 'bends in the plane'}"
-        shift, turn = vector[-6:-3] ** 2, vector[-3:] ** 2
+        shift = vector[-6:-3] ** 2
+        turn = vector[-3:] ** 2
         line = round(np.degrees(np.arctan2(vector[-2], vector[-3]))) % 180
         words = {
             f"tilts out of the plane about a line at {line} degrees from x": float(turn[:2].sum()),

@@ -31,10 +31,13 @@ class RecomputedFinger(StoredFinger):
 
     def __init__(self, setup: FingerSetup, gravity: tuple[float, float], arrays: Mapping[str, Any]) -> None:
         super().__init__(setup, arrays)
-        self.q, self.lengths, self.matches_tip = self.shape.q, self.shape.lengths, self.shape.matches_tip
+        self.q = self.shape.q
+        self.lengths = self.shape.lengths
+        self.matches_tip = self.shape.matches_tip
         self.stored_tip_curvature = float(self.shape.tip)
         self.stored_backbone = np.asarray(arrays[f"{self.name}.backbone"], dtype=float)
-        self.length, self.stiffness = self.profile.length, setup.stiffness
+        self.length = self.profile.length
+        self.stiffness = setup.stiffness
         self.gravity = np.asarray(gravity)
         self.rod = DenseRod(self.finger, self.shape.joints, base=self.base)  # 400 panels at least
         self.curvature = self.shape.curvature(self.rod.nodes)  # at the Gauss points
@@ -63,10 +66,12 @@ class RecomputedFinger(StoredFinger):
         """Moment that residual moments are compared with [N m]: the greatest moment of contact forces and weight, to
         which what bends the finger adds little, however stiff it is.
         """
-        s, moment = self.rod.edges, np.zeros(self.rod.edges.size)
+        s = self.rod.edges
+        moment = np.zeros(self.rod.edges.size)
         greatest = 0.0
         for contact in self.contacts:
-            edge, force = self.joint_edges[contact.joint], contact.force
+            edge = self.joint_edges[contact.joint]
+            force = contact.force
             arm = self.points[edge] - self.points
             moment += np.where(s <= s[edge], arm[:, 0] * force[1] - arm[:, 1] * force[0] + contact.couple, 0.0)
             greatest = max(greatest, float(np.hypot(*force)))
@@ -169,7 +174,8 @@ class RecomputedGrasp:
     """Shapes, normals and forces of a grasp from its stored numbers, complete and of the right shapes."""
 
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any]) -> None:
-        self.scene, self.setups = scene, scene.setups
+        self.scene = scene
+        self.setups = scene.setups
         self.fingers = tuple(RecomputedFinger(setup, scene.gravity[:2], arrays) for setup in self.setups)
         self.pose = np.asarray(arrays["object.pose"], dtype=float)
         self.object = PlacedObject(scene.object, self.pose)
@@ -189,7 +195,8 @@ class RecomputedGrasp:
         positions, normals, stations, parts = (
             np.asarray(arrays[f"contact_{key}"], dtype=float) for key in ("positions", "normals", "stations", "parts")
         )
-        known, contacts = known_contacts(self.scene), []
+        known = known_contacts(self.scene)
+        contacts = []
         for k, name in enumerate(self.names):
             if name not in known:  # which `mode_check` counts
                 continue
@@ -224,7 +231,8 @@ class RecomputedGrasp:
         for k, c in enumerate(contacts):
             unit = c.stored_normal / max(float(np.hypot(*c.stored_normal)), 1e-300)
             if isinstance(c.support, Wall):  # a face may touch anywhere along it: the place is the stored one
-                c.normal, c.point = -np.asarray(c.support.normal), centers[k]
+                c.normal = -np.asarray(c.support.normal)
+                c.point = centers[k]
                 c.gap = float(np.max(np.abs([near.distance[k], c.support.height((centers[k][0], centers[k][1]))])))
                 continue
             if c.kind == "middle" and c.finger is not None:  # tangent: the finger's own normal

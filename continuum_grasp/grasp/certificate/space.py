@@ -97,13 +97,15 @@ class SpatialSystem:
     """
 
     def __init__(self, fingers: Sequence[ChainFinger], gravity: Array, com: Array, links: int) -> None:
-        self.com, self.chains = com, [FingerChain(finger, gravity, links) for finger in fingers]
+        self.com = com
+        self.chains = [FingerChain(finger, gravity, links) for finger in fingers]
         ends = np.cumsum([0, *(chain.size for chain in self.chains)])
         self.spans = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         self.size = int(ends[-1]) + 6
         unit = [UNIT * fingers[0].length] * 3
         self.scale = np.concatenate([*(chain.scale for chain in self.chains), unit, [1.0] * 3])
-        self.hessian, self.rows = np.zeros((self.size, self.size)), np.zeros((0, self.size))
+        self.hessian = np.zeros((self.size, self.size))
+        self.rows = np.zeros((0, self.size))
         for chain, span in zip(self.chains, self.spans, strict=True):
             self.hessian[span, span] = chain.hessian()
 
@@ -122,7 +124,8 @@ class SpatialSystem:
 
     def supported(self, point: Array, load: Array) -> Array:
         """Rows (3, n) of a point of the object that stays; the load there keeps its direction."""
-        place, row = point - self.com, np.zeros((3, self.size))
+        place = point - self.com
+        row = np.zeros((3, self.size))
         row[:, -6:-3], row[:, -3:] = -np.eye(3), skew(place)
         self.hessian[-3:, -3:] += twice_turned(load, place)
         return row
@@ -138,6 +141,7 @@ class SpatialSystem:
             return None
         shares = [float(vector[span] @ vector[span]) for span in self.spans]
         k = int(np.argmax(shares))
-        chain, part = self.chains[k], vector[self.spans[k]]
+        chain = self.chains[k]
+        part = vector[self.spans[k]]
         bends = (part.reshape(-1, 3) * chain.frames[:, :, 2]).sum(axis=1)
         return chain.finger.name, float(bends @ bends) < 0.5 * shares[k]

@@ -129,7 +129,8 @@ class _Chain:
     """
 
     def __init__(self, finger: RecomputedFinger, cells: int) -> None:
-        self.finger, self.length = finger, finger.length
+        self.finger = finger
+        self.length = finger.length
         marks = finger.rod.joints[sorted({0, *(contact.joint for contact in finger.contacts), finger.lengths.size})]
         counts = np.maximum(2, np.round(cells * (np.diff(marks) / marks[-1]))).astype(int)  # between contacts
         pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(marks, marks[1:], counts, strict=False)]
@@ -137,7 +138,8 @@ class _Chain:
         self.nodes = edges[1:]
         self.bounds = np.append(0.5 * (edges[1:] + edges[:-1]), marks[-1])
         angle = finger.rod.at(finger.curvature, self.nodes)[1]
-        mesh, profile = finger.rod.mesh, finger.profile
+        mesh = finger.rod.mesh
+        profile = finger.profile
         # Turn per moment between nodes, the first being clamped, and mass beyond each node.
         give = 1.0 / profile.bending_stiffness(mesh.nodes)
         self.springs = 1.0 / np.diff(mesh.integrate(give, edges))
@@ -158,7 +160,8 @@ class _Chain:
 
     def hessian(self) -> Array:
         """Hessian of bending, weight and the contact forces that act on the nodes."""
-        finger, ds = self.finger, self.ds(self.length)
+        finger = self.finger
+        ds = self.ds(self.length)
         matrix = self.bends.T @ (self.springs[:, None] * self.bends)
         # Weight beyond a node, and forces beyond it, pull along it or push: the second derivative of their work.
         pulls = (self.beyond * ds)[:, None] * finger.gravity
@@ -186,7 +189,8 @@ def _add_contact(
     turn = np.eye(size)[size - 1]
     arm = contact.point - grasp.object.com
     pressure, force = contact.normal_force, contact.force
-    h, rho = contact.radius, surface_radius(grasp, contact)
+    h = contact.radius
+    rho = surface_radius(grasp, contact)
     # The contact point of the finger or support, less the object's: the motions that sticking leaves out.
     block = np.zeros((2, size))
     block[:, size - 3 : size - 1] = -np.eye(2)

@@ -55,7 +55,8 @@ def support_point(part: Part, direction: Array) -> Array:
             core = np.vstack([core, *(np.asarray(arc.center) + arc.radius * direction for arc in arcs)])
         return np.asarray(core[np.argmax(core @ direction)] + part.radius * direction)
     part = _superellipse_part(part)
-    turn, axes = _turn(part.angle), np.asarray(part.semi_axes)
+    turn = _turn(part.angle)
+    axes = np.asarray(part.semi_axes)
     # Where the gradient of |x/a|^p + |y/b|^p is along the direction, by the dual norm with exponent p / (p - 1).
     share = np.abs(axes * (direction @ turn))
     share = share / share.max()
@@ -115,7 +116,8 @@ class PlacedObject:
 
     def sharp_places(self, radius: float) -> tuple[Array, Array]:
         """World positions (m, 2) where the surface bends sharper than a radius, and how round it is there (m,) [m]."""
-        places, rounds = [np.zeros((0, 2))], [np.zeros(0)]
+        places = [np.zeros((0, 2))]
+        rounds = [np.zeros(0)]
         for part in self.parts:
             if isinstance(part, OffsetPolygon):
                 sharp = [face for face in part.faces if part.bends and part.circle is None and face.radius < radius]
@@ -168,8 +170,11 @@ def _rounded_polygon(core: Array, radius: float, points: Array) -> NearestPoints
     passes = (below != np.roll(below, -1, axis=1)) & ((height < 0.0) == (along[:, 1] > 0.0))
     side = np.where(passes.sum(axis=1) % 2 == 1, -1.0, 1.0)
     edge = np.hypot(height, beside).argmin(axis=1)
-    height, beside, walked = height[count, edge], beside[count, edge], walked[count, edge]
-    away, at_corner = np.hypot(height, beside), beside != 0.0
+    height = height[count, edge]
+    beside = beside[count, edge]
+    walked = walked[count, edge]
+    away = np.hypot(height, beside)
+    at_corner = beside != 0.0
     foot = core[edge] + np.clip(walked, 0.0, length[edge])[:, None] * along[edge]
     normal = height[:, None] * out[edge] + beside[:, None] * along[edge]
     normal = side[:, None] * normal / np.maximum(away, 1e-300)[:, None]
@@ -191,7 +196,8 @@ def _curved_polygon(part: OffsetPolygon, points: Array) -> NearestPoints:
     rows = np.arange(len(points))
     feet, normals, radii = [], [], []
     for face in part.faces:
-        start, end = np.asarray(face.start), np.asarray(face.end)
+        start = np.asarray(face.start)
+        end = np.asarray(face.end)
         if face.turn:
             center = start - face.radius * np.array([np.cos(face.normal), np.sin(face.normal)])
             off = points - center
@@ -310,7 +316,8 @@ def _superellipse(axes: tuple[float, float], power: float, points: Array) -> Nea
         with np.errstate(divide="ignore", invalid="ignore"):
             after = angle - ahead / slope
         after = np.where((after >= low) & (after <= high), after, 0.5 * (low + high))
-        change, angle = np.abs(after - angle).max(initial=0.0), after
+        change = np.abs(after - angle).max(initial=0.0)
+        angle = after
         if change < 1e-13:
             break
     (px, py), (nx, ny), (dpx, dpy), (dnx, dny) = _curve(a, b, power, angle)
@@ -335,8 +342,10 @@ def _polar(a: float, b: float) -> Array:
 def _curve(a: float, b: float, power: float, angle: Array) -> tuple[tuple[Array, Array], ...]:
     """Points of a quadrant by polar angle, gradients there, and the derivatives of both by the angle."""
     c, s = np.cos(angle), np.sin(angle)
-    c, s = np.maximum(c, 0.0), np.maximum(s, 0.0)
-    cb, sb = (c / a) ** (power - 2.0), (s / b) ** (power - 2.0)
+    c = np.maximum(c, 0.0)
+    s = np.maximum(s, 0.0)
+    cb = (c / a) ** (power - 2.0)
+    sb = (s / b) ** (power - 2.0)
     nx, ny = cb * c / a**2, sb * s / b**2
     # On the ray at this angle |x/a|^p + |y/b|^p = g r^p, which is 1 on the curve.
     g = nx * c + ny * s

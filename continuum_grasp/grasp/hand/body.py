@@ -51,7 +51,9 @@ def levels(shape: str) -> tuple[ca.Function, ca.Function]:
     """``(point, half, edge)``: the level of a shape at points (3, K) of its frame, and its gradient; and these with the
     Hessian.
     """
-    point, half, edge = ca.SX.sym("point", 3), ca.SX.sym("half", 3), ca.SX.sym("edge")
+    point = ca.SX.sym("point", 3)
+    half = ca.SX.sym("half", 3)
+    edge = ca.SX.sym("edge")
     value = level(shape, point, half, edge)
     bending, gradient = ca.hessian(value, point)
     sought = [value, gradient, ca.densify(bending)]
@@ -74,7 +76,8 @@ class BodySurface:
 
     def __init__(self, scene: HandScene) -> None:
         self.solid: Any = scene.object
-        self.center, self.axes = np.array(self.solid.position), self.solid.axes
+        self.center = np.array(self.solid.position)
+        self.axes = self.solid.axes
         shape = _SHAPES.get(self.solid.shape)
         # None where the shape has a level in closed form.
         self._local: Any = None if shape is None else _local(named_value(f"{__package__}.{shape}"), self.solid)
@@ -111,23 +114,27 @@ class BodySurface:
             away, normal, bending, *slope = self._local.near(local)
             slopes = slope[0] @ self.axes.T if slope else None
             return Nearby(away, normal @ self.axes.T, self.axes @ bending @ self.axes.T, slopes)
-        away, count = np.zeros(len(local)), len(local)
+        away = np.zeros(len(local))
+        count = len(local)
         value, gradient, bending = self._level(local)
         place = local - (value / (gradient**2).sum(axis=1))[:, None] * gradient
         # Newton's method on place + away gradient = point, level = 0.
-        matrix, rest = np.zeros((count, 4, 4)), np.zeros((count, 4))
+        matrix = np.zeros((count, 4, 4))
+        rest = np.zeros((count, 4))
         for _ in range(_NEWTON):
             value, gradient, bending = self._level(place)
             rest[:, :3], rest[:, 3] = local - place - away[:, None] * gradient, -value
             matrix[:, :3, :3] = np.eye(3) + away[:, None, None] * bending
             matrix[:, :3, 3], matrix[:, 3, :3] = gradient, gradient
             step = np.linalg.solve(matrix, rest[..., None])[..., 0]
-            place, away = place + step[:, :3], away + step[:, 3]
+            place = place + step[:, :3]
+            away = away + step[:, 3]
             if np.abs(step[:, :3]).max(initial=0.0) < _CLOSE * self.solid.size:
                 break
         _, gradient, bending = self._level(place)
         slope = np.linalg.norm(gradient, axis=1)
-        normal, distance = gradient / slope[:, None], away * slope
+        normal = gradient / slope[:, None]
+        distance = away * slope
         # Curvatures of the surface, then of the parallel surface through the point.
         across = np.eye(3) - normal[:, :, None] * normal[:, None, :]
         curved = across @ bending @ across / slope[:, None, None]
@@ -162,7 +169,8 @@ class BodySurface:
         if self._local is not None:
             corners, triangles = self._local.triangles()
             return np.asarray(self.center + corners @ self.axes.T), triangles
-        up, around = np.linspace(0.0, np.pi, count)[::-1, None], np.linspace(0.0, 2.0 * np.pi, 2 * count)
+        up = np.linspace(0.0, np.pi, count)[::-1, None]
+        around = np.linspace(0.0, 2.0 * np.pi, 2 * count)
         local = [np.sin(up) * np.cos(around), np.sin(up) * np.sin(around), np.cos(up) * np.ones_like(around)]
         directions = np.stack(local, axis=-1).reshape(-1, 3) @ self.axes.T
         return of_grid(self._along(directions).reshape(count, 2 * count, 3))
@@ -181,11 +189,13 @@ class BodySurface:
 
     def _along(self, directions: Array) -> Array:
         """Points (K, 3) where rays from the center leave it in directions (K, 3), of shapes in closed form."""
-        near, far = np.zeros(len(directions)), np.full(len(directions), 2.0 * self.solid.size)
+        near = np.zeros(len(directions))
+        far = np.full(len(directions), 2.0 * self.solid.size)
         for _ in range(_HALVINGS):
             middle = 0.5 * (near + far)
             inside = self.distance(self.center + middle[:, None] * directions)[0] < 0.0
-            near, far = np.where(inside, middle, near), np.where(inside, far, middle)
+            near = np.where(inside, middle, near)
+            far = np.where(inside, far, middle)
         return np.asarray(self.center + near[:, None] * directions)
 
 

@@ -282,7 +282,8 @@ def _misfits(scene: HandScene, arrays: Mapping[str, Any]) -> int:
     expected = {f"contact_{key}": (names.size, *of) for key, of in of_contacts(scene).items()}
     for setup in scene.setups:
         prefix, n = f"{setup.name}.", setup.elements
-        shapes, backbone = shape(f"{prefix}curvature_shapes") or (), shape(f"{prefix}backbone")
+        shapes = shape(f"{prefix}curvature_shapes") or ()
+        backbone = shape(f"{prefix}backbone")
         coordinates = (shapes[-1] if shapes else 0) - FAMILIES[setup.family].matches_tip
         expected |= {f"{prefix}q": (coordinates,), f"{prefix}lengths": (n,), f"{prefix}tip_curvature": ()}
         expected |= {f"{prefix}tensions": (2,), f"{prefix}base": (3,)}
@@ -294,7 +295,8 @@ def _misfits(scene: HandScene, arrays: Mapping[str, Any]) -> int:
 
 def touches_check(hand: RecomputedHand) -> Check:
     """Number of contacts that are missing, unknown, there twice, or there although they are off."""
-    present, carried = Counter(hand.names), {contact.name: contact.support for contact in hand.carried}
+    present = Counter(hand.names)
+    carried = {contact.name: contact.support for contact in hand.carried}
     known = set(known_touches(hand.scene)) | set(carried)
     wrong = sum(count - 1 for count in present.values()) + len(set(present) - known)
     wrong += sum(support.touch == "off" for support in carried.values())
@@ -341,7 +343,8 @@ def _contact(hand: RecomputedHand, finger: SpatialFinger, c: HandTouch) -> Itera
 
 def _object(hand: RecomputedHand) -> Iterator[Check]:
     """Balance of the object's forces, and of their moments about its center of mass."""
-    force, moment = hand.scene.object.weighed * hand.gravity, np.zeros(3)
+    force = hand.scene.object.weighed * hand.gravity
+    moment = np.zeros(3)
     for contact in hand.touches:
         force = force - contact.load
         moment -= np.cross(contact.point - hand.com, contact.load) + contact.moment * contact.normal
@@ -382,7 +385,8 @@ def _support_clearances(hand: RecomputedHand) -> Iterator[Check]:
     """The object is not in palm or table, nor is a displaced finger beyond what its base needs."""
     bases = hand.scene.hand.named_bases
     for support in hand.scene.supports:
-        point, normal = np.array(support.point), np.array(support.normal)
+        point = np.array(support.point)
+        normal = np.array(support.normal)
         depth = -hand.surface.height(point, normal)
         yield Check.part(f"penetration into the {support.name}", depth, hand.size, "m", RESTS)
         for finger in hand.fingers:

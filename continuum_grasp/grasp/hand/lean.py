@@ -48,7 +48,8 @@ class Lean:
     def __init__(self, finger: UnitFinger, x: Columns) -> None:
         self._finger = finger
         self._parts = finger.shared.backbone.panels  # per element
-        count, name = finger.spec.elements * self._parts, finger.spec.name
+        count = finger.spec.elements * self._parts
+        name = finger.spec.name
         self.turns = x(f"{name}.turns", 2 * NODES * count).reshape((2, NODES * count))
         self.ends = x(f"{name}.end turns", 2 * count).reshape((2, count))
         self.shifts = x(f"{name}.shifts", count)
@@ -64,7 +65,8 @@ class Lean:
         """Slope of the shift there."""
         if end < 0:
             return ca.SX(0)
-        angle, turn = self._finger.angles[end], self.ends[:, self._parts * (end + 1) - 1]
+        angle = self._finger.angles[end]
+        turn = self.ends[:, self._parts * (end + 1) - 1]
         return ca.cos(angle) * turn[0] + ca.sin(angle) * turn[1]
 
     def rows(self, loads: Sequence[EndLoad]) -> tuple[ca.SX, ca.SX]:
@@ -75,7 +77,8 @@ class Lean:
         joints = finger.shared.backbone.joints(*state)[0]
         across = ca.vertcat(-tangents[1, :], tangents[0, :])  # z x t
         lengths = ca.vertcat(*(span * ca.DM(_WEIGHTS) for span in ca.vertsplit(spans)))  # that nodes stand for
-        slopes, before = -ca.sum1(self.turns * across), ca.SX(2, 1)
+        slopes = -ca.sum1(self.turns * across)
+        before = ca.SX(2, 1)
         rates, shifts, sums, turned, shifted = (list[ca.SX]() for _ in range(5))
         for panel, length in enumerate(ca.vertsplit(spans)):
             nodes = slice(NODES * panel, NODES * (panel + 1))
@@ -106,7 +109,8 @@ class Lean:
             add(lengths.numel(), self._weight, integral - ca.repmat(beyond.T, 2, 1) * at, ahead)
         twist = moment[0, :] + moment[2, :] * slopes
         bend = moment[1, :] + moment[2, :] * ca.sum1(self.turns * tangents)
-        rate, share = ca.horzcat(*rates), ca.vertcat(*(ca.repmat(span, NODES, 1) for span in ca.vertsplit(spans)))
+        rate = ca.horzcat(*rates)
+        share = ca.vertcat(*(ca.repmat(span, NODES, 1) for span in ca.vertsplit(spans)))
         gives = (share / stiffness).T
         rows = [
             ca.sum1(rate * tangents) - gives * twist / finger.number("torsion"),
@@ -129,7 +133,8 @@ class Lean:
     @staticmethod
     def _integrals(value: ca.SX, lengths: ca.SX, sums: Sequence[ca.SX]) -> ca.SX:
         """Integrals beyond each node (1, M) by values there; ``sums`` are those from the start of the node's panel."""
-        found, behind = list[ca.SX](), ca.SX(0)
+        found = list[ca.SX]()
+        behind = ca.SX(0)
         for panel in reversed(range(len(sums))):
             nodes = slice(NODES * panel, NODES * (panel + 1))
             behind += value[nodes] @ lengths[nodes]

@@ -39,10 +39,14 @@ class MeshSurface:
 
     def __init__(self, solid: Any) -> None:
         surface = solid.surface
-        self.corners, self.triangles_, self.corner_normals = surface.corners, surface.triangles, surface.normals
-        self.size, count = surface.size, len(self.triangles_)
+        self.corners = surface.corners
+        self.triangles_ = surface.triangles
+        self.corner_normals = surface.normals
+        self.size = surface.size
+        count = len(self.triangles_)
         self.places = self.corners[self.triangles_]
-        one, two = self.places[:, 1] - self.places[:, 0], self.places[:, 2] - self.places[:, 0]
+        one = self.places[:, 1] - self.places[:, 0]
+        two = self.places[:, 2] - self.places[:, 0]
         across = np.cross(one, two)
         doubled = np.linalg.norm(across, axis=1)
         # 1e-300: a needle without area has no normal, and is as near as its neighbors.
@@ -54,7 +58,8 @@ class MeshSurface:
         self.neighbor = self._neighbors()
         self.vertex_normals = self._vertex_normals()
         self.owner, samples = self._samples(count)
-        self.tree, self.every = cKDTree(samples), 1 + len(samples) // COARSE
+        self.tree = cKDTree(samples)
+        self.every = 1 + len(samples) // COARSE
         self.coarse = cKDTree(samples[:: self.every])
         self.beyond, self.creased = self._creases()
 
@@ -126,7 +131,8 @@ class MeshSurface:
         owner, candidates = self._within(points, most)
         distance, outward = self._signed(points, *self._least(points, owner, candidates))
         owner, candidates = self._within(points, (1.0 + SLACK) * np.abs(distance))
-        normal, turning = outward.copy(), (np.eye(3) - outward[:, :, None] * outward[:, None, :])
+        normal = outward.copy()
+        turning = np.eye(3) - outward[:, :, None] * outward[:, None, :]
         turning = turning / np.maximum(np.abs(distance), 1e-3 * self.size)[:, None, None]
         best = np.full(len(points), np.inf)
         # Triangles: q = a + u (b - a) + v (c - a), and N alike.
@@ -170,11 +176,13 @@ class MeshSurface:
         if not len(owner):
             return
         f = np.moveaxis(forms, 1, 0)
-        target, unknown = points[owner], np.column_stack([start, np.zeros(len(start))])
+        target = points[owner]
+        unknown = np.column_stack([start, np.zeros(len(start))])
         unknown[:, 2] = distance[owner]
         for _ in range(NEWTON):
             u, v, t = (unknown[:, [k]] for k in range(3))
-            n_u, n_v = f[4] + f[6] * v, f[5] + f[6] * u
+            n_u = f[4] + f[6] * v
+            n_v = f[5] + f[6] * u
             n = f[3] + f[4] * u + f[5] * v + f[6] * u * v
             missing = f[0] + f[1] * u + f[2] * v + t * n - target
             matrix = np.stack([f[1] + t * n_u, f[2] + t * n_v, n], axis=2)
@@ -196,7 +204,8 @@ class MeshSurface:
         chosen = chosen[away[chosen] < best[owner[chosen]]]
         if not len(chosen):
             return
-        who, unit = owner[chosen], (n / size[:, None])[chosen]
+        who = owner[chosen]
+        unit = (n / size[:, None])[chosen]
         slopes = np.stack([n_u, n_v, np.zeros_like(n)], axis=2)[chosen] @ inverse[chosen] / size[chosen, None, None]
         across = np.eye(3) - unit[:, :, None] * unit[:, None, :]
         bent = across @ slopes @ across
@@ -229,17 +238,24 @@ class MeshSurface:
         def dot(v: Array, w: Array) -> Array:
             return np.asarray((v * w).sum(axis=1))
 
-        d1, d2 = dot(ab, points - a), dot(ac, points - a)
-        d3, d4 = dot(ab, points - b), dot(ac, points - b)
-        d5, d6 = dot(ab, points - c), dot(ac, points - c)
-        va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+        d1 = dot(ab, points - a)
+        d2 = dot(ac, points - a)
+        d3 = dot(ab, points - b)
+        d4 = dot(ac, points - b)
+        d5 = dot(ab, points - c)
+        d6 = dot(ac, points - c)
+        va = d3 * d6 - d5 * d4
+        vb = d5 * d2 - d1 * d6
+        vc = d1 * d4 - d3 * d2
         whole = np.maximum(va + vb + vc, 1e-300)
         v, w = vb / whole, vc / whole
 
         def ratio(part: Array, rest: Array) -> Array:
             return np.asarray(part / np.where(part + rest == 0.0, 1.0, part + rest))
 
-        on_ab, on_ac, on_bc = ratio(d1, -d3), ratio(d2, -d6), ratio(d4 - d3, d5 - d6)
+        on_ab = ratio(d1, -d3)
+        on_ac = ratio(d2, -d6)
+        on_bc = ratio(d4 - d3, d5 - d6)
         cases = [
             (d1 <= 0.0) & (d2 <= 0.0),
             (d3 >= 0.0) & (d4 <= d3),

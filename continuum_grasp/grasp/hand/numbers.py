@@ -35,7 +35,9 @@ def hand_units(scene: HandScene) -> Units:
 
 def hand_numbers(scene: HandScene, frames: Sequence[PlaneFrame], chosen: Sequence[TouchingPosture]) -> Values:
     """Run-time numbers by name, in units of the problem."""
-    units, solid, weight = hand_units(scene), scene.object, scene.weight
+    units = hand_units(scene)
+    solid = scene.object
+    weight = scene.weight
     lengths = {setup.name: setup.finger.rod.length for setup in scene.setups}
     fingers = {
         name: FingerStart((0.0, 0.0, 0.0), (posture.joint * lengths[name],), (1,), *posture.knots)
@@ -82,7 +84,8 @@ def _support_numbers(scene: HandScene, units: Units) -> Values:
         height = normal @ np.array(support.point) / units.length
         numbers[f"{support.name}.plane"] = np.append(normal, height)
     for contact in scene.support_contacts:
-        name, normal = contact.name, -np.array(contact.support.normal)
+        name = contact.name
+        normal = -np.array(contact.support.normal)
         side = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
         side = side / np.linalg.norm(side)
         numbers |= {
@@ -103,7 +106,8 @@ def surfaces(body: BodySurface, places: Array, thick: Array, length: float) -> A
     curvature, the distance from balls and cylinders is of second order, and exact.
     """
     near = body.near(places)
-    foot, normal = places + (thick - near.distance)[:, None] * near.normal, near.normal
+    foot = places + (thick - near.distance)[:, None] * near.normal
+    normal = near.normal
     if near.slope is not None:  # triangles, on which normals are linear and the distance, too
         rest = np.zeros((len(places), 27))
         return np.hstack([foot / length, normal, near.slope, near.bending.reshape(-1, 9) * length, rest])
@@ -158,7 +162,9 @@ class ForceRows:
     @staticmethod
     def of(scene: HandScene, problem: HandProblem, x: Array, p: Array) -> ForceRows:
         """Rows at a point."""
-        columns, owners, contacts = list[Array](), list[int](), list[ForceColumns]()
+        columns = list[Array]()
+        owners = list[int]()
+        contacts = list[ForceColumns]()
 
         def add(name: str, owner: int) -> None:
             columns.append(np.arange(problem.x.size)[problem.x.at[name]])
@@ -192,7 +198,9 @@ class ForceRows:
     @staticmethod
     def combined(each: Sequence[ForceRows]) -> ForceRows:
         """Rows of a hand whose finger k is as in the k-th of some points."""
-        matrix, offset, contacts = each[0].matrix.copy(), each[0].offset.copy(), list(each[0].contacts)
+        matrix = each[0].matrix.copy()
+        offset = each[0].offset.copy()
+        contacts = list(each[0].contacts)
         for k, rows in enumerate(each):
             columns, own = rows.column_owners == k, rows.row_owners == k
             matrix[:, columns], offset[own] = rows.matrix[:, columns], rows.offset[own]
@@ -206,12 +214,15 @@ class ForceRows:
         least, and these; infinite where the conic problem has no solution.
         """
         # Unknowns are tensions and forces, then what they leave of each row.
-        sought, size = self.columns.size, self.columns.size + self.offset.size
-        low, high = np.full(size, -np.inf), np.full(size, np.inf)
+        sought = self.columns.size
+        size = self.columns.size + self.offset.size
+        low = np.full(size, -np.inf)
+        high = np.full(size, np.inf)
         for k, setup in enumerate(scene.setups):
             low[2 * k : 2 * k + 2], high[2 * k : 2 * k + 2] = finger_bounds(setup)
         wide = max(contact.columns.stop - contact.columns.start - 1 for contact in self.contacts)
-        width, across = np.zeros((len(self.contacts), size)), np.zeros((len(self.contacts), wide, size))
+        width = np.zeros((len(self.contacts), size))
+        across = np.zeros((len(self.contacts), wide, size))
         for c, contact in enumerate(self.contacts):
             normal, *others = range(size)[contact.columns]
             # Fingers press; palm and table may carry nothing.

@@ -47,7 +47,8 @@ def grown(point: ca.SX, surface: ca.SX) -> tuple[ca.SX, ca.SX]:
     triangles that stand for a curved surface, and second and third derivatives (9,) and (27,).
     """
     near, outward, slope, bending, changing = ca.vertsplit(surface, [0, 3, 6, 9, 18, SURFACE])
-    away, curved = point - near, bending.reshape((3, 3))
+    away = point - near
+    curved = bending.reshape((3, 3))
     turning = (changing.reshape((9, 3)) @ away).reshape((3, 3))
     return ca.dot(slope + (curved / 2.0 + turning / 6.0) @ away, away), outward + (curved + turning / 2.0) @ away
 
@@ -94,7 +95,9 @@ class ObjectPart(HandPart):
 
     def __init__(self, carried: tuple[str, ...], aims: Aims) -> None:
         super().__init__(aims)
-        forces, points, loads = list[ca.SX](), list[ca.SX](), list[ca.SX]()
+        forces = list[ca.SX]()
+        points = list[ca.SX]()
+        loads = list[ca.SX]()
         for name in carried:
             force = self.x(f"force, {name}", 3)
             forces.append(force)
@@ -149,12 +152,16 @@ class PlacedFinger:
     """
 
     def __init__(self, part: HandPart, spec: FingerSpec, soft: bool) -> None:
-        self._part, self._soft, self.spec, self.name = part, soft, spec, spec.name
+        self._part = part
+        self._soft = soft
+        self.spec = spec
+        self.name = spec.name
         self.axes = part.numbers(f"{spec.name}.axes", 9).reshape((3, 3))
         joints = {"middle": 0} if spec.touching[0] else {}
         joints |= {"tip": -1} if spec.tip else {}
         self.touches = [self._touch(f"{spec.name}.{place}", joint) for place, joint in joints.items()]
-        tip, twist = ca.SX(3, 1), None
+        tip = ca.SX(3, 1)
+        twist = None
         for touch in self.touches:
             if touch.joint == -1:
                 # In the plane, friction along a has all of its couple about z but for the lean of the normal.
@@ -164,7 +171,8 @@ class PlacedFinger:
         self.lean = Lean(self.finger, part.x)
 
     def _touch(self, name: str, joint: int) -> SpatialTouch:
-        number, axes = self._part.numbers, self.axes
+        number = self._part.numbers
+        axes = self.axes
         end = self.spec.elements - 1 if joint < 0 else self.spec.before[0] - 1
         backbone = self._part.x(f"place, {name}", 3)
         beyond, gradient = grown(backbone, number(f"{name}.surface", SURFACE))
@@ -174,7 +182,8 @@ class PlacedFinger:
         a = across / sine
         force = self._part.x(f"force, {name}", 3)
         world = force[0] * normal + force[1] * a + force[2] * ca.cross(normal, a)
-        torsion, moment = ca.SX(0, 1), ca.SX(3, 1)
+        torsion = ca.SX(0, 1)
+        moment = ca.SX(3, 1)
         if self._soft:
             torsion = self._part.x(f"torsion, {name}")
             # Friction that is relaxed bears no more of it.
@@ -195,11 +204,15 @@ class PlacedFinger:
     @cached_property
     def guarded(self) -> ca.SX:
         """Places (3, K) that must stay clear, displaced by cubics between the ends of the elements."""
-        finger, lean, aside = self.finger, self.lean, list[ca.SX]()
+        finger = self.finger
+        lean = self.lean
+        aside = list[ca.SX]()
         points, owners, _, _ = finger.guarded
         for element, share in zip(owners, finger.guarded_shares, strict=True):
-            first, last = lean.shift(element - 1), lean.shift(element)
-            behind, ahead = share**2 * (3.0 - 2.0 * share), share * (1.0 - share)
+            first = lean.shift(element - 1)
+            last = lean.shift(element)
+            behind = share**2 * (3.0 - 2.0 * share)
+            ahead = share * (1.0 - share)
             bent = lean.slope(element - 1) * (1.0 - share) - lean.slope(element) * share
             aside.append(first + (last - first) * behind + finger.lengths[element] * ahead * bent)
         return self.in_space(points) + self.axes[:, 2] @ (finger.number("length") * ca.horzcat(*aside))
@@ -213,7 +226,9 @@ class FingerPart(HandPart):
     def __init__(self, spec: FingerSpec, planes: tuple[str, ...], soft: bool, aims: Aims) -> None:
         super().__init__(aims)
         self.placed = PlacedFinger(self, spec, soft)
-        self.spec, self.finger, self.touches = spec, self.placed.finger, self.placed.touches
+        self.spec = spec
+        self.finger = self.placed.finger
+        self.touches = self.placed.touches
         self._rest()
         for touch in self.touches:
             self._close(touch)
@@ -229,11 +244,18 @@ class FingerPart(HandPart):
 
     def _rest(self) -> None:
         """Equilibrium in the plane and to the side."""
-        finger, axes, require = self.finger, self.placed.axes, self.rows.require
-        share, length, name = finger.number("force share"), finger.number("length"), finger.spec.name
-        forces, couples, loads = dict[int, ca.SX](), dict[int, ca.SX](), list[EndLoad]()
+        finger = self.finger
+        axes = self.placed.axes
+        require = self.rows.require
+        share = finger.number("force share")
+        length = finger.number("length")
+        name = finger.spec.name
+        forces = dict[int, ca.SX]()
+        couples = dict[int, ca.SX]()
+        loads = list[EndLoad]()
         for touch in self.touches:
-            force, half = axes.T @ touch.world / share, finger.half_at(touch.end)
+            force = axes.T @ touch.world / share
+            half = finger.half_at(touch.end)
             moment = axes.T @ touch.moment / (share * length)
             forces[touch.joint] = force[:2]
             couples[touch.joint] = -half * touch.force[1] * touch.sine / share + moment[2]
@@ -255,7 +277,10 @@ class FingerPart(HandPart):
 
     def _close(self, touch: SpatialTouch) -> None:
         """The finger touches: no gap, and along the finger it is tangent."""
-        finger, axes, name, require = self.finger, self.placed.axes, touch.name, self.rows.require
+        finger = self.finger
+        axes = self.placed.axes
+        name = touch.name
+        require = self.rows.require
         place = self.placed.in_space(finger.ends[:, touch.end]) + axes[:, 2] * self.placed.shift(touch.end)
         require(f"contact place, {name}", place - touch.backbone, "m", f"contacts.{name}")
         require(f"contact gap, {name}", touch.beyond, "m", f"contacts.{name}")
@@ -281,14 +306,18 @@ class FingerPart(HandPart):
 
     def _keep_clear(self, planes: tuple[str, ...]) -> None:
         """Guarded places keep clear of the object as it is near them, and of palm and table."""
-        finger, points, require = self.finger, self.placed.guarded, self.rows.require
-        thick, name = finger.guarded[3], finger.spec.name
+        finger = self.finger
+        points = self.placed.guarded
+        require = self.rows.require
+        thick = finger.guarded[3]
+        name = finger.spec.name
         near = finger.number("surfaces", SURFACE * len(self.free)).reshape((SURFACE, len(self.free)))
         beyond = [grown(points[:, j], near[:, k])[0] for k, j in enumerate(self.free)]
         spare = ca.vertcat(*beyond) + finger.number("tolerance")
         require(f"penetration into the object, {name}", spare, "m", "object", upper=ca.inf)
         for support in planes:
-            plane, there = self.numbers(f"{support}.plane", 4), finger.number(f"clear of {support}", points.shape[1])
+            plane = self.numbers(f"{support}.plane", 4)
+            there = finger.number(f"clear of {support}", points.shape[1])
             heights = points.T @ plane[:3] - plane[3]
             spare = there * (heights - thick) + finger.number("tolerance")
             require(f"penetration into the {support}, {name}", spare, "m", support, upper=ca.inf)
@@ -335,7 +364,8 @@ class PairPart(HandPart):
         super().__init__(PLAIN)
         pair = [PlacedFinger(self, first, soft), PlacedFinger(self, second, soft)]
         name, count = f"{first.name}, {second.name}", first.elements
-        places, thick = list[ca.SX](), ca.SX(0)
+        places = list[ca.SX]()
+        thick = ca.SX(0)
         for placed, side in zip(pair, ("first", "second"), strict=True):
             finger, points = placed.finger, placed.guarded
             chosen = ca.reshape(self.numbers(f"{side} of {name}", points.shape[1] * count), points.shape[1], count)

@@ -39,7 +39,9 @@ class HandPoints:
     """Points of the problem of a scene, by structure."""
 
     def __init__(self, scene: HandScene) -> None:
-        self.scene, self.units, self._body = scene, hand_units(scene), BodySurface(scene)
+        self.scene = scene
+        self.units = hand_units(scene)
+        self._body = BodySurface(scene)
         frames = PlaneFrame.each(scene)
         self.planes = [
             FingerPlane(setup, frame, self._body.distance) for setup, frame in zip(scene.setups, frames, strict=True)
@@ -151,7 +153,8 @@ class HandPoints:
             away = self._body.distance(placed)[0] - halves
             away = np.minimum.reduce([away, *self._over_supports(plane, placed, halves)])
             # Of several places on an element each is the deepest one of its part.
-            part, own = np.arange(len(PROBED)) * count // len(PROBED), np.arange(away.shape[1]) % count
+            part = np.arange(len(PROBED)) * count // len(PROBED)
+            own = np.arange(away.shape[1]) % count
             away[part[:, None] != own] = np.inf
             p[problem.numbers.at[f"{plane.setup.name}.probes"]] = PROBED[away.argmin(axis=0)]
         guarded = self._guarded(problem, x, p)
@@ -166,7 +169,8 @@ class HandPoints:
 
     def depth(self, problem: HandProblem, x: Array, p: Array) -> float:
         """Greatest depth of a guarded place in the object, a support or another finger, per length of its finger."""
-        guarded, deepest = self._guarded(problem, x, p), -np.inf
+        guarded = self._guarded(problem, x, p)
+        deepest = -np.inf
         for k, (plane, (points, halves)) in enumerate(zip(self.planes, guarded, strict=True)):
             free = problem.finger(k).free
             depths = [halves[free] - self._body.near(points[free]).distance - self.scene.object.deviation]
@@ -202,7 +206,8 @@ class HandPoints:
         """Gaps between a finger at points (..., 3) of its line and each support [m]; infinite near the base, where it
         may come out of it.
         """
-        frame, half = plane.frame, plane.length * float(plane.half(0.0))
+        frame = plane.frame
+        half = plane.length * float(plane.half(0.0))
         away = np.linalg.norm(points - frame.base, axis=-1)
         for support in self.scene.supports:
             needed = support.clear_from(tuple(frame.base), tuple(frame.axes[:, 1]), half)
@@ -234,7 +239,8 @@ class HandPoints:
 
     def arrays(self, problem: HandProblem, x: Array, p: Array) -> dict[str, Array]:
         """Stored arrays of a point (SI)."""
-        units, contacts = self.units, problem.spec.contacts
+        units = self.units
+        contacts = problem.spec.contacts
         names = [*(contact.name for contact in contacts), *problem.spec.carried]
         # Of each contact point, normal, force, place along its finger, shift and moment about the normal; of palm and
         # table these three are zero.
@@ -253,9 +259,11 @@ class HandPoints:
         if problem.spec.soft:
             out["contact_moments"] = np.array([float(part[5].item()) for part in per]) * units.force * units.length
         for k, setup in enumerate(self.scene.setups):
-            finger, placed = problem.finger(k), problem.fingers[k]
+            finger = problem.finger(k)
+            placed = problem.fingers[k]
             q, shares, tip, pulls, _ = placed.values(finger.stored, x, p)
-            name, length = setup.name, setup.finger.rod.length
+            name = setup.name
+            length = setup.finger.rod.length
             elements = shares.ravel() * length
             tensions = pulls.ravel() * setup.stiffness / length / setup.tendons.offset
             bending = bending_arrays(
@@ -283,7 +291,8 @@ def _nearest(gaps: Array, owners: Array) -> tuple[Array, Array]:
     nearest one there, by gaps (K, M) and the elements of the first finger's places.
     """
     count, (places, others) = int(owners.max()) + 1, gaps.shape
-    first, second = np.zeros((count, places)), np.zeros((count, others))
+    first = np.zeros((count, places))
+    second = np.zeros((count, others))
     for element in range(count):
         mine = np.flatnonzero(owners == element)
         a, b = np.unravel_index(int(gaps[mine].argmin()), (mine.size, others))

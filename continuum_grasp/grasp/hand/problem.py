@@ -48,7 +48,8 @@ class HandSpec:
     @staticmethod
     def of(scene: HandScene, on: frozenset[str]) -> HandSpec:
         """The structure of the problem of a scene with some contacts on, by name."""
-        fingers, contacts = [], list[SpatialContact]()
+        fingers = []
+        contacts = list[SpatialContact]()
         for k, setup in enumerate(scene.setups):
             fingers.append(FingerSpec.of(setup, on, any(scene.acceleration)))
             ends = {setup.middle_names[0]: setup.before[0] - 1, setup.tip_name: setup.elements - 1}
@@ -107,5 +108,6 @@ hand_problem = lru_cache(maxsize=16)(HandProblem)
 @lru_cache(maxsize=1)
 def grown_function() -> ca.Function:
     """`grown` in numbers."""
-    point, surface = ca.SX.sym("point", 3), ca.SX.sym("surface", SURFACE)
+    point = ca.SX.sym("point", 3)
+    surface = ca.SX.sym("surface", SURFACE)
     return ca.Function("grown", [point, surface], list(grown(point, surface)))

@@ -123,7 +123,10 @@ class SpatialFinger:
     def __init__(
         self, plane: RecomputedFinger, frame: PlaneFrame, gravity: Array, stiffness: tuple[float, float]
     ) -> None:
-        self.plane, self.frame, self.name, self.length = plane, frame, plane.name, plane.length
+        self.plane = plane
+        self.frame = frame
+        self.name = plane.name
+        self.length = plane.length
         self.lateral, self.torsion = stiffness  # E I_l and G J [N m2], with E I of the uniform finger
         self.radius = float(plane.thickness[0])  # half the thickness of its base [m]
         self.gravity = gravity  # along the axes of the plane and its normal (3,) [m/s2]
@@ -131,10 +134,12 @@ class SpatialFinger:
 
     def respond(self) -> None:
         """Compute the displacement to the side, from the contacts."""
-        plane, edges = self.plane, self.plane.rod.edges
+        plane = self.plane
+        edges = self.plane.rod.edges
         rod = DenseRod(plane.finger, plane.rod.joints, PANEL, plane.base)
         angle = rod.angle(plane.shape.curvature(rod.nodes))
-        along, across = np.stack([-np.sin(angle), np.cos(angle)]), -np.stack([np.cos(angle), np.sin(angle)])
+        along = np.stack([-np.sin(angle), np.cos(angle)])
+        across = -np.stack([np.cos(angle), np.sin(angle)])
         gives = plane.stiffness / plane.profile.bending_stiffness(rod.nodes)
         soft = gives * (_squares(along) / self.torsion + _squares(across) / self.lateral)
         # Of turns (2 N,), x before y, the displacements at nodes.
@@ -158,7 +163,8 @@ class SpatialFinger:
         """
         plane, mesh, s = self.plane, rod.mesh, rod.nodes
         points = rod.start[:, None] + mesh.to_nodes(along)
-        sideways, about = np.zeros((2, s.size)), np.zeros(s.size)
+        sideways = np.zeros((2, s.size))
+        about = np.zeros(s.size)
         added = np.zeros((2, s.size, 2 * s.size))
 
         def add(force: Array, away: Array, shifts: Array) -> None:
@@ -191,7 +197,8 @@ class SpatialFinger:
         """Find where a contact is in the hand, from the displacement."""
         edge = int(self.plane.joint_edges[contact.joint])
         angle = self.plane.angles[edge]
-        contact.deflection, contact.center = float(self.deflections[edge]), self.points[edge]
+        contact.deflection = float(self.deflections[edge])
+        contact.center = self.points[edge]
         contact.tangent = self.frame.axes @ np.array([-np.sin(angle), np.cos(angle), self.slopes[edge]])
 
 
@@ -204,7 +211,8 @@ class RecomputedHand:
     """Shapes, normals and forces of a hand's grasp from its stored numbers, complete and of the right shapes."""
 
     def __init__(self, scene: HandScene, arrays: Mapping[str, Any]) -> None:
-        self.scene, self.surface = scene, PlacedSolid(scene)
+        self.scene = scene
+        self.surface = PlacedSolid(scene)
         self.size, self.com = scene.object.size, scene.object.com
         self.gravity = np.array(scene.acceleration, dtype=float)
         self.frames = PlaneFrame.each(scene)
@@ -219,12 +227,14 @@ class RecomputedHand:
         if self.contacts:
             near = self.surface.nearest(np.stack([contact.center for contact in self.contacts]))
             for k, contact in enumerate(self.contacts):
-                contact.point, contact.normal = near.point[k], near.normal[k]
+                contact.point = near.point[k]
+                contact.normal = near.normal[k]
                 contact.distance = float(near.distance[k])
         if self.carried:
             near = self.surface.nearest(np.stack([contact.stored_position for contact in self.carried]))
             for k, carried in enumerate(self.carried):
-                carried.point, carried.normal = near.point[k], -np.array(carried.support.normal)
+                carried.point = near.point[k]
+                carried.normal = -np.array(carried.support.normal)
         forces = [float(np.linalg.norm(contact.load)) for contact in self.touches]
         # What a residual force is compared with [N]: the forces on the object, and a trace of what bends a finger.
         least = TRACE * min(f.plane.stiffness / f.length**2 for f in self.fingers)
@@ -242,7 +252,8 @@ class RecomputedHand:
         return [c for c in self.touches if c.normal_force > least.get(c.name, EXACT) * self.force_scale]
 
     def _finger(self, k: int, arrays: Mapping[str, Any]) -> SpatialFinger:
-        setup, frame = self.scene.setups[k], self.frames[k]
+        setup = self.scene.setups[k]
+        frame = self.frames[k]
         gravity = frame.axes.T @ self.gravity
         plane = RecomputedFinger(setup, (float(gravity[0]), float(gravity[1])), arrays)
         section = (self.scene.hand.named_bases[setup.name].finger or self.scene.hand.finger).cross_section
@@ -252,7 +263,8 @@ class RecomputedHand:
     def _contacts(self, arrays: Mapping[str, Any]) -> list[HandTouch]:
         stored = {key: np.asarray(arrays[f"contact_{key}"], dtype=float) for key in of_contacts(self.scene)}
         moments = stored.get("moments", np.zeros(len(self.names)))
-        known, contacts = known_touches(self.scene), []
+        known = known_touches(self.scene)
+        contacts = []
         supports = {support.name: support for support in self.scene.supports}
         for k, name in enumerate(self.names):
             common: dict[str, Any] = {
@@ -267,14 +279,16 @@ class RecomputedHand:
             support = supports.get(support_of(name))
             if support is not None:
                 limits = self.scene.contacts
-                held, most = support.friction * (1.0 - limits.reserve), limits.normal_force_max
+                held = support.friction * (1.0 - limits.reserve)
+                most = limits.normal_force_max
                 self.carried.append(SupportTouch(**common, arm=0.0, friction=support.friction, held_friction=held,
                                                  normal_force_max=most, support=support))  # fmt: skip
                 continue
             if name not in known:  # which `touches_check` counts
                 continue
             owner, kind, joint = known[name]
-            finger, setup = self.fingers[owner], self.scene.setups[owner]
+            finger = self.fingers[owner]
+            setup = self.scene.setups[owner]
             contact = HandTouch(
                 **common,
                 arm=self.scene.contacts.torsional_friction / setup.friction if setup.friction else 0.0,
@@ -288,8 +302,10 @@ class RecomputedHand:
             )
             load, normal = (finger.frame.axes.T @ vector for vector in (contact.load, contact.stored_normal))
             couple = contact.moment * normal - contact.radius * np.cross(normal, load)
-            contact.force, contact.side = load[:2], float(load[2])
-            contact.twisting, contact.couple = couple[:2], float(couple[2])
+            contact.force = load[:2]
+            contact.side = float(load[2])
+            contact.twisting = couple[:2]
+            contact.couple = float(couple[2])
             finger.contacts.append(contact)
             in_plane: list[Any] = finger.plane.contacts  # which take joint, force and couple alone
             in_plane.append(contact)

@@ -37,7 +37,8 @@ class HandLimit:
 
     def reason(self, scene: HandScene, needed: float, held: HandTried, *, stable: bool) -> Reason:
         """The reason that a grasp with this limit confirms; one that is not stable says so."""
-        changed, limit = self.changed(scene, needed), self.limit(scene)
+        changed = self.changed(scene, needed)
+        limit = self.limit(scene)
         text = self.why.format(limit=limit, needed=needed)
         # Fingers may have limits of their own, and motors torques, which go with it.
         numbers = dict(changed_numbers(scene, changed)) or {self.key: needed}
@@ -46,7 +47,8 @@ class HandLimit:
         repair += "" if stable else " (in balance, but not stable)"
         unit = self._unit(key)
         if unit != self.unit:
-            limit, needed = dict(changed_numbers(changed, scene))[key], numbers[key]
+            limit = dict(changed_numbers(changed, scene))[key]
+            needed = numbers[key]
         return Reason(self.name, key, unit, limit, needed, text, repair, stable=stable, arrays=held.arrays)
 
     def _unit(self, key: str) -> str:
@@ -80,7 +82,8 @@ def _of_weak(limit: HandLimit, scene: HandScene, arrays: Mapping[str, Array]) ->
         return limit
     weak = dict[str, float]()
     for setup in scene.setups:
-        tensions, law = arrays[f"{setup.name}.tensions"], setup.drive
+        tensions = arrays[f"{setup.name}.tensions"]
+        law = setup.drive
         # Motors of a pulley pull with a difference.
         overloaded = law is not None and law.pulley and abs(tensions[0] - tensions[1]) > law.greatest
         if overloaded or tensions.max() > setup.max_tension:

@@ -141,7 +141,8 @@ class HandResult(Result):
         from continuum_grasp.grasp.hand.certificate import certify_hand
 
         run = cls.read(folder)
-        config, meta = run.meta.get("config") or {}, run.meta
+        config = run.meta.get("config") or {}
+        meta = run.meta
         if "hand" not in config:
             raise InputError("expected the grasp of a hand, got the grasp of a planar scene", file=fspath(folder))
         scene = HandScene.model_validate(config)
@@ -321,7 +322,8 @@ class HandResult(Result):
         soft = self.scene.contacts.torsional_friction > 0.0
         moment = ["Moment [N mm]"] if soft else []
         head = ["Contact", "At [mm]", "Along [mm]", "Normal [N]", "Friction [N]", *moment, "Margin", "To the side [mm]"]
-        rows, margins = [tuple(head)], self._margins()
+        rows = [tuple(head)]
+        margins = self._margins()
         for contact in self.contacts:
             margin = margins.get(contact.name, np.nan)
             rows.append(

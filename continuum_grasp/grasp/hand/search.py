@@ -85,7 +85,9 @@ class HandSearch:
     """Grasps of a scene, one set of contacts after the other."""
 
     def __init__(self, scene: HandScene, budget: Budget) -> None:
-        self.scene, self.budget, self.points = scene, budget, HandPoints(scene)
+        self.scene = scene
+        self.budget = budget
+        self.points = HandPoints(scene)
         self.units = self.points.units
         self._solver = settings_of(scene).solver()
         self._met = dict[HandSpec, list[Array]]()  # solutions of first runs by structure
@@ -113,7 +115,8 @@ class HandSearch:
     def run(self) -> Iterator[HandTried]:
         """Solve the likeliest start of each set of contacts, then the next of each, until ``held`` is set."""
         thorough = self.scene.solver.effort == "thorough"
-        once, twice = list[frozenset[str]](), list[frozenset[str]]()
+        once = list[frozenset[str]]()
+        twice = list[frozenset[str]]()
         for on in self.modes:
             # Fingers that touch with both of their contacts rarely hold with less, and take twice the equations.
             (once if len(HandSpec.of(self.scene, on).contacts) <= len(self.scene.setups) else twice).append(on)
@@ -225,7 +228,8 @@ class HandSearch:
         untouched = [setup.name for setup, found in zip(self.scene.setups, each, strict=True) if not found]
         if untouched:
             self.untouched[on] = untouched
-        problem, candidates = hand_problem(HandSpec.of(self.scene, on)), [list[PostureCandidate]() for _ in each]
+        problem = hand_problem(HandSpec.of(self.scene, on))
+        candidates = [list[PostureCandidate]() for _ in each]
         for n in range(max(map(len, each))):
             chosen = tuple(found[min(n, len(found) - 1)] if found else STRAIGHT for found in each)
             rows = ForceRows.of(self.scene, problem, *self.points.at(problem, chosen))
@@ -238,7 +242,8 @@ class HandSearch:
         """Combinations of the candidates of each finger, by the remainder of their best forces: of one
         set of contacts, or of several sets, not all from the same; none where a finger has no posture.
         """
-        fingers, most = range(len(self.scene.setups)), MIXED if len(sets) > 1 else None
+        fingers = range(len(self.scene.setups))
+        most = MIXED if len(sets) > 1 else None
         each = [[one for candidates in sets for one in candidates[k][:most]] for k in fingers]
         alike = [frozenset().union(*(own[0].on for own in candidates if own)) for candidates in sets]
         carried = frozenset(contact.name for contact in self.scene.support_contacts)

@@ -51,7 +51,8 @@ def _turned(scene: HandScene, down: HandResult, held: HandTried, progress: Calla
             scene, GraspStatus.NOT_SOLVED, message, advice=advice, statistics={**down.statistics, **steps}
         )
     best = min(found, key=lambda grasp: (not grasp.certificate.acceptable, max(grasp.friction, 1.0), grasp.yielding))
-    arrays, certificate = best.tried.arrays, best.certificate
+    arrays = best.tried.arrays
+    certificate = best.certificate
     worst = max(certificate.turned, key=lambda contact: contact.friction / contact.held)
     towards = ", ".join(f"{c:.2f}" for c in worst.direction)
     tension = amount_text(best.tried.tension, "N", ".4g")
@@ -103,8 +104,10 @@ def _motion_text(shift: float, turn: float) -> str:
 
 def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tuple[HandResult, HandTried | None]:
     """The best grasp under gravity of one direction, with the point that it is, or why there is none."""
-    began, budget = time.monotonic(), Budget.of(scene.solver, progress)
-    search, tried = HandSearch(scene, budget), list[HandTried]()
+    began = time.monotonic()
+    budget = Budget.of(scene.solver, progress)
+    search = HandSearch(scene, budget)
+    tried = list[HandTried]()
     verified = list[tuple[HandTried, HandCertificate]]()
 
     def look(one: HandTried) -> None:

@@ -116,14 +116,17 @@ def hand_response(hand: RecomputedHand, links: int = LINKS, *, turning: bool = T
         return None
     # What the constraints take of the loads: forces on the fingers, least squares where the contacts are indeterminate.
     forces = left[:, :rank] @ ((right[:rank] @ (hessian @ moved - loads)) / singular[:rank, None])
-    moved, moments = scale[:, None] * moved, np.zeros((len(hand.pressing), forces.shape[1]))
+    moved = scale[:, None] * moved
+    moments = np.zeros((len(hand.pressing), forces.shape[1]))
     twists = np.array([row for _, row in system.turning], dtype=int)
     moments[[contact for contact, _ in system.turning]] = forces[twists]
     forces = np.delete(forces, twists, axis=0).reshape(len(moments), 3, -1)
     pose = moved[-6:]
     shapes = [chain.displaced(moved[span, 9:]) for chain, span in zip(system.chains, system.spans, strict=True)]
     points = tuple(chain.points for chain in system.chains)
-    wrench, gravity, tension = slice(6), slice(6, 9), slice(9, None)
+    wrench = slice(6)
+    gravity = slice(6, 9)
+    tension = slice(9, None)
     return HandResponse(
         pose[:, wrench],
         forces[..., wrench],
@@ -143,7 +146,8 @@ class HandSystem(SpatialSystem):
 
     def __init__(self, hand: RecomputedHand, links: int, *, turning: bool = True) -> None:
         super().__init__(hand.fingers, hand.gravity, hand.com, links)
-        tendons, rows = [], list[Array]()
+        tendons = []
+        rows = list[Array]()
         # Contacts that press and the rows by which they turn about the normal with what they touch.
         self.turning = list[tuple[int, int]]()
         for finger, chain, span in zip(hand.fingers, self.chains, self.spans, strict=True):
@@ -176,7 +180,8 @@ class HandSystem(SpatialSystem):
         if finger := self.moving_finger(vector):
             name, aside = finger
             return f"{name} {'swings sideways' if aside else 'bends in its plane'}"
-        shift, turn = vector[-6:-3], vector[-3:]
+        shift = vector[-6:-3]
+        turn = vector[-3:]
         axis = int(np.argmax(np.abs(turn)))
         if float(turn @ turn) < float(shift @ shift):
             return f"shifts along {'xyz'[int(np.argmax(np.abs(shift)))]}"
@@ -197,7 +202,8 @@ def curvature_radii(hand: RecomputedHand, contact: ObjectTouch) -> Array:
     # The turns of the normal on both sides of an axis, in the tangent plane.
     away = np.concatenate([axes, -axes])
     turns = hand.surface.nearest(at + step * away).normal @ axes.T
-    ahead, behind = turns[:2], -turns[2:]
+    ahead = turns[:2]
+    behind = -turns[2:]
     _, directions = np.linalg.eigh(0.5 * (ahead + behind) + 0.5 * (ahead + behind).T)
     axes = directions.T @ axes
     turns = (hand.surface.nearest(at + step * np.concatenate([axes, -axes])).normal) @ axes.T

@@ -201,7 +201,8 @@ def _with_middle(
     inside = (s[1:-1] >= bounds[0]) & (s[1:-1] <= bounds[1])
     is_least = (gap[:, 1:-1] <= gap[:, :-2]) & (gap[:, 1:-1] <= gap[:, 2:]) & inside
     least = np.where(is_least, gap[:, 1:-1], np.inf)
-    at, value = least.argmin(axis=1) + 1, least.min(axis=1)
+    at = least.argmin(axis=1) + 1
+    value = least.min(axis=1)
     found = []
     for i in range(len(first) - 1):
         # 6: places by which the least gap moves between two curvatures at most

@@ -52,12 +52,15 @@ def steadied(search: HandSearch, tried: HandTried, certificate: HandCertificate)
             continue
         yield found
         share = min(1.0, 2.0 * share)
-        tried, certificate, slope = found, verdict, eigenvalue_slope(search, found)
+        tried = found
+        certificate = verdict
+        slope = eigenvalue_slope(search, found)
 
 
 def eigenvalue_slope(search: HandSearch, tried: HandTried) -> Array:
     """Derivative of the least eigenvalue, in E I / L, by the unknowns of a problem; by forward differences."""
-    scene, x = search.scene, tried.attempt.x
+    scene = search.scene
+    x = tried.attempt.x
     hand = RecomputedHand(scene, tried.arrays)
     system = steadying_system(hand, LINKS)
     held = held_directions(system.rows)
@@ -71,7 +74,8 @@ def eigenvalue_slope(search: HandSearch, tried: HandTried) -> Array:
         there = HandSystem(RecomputedHand(scene, search.arrays_at(tried, x)), LINKS, turning=bool(system.turning))
         return float(mode @ there.hessian @ mode + 2.0 * multipliers @ there.rows @ mode) / unit
 
-    slope, here = np.zeros(x.size), energy(x)
+    slope = np.zeros(x.size)
+    here = energy(x)
     for name, place in tried.problem.x.at.items():
         # Limits that are relaxed, turns and shifts, which follow from the rest, are not stored.
         if not name.startswith("relaxed ") and not name.endswith(("turns", ".shifts")):

@@ -45,7 +45,8 @@ class SuperquadricSurface:
     def gauge(self, points: Array) -> tuple[Array, Array, Array]:
         """The gauge (N,), its gradient (N, 3) and Hessian (N, 3, 3) at points (N, 3)."""
         p, q = self.p, self.q
-        u, sign = np.abs(points) / self.half, np.sign(points) / self.half
+        u = np.abs(points) / self.half
+        sign = np.sign(points) / self.half
         top = np.maximum(u[:, :2].max(axis=1), 1e-12)[:, None]
         # 1e-12: on the z axis, where its gradient is none
         across = np.maximum(top[:, 0] * ((u[:, :2] / top) ** p).sum(axis=1) ** (1.0 / p), 1e-12)
@@ -78,7 +79,8 @@ class SuperquadricSurface:
     def distance(self, points: Array) -> tuple[Array, Array]:
         """Distance (N,) of points (N, 3), and outward normals (N, 3), by the paraboloid at the nearest sample."""
         k = self.tree.query(points)[1]
-        away, normal = points - self.samples[k], self.normals[k]
+        away = points - self.samples[k]
+        normal = self.normals[k]
         height = (away * normal).sum(axis=1)
         aside = np.einsum("nij,ni->nj", self.directions[k], away)
         moved = aside * self.bends[k] / np.maximum(1.0 + height[:, None] * self.bends[k], LEAST)
@@ -98,14 +100,16 @@ class SuperquadricSurface:
             if float(np.abs(aside).max()) <= 1e-15 * self.size:
                 break
             step = np.linalg.solve(_grown(shape, height), aside[:, :, None])[:, :, 0]
-            share, done = np.ones(len(points)), np.zeros(len(points), dtype=bool)
+            share = np.ones(len(points))
+            done = np.zeros(len(points), dtype=bool)
             for _ in range(12):  # halvings of a step that leads farther away
                 trial = place + share[:, None] * step
                 trial = trial / self.gauge(trial)[0][:, None]
                 apart = np.linalg.norm(points - trial, axis=1)
                 # 1e-14: near the nearest point, rounding
                 closer = ~done & ((apart <= best * (1.0 + 1e-14)) | (height < 0.0))
-                place, best = np.where(closer[:, None], trial, place), np.where(closer, apart, best)
+                place = np.where(closer[:, None], trial, place)
+                best = np.where(closer, apart, best)
                 done |= closer
                 if done.all():
                     break
@@ -117,7 +121,8 @@ class SuperquadricSurface:
 
     def triangles(self) -> tuple[Array, Array]:
         """Corners (V, 3) and triangles (T, 3) of it, for pictures."""
-        up, around = np.linspace(0.0, np.pi, 41)[:, None], np.linspace(0.0, 2.0 * np.pi, 81)
+        up = np.linspace(0.0, np.pi, 41)[:, None]
+        around = np.linspace(0.0, 2.0 * np.pi, 81)
         ball = np.stack([np.sin(up) * np.cos(around), np.sin(up) * np.sin(around), np.cos(up) + 0.0 * around], axis=2)
         grid = np.sign(ball) * np.abs(ball) ** (2.0 / max(self.p, self.q)) * self.half
         scale = self.gauge(grid.reshape(-1, 3))[0].reshape(grid.shape[:2])

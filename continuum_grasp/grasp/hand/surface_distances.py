@@ -34,13 +34,16 @@ def loop_distance(points: Array, faces: Sequence[Face]) -> tuple[Array, Array]:
     Inside, the boundary turns once about a point.
     """
     z = points[:, 0] + 1j * points[:, 1]
-    best, turned = np.full(z.size, np.inf), np.zeros(z.size)
-    place, outward = np.zeros(z.size, complex), np.zeros(z.size, complex)
+    best = np.full(z.size, np.inf)
+    turned = np.zeros(z.size)
+    place = np.zeros(z.size, complex)
+    outward = np.zeros(z.size, complex)
     for a, b, middle, center, radius, half in _pieces(faces):
         turned += np.angle((b - z) / np.where(a == z, 1e-300, a - z))
         if half == 0.0:
             share = np.clip(((z - a) / (b - a)).real, 0.0, 1.0)
-            at, normal = a + share * (b - a), np.full(z.size, middle)
+            at = a + share * (b - a)
+            normal = np.full(z.size, middle)
         else:
             spoke = radius * middle
             normal = middle * np.exp(1j * np.clip(np.angle((z - center) / spoke), -abs(half), abs(half)))
@@ -61,11 +64,14 @@ def _pieces(faces: Sequence[Face]) -> list[tuple[complex, complex, complex, comp
     """Ends, unit normal in the middle, center, radius and half the turn of lines, and of arcs cut to one radian."""
     pieces = []
     for face in faces:
-        a, b, unit = complex(*face.start), complex(*face.end), complex(np.exp(1j * face.normal))
+        a = complex(*face.start)
+        b = complex(*face.end)
+        unit = complex(np.exp(1j * face.normal))
         if face.turn == 0.0 or face.radius == 0.0:
             pieces += [(a, b, unit, 0j, 0.0, 0.0)] if a != b else []
             continue
-        center, count = a - face.radius * unit, max(1, math.ceil(abs(face.turn)))
+        center = a - face.radius * unit
+        count = max(1, math.ceil(abs(face.turn)))
         marks = [unit * complex(np.exp(1j * face.turn * k / (2 * count))) for k in range(2 * count + 1)]
         ends = [center + face.radius * mark for mark in marks[::2]]
         half = 0.5 * face.turn / count
@@ -78,8 +84,10 @@ def superquadric_distance(points: Array, half: Array, exponents: tuple[float, fl
 
     By Newton's method on ``y + t grad f(y) = |p|, f(y) = 1`` in the octant where all coordinates are positive.
     """
-    size, sign = float(half.max()), np.copysign(1.0, points)
-    half, target = half / size, np.abs(points) / size
+    size = float(half.max())
+    sign = np.copysign(1.0, points)
+    half = half / size
+    target = np.abs(points) / size
     side = np.linspace(0.0, 1.0, _STARTS)
     u, v = (part.ravel() for part in np.meshgrid(side, side))
     ones = np.ones(u.size)
@@ -183,7 +191,8 @@ class TriangleDistance:
         import trimesh
 
         closest: Any = trimesh.triangles.closest_point
-        reach, normal = (1.0 + _LEAN) * abs(distance), toward
+        reach = (1.0 + _LEAN) * abs(distance)
+        normal = toward
         box = np.concatenate([point - reach, point + reach])
         around = np.array(list(self._mesh.triangles_tree.intersection(box)), dtype=int)
         places = closest(self._mesh.triangles[around], np.tile(point, (len(around), 1)))
@@ -198,7 +207,8 @@ class TriangleDistance:
 
     def _reaching(self, point: Array, distance: float, triangle: int) -> list[tuple[float, Array]]:
         """Distances at which normals of a triangle, and of creases at its edges, reach a point, and these normals."""
-        corners, normals = np.asarray(self._mesh.triangles[triangle]), self._normals[triangle]
+        corners = np.asarray(self._mesh.triangles[triangle])
+        normals = self._normals[triangle]
         found = []
         for t in _roots(partial(_moved, corners - point, normals), abs(distance)):
             share = np.linalg.lstsq((corners + t * normals).T, point, rcond=None)[0]
@@ -225,7 +235,8 @@ class TriangleDistance:
 
     def _creases(self, triangle: int) -> list[tuple[int, int]]:
         """Edges of a triangle, by the corner opposite, that are creases, and the triangles beyond."""
-        faces, found = self._mesh.faces, []
+        faces = self._mesh.faces
+        found = []
         for k in range(3):
             ends = [int(faces[triangle, j]) for j in ((k + 1) % 3, (k + 2) % 3)]
             around = (set(self._mesh.vertex_faces[end].tolist()) - {-1, triangle} for end in ends)

@@ -33,7 +33,8 @@ class PlacedSolid:
 
     def __init__(self, scene: HandScene) -> None:
         self._body: Any = scene.object
-        self._position, self._axes = np.array(self._body.position, dtype=float), self._body.axes
+        self._position = np.array(self._body.position, dtype=float)
+        self._axes = self._body.axes
 
     def nearest(self, points: Array) -> NearestPlaces:
         """Places of the surface nearest to points (n, 3) [m]."""

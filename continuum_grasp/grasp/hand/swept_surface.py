@@ -87,10 +87,12 @@ class PlaneBoundary:
 
     def _nearest(self, points: Array, face: Array) -> tuple[Array, Array, Array]:
         """Nearest places (N, K, 2) of faces (N, K), outward normals there, and curvatures (N, K), infinite at ends."""
-        start, span = self.start[face], (self.end - self.start)[face]
+        start = self.start[face]
+        span = (self.end - self.start)[face]
         share = ((points - start) * span).sum(axis=2) / np.maximum((span * span).sum(axis=2), 1e-300)
         line = start + np.clip(share, 0.0, 1.0)[..., None] * span
-        side, whole = np.sign(self.radius[face]), np.abs(self.turn[face])
+        side = np.sign(self.radius[face])
+        whole = np.abs(self.turn[face])
         away = side[..., None] * (points - self.center[face])
         turned = (side * (np.arctan2(away[..., 1], away[..., 0]) - self.normal[face])) % (2.0 * np.pi)
         inside = turned <= whole
@@ -172,7 +174,9 @@ class ExtrudedSurface:
     """Everything within a radius of a core: an outline between two heights."""
 
     def __init__(self, solid: Any) -> None:
-        self.core, self.half, self.radius = PlaneBoundary(solid.core), solid.half_height, solid.edge_radius
+        self.core = PlaneBoundary(solid.core)
+        self.half = solid.half_height
+        self.radius = solid.edge_radius
         self._pieces = solid.core_part
 
     def distance(self, points: Array) -> tuple[Array, Array]:
@@ -198,9 +202,11 @@ class ExtrudedSurface:
         return distance, normal, np.where(inside[:, None, None], deep, hessian)
 
     def _from(self, points: Array) -> tuple[Array, Array, PlaneDistance, Array, Array]:
-        found, above = self.core.from_points(points[:, :2]), np.abs(points[:, 2]) - self.half
+        found = self.core.from_points(points[:, :2])
+        above = np.abs(points[:, 2]) - self.half
         across = found.distance
-        u, v = np.maximum(across, 0.0), np.maximum(above, 0.0)
+        u = np.maximum(across, 0.0)
+        v = np.maximum(above, 0.0)
         reach = np.hypot(u, v)
         inside = reach <= 1e-12
         to_side = np.where(inside, across >= above, False)

@@ -49,7 +49,8 @@ def turned_grasps(scene: HandScene, held: HandTried, search: HandSearch) -> list
     spec = HandSpec.of(scene, held.on)
     problem = hand_problem(replace(spec, pairs=held.problem.spec.pairs, aims=Aims(gripped=True)))
     forces, normals = held.arrays["contact_forces"], held.arrays["contact_normals"]
-    grip, last = float((forces * normals).sum()), held
+    grip = float((forces * normals).sum())
+    last = held
     found = list[TurnedGrasp]()
     for _ in range(STEPS):
         tried = search.next_to(last, problem, {"grip": np.array([grip / search.units.force])})

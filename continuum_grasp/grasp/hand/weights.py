@@ -62,7 +62,8 @@ def promised_wrench(hand: RecomputedHand, response: HandResponse, along: Array) 
     for contact, slope, twist in zip(hand.pressing, response.forces, response.moments, strict=True):
         load, slopes, normal = _with_moment(contact, slope, twist)
         rate = slopes @ along
-        press, more = contact.normal_force, float(normal @ rate)
+        press = contact.normal_force
+        more = float(normal @ rate)
         across, aside = load - press * normal, rate - more * normal
         # |across + c aside| = mu (press + c more) at the edge of the cone.
         mu = contact.friction
@@ -93,7 +94,8 @@ def worst_friction(force: Array, slope: Array, normal: Array) -> tuple[float, Ar
     if not force @ normal > steepest:
         return float("inf"), -opening / max(steepest, 1e-300)
     whole = np.column_stack([slope, force])
-    needed, worst = 0.0, np.zeros(3)
+    needed = 0.0
+    worst = np.zeros(3)
     for _ in range(_RATIOS):
         direction = _margin(whole, normal, needed)[1]
         there = force + slope @ direction
@@ -113,8 +115,10 @@ def _margin(whole: Array, normal: Array, friction: float) -> tuple[float, Array]
     def least(e: float) -> float:
         return float(np.linalg.eigvalsh(form - e * ball)[0])
 
-    low, high = 0.0, float(np.abs(form).sum())
-    a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    low = 0.0
+    high = float(np.abs(form).sum())
+    a = high - _GOLDEN * (high - low)
+    b = low + _GOLDEN * (high - low)
     at_a, at_b = least(a), least(b)
     for _ in range(_HALVINGS):
         if at_a >= at_b:

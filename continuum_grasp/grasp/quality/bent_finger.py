@@ -30,7 +30,8 @@ class BentFinger(StoredFinger):
 
     def __init__(self, setup: FingerSetup, arrays: Mapping[str, Any], contacts: ContactSet) -> None:
         super().__init__(setup, arrays)
-        self._contacts, dry = contacts, self.dry
+        self._contacts = contacts
+        dry = self.dry
         self.touching = contacts.of(setup.name)  # the contacts of this finger
         self.length = float(self.shape.joints[-1])
         self.stiffness = setup.stiffness

@@ -38,7 +38,8 @@ class ContactSet:
         self.friction = np.array([scene.friction(name) for name in self.names], dtype=float)
         self.normal_max = np.array([scene.normal_force_max(name) for name in self.names], dtype=float)
         self._pose = np.asarray(arrays["object.pose"], dtype=float)
-        c, s = np.cos(self._pose[2]), np.sin(self._pose[2])
+        c = np.cos(self._pose[2])
+        s = np.sin(self._pose[2])
         self._to_object = np.array([[c, s], [-s, c]])
         com = self._pose[:2] + np.array([[c, -s], [s, c]]) @ np.asarray(scene.object.com)
         self.arms = self.positions - com  # from the center of mass (C, 2) [m]

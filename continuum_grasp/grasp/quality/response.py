@@ -131,7 +131,9 @@ class GraspResponse:
     def _add_contact(self, k: int) -> None:
         contacts = self.contacts
         size = self._object + 3
-        normal, across, arm = contacts.normals[k], contacts.across[k], contacts.arms[k]
+        normal = contacts.normals[k]
+        across = contacts.across[k]
+        arm = contacts.arms[k]
         spin = np.zeros(size)
         spin[-1] = 1.0
         # Motion of the touching part, less the motion of the object's point.

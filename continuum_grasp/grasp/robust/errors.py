@@ -181,7 +181,8 @@ class InError:
         return landings
 
     def scene_with(self, error: Array) -> GraspScene:
-        friction, mass = 1.0 + float(error[4]), 1.0 + float(error[5])
+        friction = 1.0 + float(error[4])
+        mass = 1.0 + float(error[5])
         x, y, angle = self.pose_in_error(error)
         scene = self._sized(error)
         reach = YIELDS * self.scene.object.size

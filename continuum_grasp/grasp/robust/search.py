@@ -77,7 +77,8 @@ class Exchange:
         """Responses of a grasp to what its problem must have, the worst that fail now included; none where none fails,
         or no more are taken in.
         """
-        self.arrays, self.responder = arrays, Responder(self.scene, arrays, self.budget)
+        self.arrays = arrays
+        self.responder = Responder(self.scene, arrays, self.budget)
         self.__dict__.pop("certificate", None)  # of the grasp before
         self.responses = [self.responder.to(error) for error in self._errors]
         self.responses += list(descended(self.responder, self.responses))
@@ -122,7 +123,8 @@ def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], bu
         exchange.iterations += attempt.iterations
         if new is None:
             break
-        arrays, exchange.optimal = new, attempt.status is SolverStatus.SOLVED
+        arrays = new
+        exchange.optimal = attempt.status is SolverStatus.SOLVED
     return exchange
 
 

@@ -143,7 +143,8 @@ def _others(search: GraspSearch, best: Mapping[str, Array]) -> Iterator[Mapping[
     those it found, then those from exact rods that it left because they take more. Grasps with the fewest stations come
     first: others may touch as states ask, while each that the grasp itself has bounds what holds.
     """
-    scene, seen = search.scene, [best]
+    scene = search.scene
+    seen = [best]
 
     def new(arrays: Mapping[str, Array]) -> bool:
         same = any(
@@ -202,12 +203,18 @@ def _none(
                 "friction_states: pulled, where nothing moves the fingers after they are pulled."
             )
         return replace(base, status=GraspStatus.NOT_SOLVED, message=text, advice=advice)
-    name, key, unit, now, limits = "errors", "robust", "1", 1.0, "all bounds"
+    name = "errors"
+    key = "robust"
+    unit = "1"
+    now = 1.0
+    limits = "all bounds"
     repair = f"multiply all bounds in robust by {low:.4g}"
     if not result.scene.robust:
         frictions = _frictions(result.scene)
         (key, now), *further = frictions.items()
-        name, unit, limits = "friction states", "N m" if key.endswith("moment") else "1", " and ".join(frictions)
+        name = "friction states"
+        unit = "N m" if key.endswith("moment") else "1"
+        limits = " and ".join(frictions)
         repair = f"multiply all {key} by {low:.4g}, to {low * now:.4g} at most"
         repair += "".join(f", and all {other} likewise, to {low * limit:.4g}" for other, limit in further)
     text += f"; with {low:.0%} of {limits} there is one"

@@ -155,7 +155,8 @@ class PolygonSurface(Surface[OffsetPolygon]):
         return SurfacePoint(point, ca.vertcat(ca.cos(angle), ca.sin(angle)), ca.SX(0, 1))
 
     def wall_clearance(self, normal: ca.SX, point: ca.SX, angle: ca.SX, pose: ca.SX, numbers: ca.SX) -> list[ca.SX]:
-        c, s = ca.cos(pose[2]), ca.sin(pose[2])
+        c = ca.cos(pose[2])
+        s = ca.sin(pose[2])
         turn = ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c))
         radius = numbers[-1]
         outermost = [numbers[2 * k : 2 * k + 2] for k in range(self.corners)]
@@ -303,10 +304,12 @@ def _is_rectangle(core: Sequence[tuple[float, float]]) -> bool:
 
 def _from_rectangle(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     (ax, ay), (bx, by), (cx, cy), _ = core
-    width, height = math.dist(core[0], core[1]), math.dist(core[1], core[2])
+    width = math.dist(core[0], core[1])
+    height = math.dist(core[1], core[2])
     turn = Rotation(*(0.0 if abs(v) < 1e-15 else v for v in ((bx - ax) / width, (by - ay) / width)))
     local = turn.transposed().apply(at - Vec(0.5 * (ax + cx), 0.5 * (ay + cy)))
-    x, y = ca.fabs(local.x) - 0.5 * width, ca.fabs(local.y) - 0.5 * height
+    x = ca.fabs(local.x) - 0.5 * width
+    y = ca.fabs(local.y) - 0.5 * height
     beyond = Vec(ca.fmax(x, 0.0), ca.fmax(y, 0.0))
     size = length(beyond)
     deepest = ca.fmax(x, y)
@@ -333,7 +336,8 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     sides: list[tuple[Scalar, Scalar, Vec, Vec]] = []
     for k, (past, above, offset, normal) in enumerate(seen):
         # At a corner both faces say together on which side a point lies: one alone does not, where it is acute.
-        before, after = seen[k - 1][1], seen[(k + 1) % len(seen)][1]
+        before = seen[k - 1][1]
+        after = seen[(k + 1) % len(seen)][1]
         side = above + before * ca.SX(past < 0.0) + after * ca.SX(past > 0.0)
         sides.append((offset.dot(offset), side, offset, normal))
     least, height, away, face = sides[0]
@@ -341,7 +345,8 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
         nearer = ca.SX(other < least)
         least = ca.fmin(other, least)
         height = height + (above - height) * nearer
-        away, face = chosen(nearer, offset, away), chosen(nearer, normal, face)
+        away = chosen(nearer, offset, away)
+        face = chosen(nearer, normal, face)
     size = length(away)
     if len(core) == 2:
         return Nearest(size, away.scaled(1.0 / size))

@@ -66,7 +66,8 @@ class PolygonOutline(PartOutline):
         self._rates = np.stack([np.where(self._is_line, 0.0, 1.0 / curved), np.full(count, 1.0 / self._per_angle)], 1)
         pieces = np.stack([self._lengths + self._bent * curved, turns * self._per_angle], axis=1).ravel()
         self._starts = np.concatenate([[0.0], np.cumsum(pieces)])
-        self.joints, self.period = self._starts[:-1], float(self._starts[-1])
+        self.joints = self._starts[:-1]
+        self.period = float(self._starts[-1])
         self.breaks = self._starts[:-1:2][np.roll(reflex, 1)]
         bulge = self._reach * (1.0 - np.cos(0.5 * self._bent)) if count > 1 else np.zeros(1)
         self._extent = extent + float(bulge.max()) + radius
@@ -100,7 +101,8 @@ class PolygonOutline(PartOutline):
         gap, face, along = self._nearest_face(points)
         length = np.where(self._is_line, self._lengths, self._bent)[face]
         start = self._starts[2 * face]
-        before, after = along <= 0.0, along >= length
+        before = along <= 0.0
+        after = along >= length
         owner = np.where(before, (face - 1) % len(self._start), face)
         turn = np.mod(np.angle(points - self._end[owner]) - self._normals[owner], math.tau)
         turn = np.where(turn > 0.5 * (self._turns[owner] + math.tau), 0.0, np.minimum(turn, self._turns[owner]))

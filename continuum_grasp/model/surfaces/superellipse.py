@@ -68,7 +68,10 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
     # -- contact of a grasp
 
     def point(self, place: ca.SX, feature: ca.SX) -> SurfacePoint:
-        a, b, power, angle = feature[0], feature[1], feature[2], feature[5]
+        a = feature[0]
+        b = feature[1]
+        power = feature[2]
+        angle = feature[5]
         # |xi|^p as (xi^2)^(p / 2): even powers of a signed unknown, without its sign.
         # 1e-10: rounding of a contact's place, whose second derivatives IPOPT needs: rounds |xi| below 1e-5
         square = place**2 + 1e-10
@@ -102,8 +105,10 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
     def place(
         self, part: SuperellipsePart, feature: Feature, point: tuple[float, float], normal_angle: float
     ) -> tuple[float, float]:
-        c, s = math.cos(part.angle), math.sin(part.angle)
-        x, y = point[0] - part.center[0], point[1] - part.center[1]
+        c = math.cos(part.angle)
+        s = math.sin(part.angle)
+        x = point[0] - part.center[0]
+        y = point[1] - part.center[1]
         return (c * x + s * y) / part.semi_axes[0], (c * y - s * x) / part.semi_axes[1]
 
     # -- search of a grasp
@@ -213,7 +218,8 @@ class _SuperellipseOutline(PartOutline):
         low = w > math.pi
         turn = np.where(left, np.where(low, w - math.pi, math.pi - w), np.where(low, math.tau - w, w))
         point, normal, speed, turning = self._quadrant(turn)
-        flip_x, flip_y = np.where(left, -1.0, 1.0), np.where(low, -1.0, 1.0)
+        flip_x = np.where(left, -1.0, 1.0)
+        flip_y = np.where(low, -1.0, 1.0)
         point = flip_x * point.real + 1j * flip_y * point.imag
         normal = flip_x * normal.real + 1j * flip_y * normal.imag
         axis = np.exp(1j * self.angle)
@@ -234,7 +240,8 @@ class _SuperellipseOutline(PartOutline):
 
     def rough_distance(self, points: Array) -> Array:
         local = (points - self.center) * np.exp(-1j * self.angle)
-        x, y = np.abs(local.real), np.abs(local.imag)
+        x = np.abs(local.real)
+        y = np.abs(local.imag)
         at, normal, reach, radius = self._lines
         # The farthest of tangents, and how much farther that between them is which the point faces: to second order in
         # the angle between both, which is slide / (gap + radius).
@@ -259,7 +266,8 @@ class _SuperellipseOutline(PartOutline):
             at, normal, speed, turning = self._quadrant(turn)
             off = (corner - at) * np.conj(normal)
             out, slide = off.real, off.imag
-            low, high = np.where(slide > 0.0, turn, low), np.where(slide > 0.0, high, turn)
+            low = np.where(slide > 0.0, turn, low)
+            high = np.where(slide > 0.0, high, turn)
             change = slide / np.maximum(speed + turning * out, 1e-12 * self.extent)
             aim = turn + change
             turn = np.where((aim < low) | (aim > high), 0.5 * (low + high), aim)
@@ -279,7 +287,8 @@ class _SuperellipseOutline(PartOutline):
         local = direction * np.exp(-1j * self.angle)
         (a, b), dual = self.axes, self.exponent / (self.exponent - 1.0)
         # Gradient of the support function, the dual norm of (a u, b v).
-        u, v = a * abs(local.real), b * abs(local.imag)
+        u = a * abs(local.real)
+        v = b * abs(local.imag)
         norm = (u**dual + v**dual) ** (1.0 / self.exponent)
         x = math.copysign(a * u ** (dual - 1.0) / norm, local.real)
         y = math.copysign(b * v ** (dual - 1.0) / norm, local.imag)

@@ -182,13 +182,15 @@ def mass_positions(backbone: Array, finger: Finger) -> Array:
     if finger.tip_body is None:
         return positions
     across, along = finger.tip_body.center_of_mass
-    c, s_ = math.cos(angle[-1]), math.sin(angle[-1])
+    c = math.cos(angle[-1])
+    s_ = math.sin(angle[-1])
     return np.concatenate([positions, [line[-1] + np.array([[c, -s_], [s_, c]]) @ (across, along)]])
 
 
 def object_outlines(body: GraspObject, pose: Array) -> list[Array]:
     """World outlines (points, 2) [m] of the parts of an object in a pose (3,): x, y [m] and angle [rad]."""
-    c, s = math.cos(pose[2]), math.sin(pose[2])
+    c = math.cos(pose[2])
+    s = math.sin(pose[2])
     turn = np.array([[c, s], [-s, c]])  # transposed, since points are rows
     return [pose[:2] + np.asarray(part.outline()) @ turn for part in body.parts]
 

@@ -51,7 +51,8 @@ class Film:
 
         The function returned moves them to the k-th of the instants and returns them.
         """
-        tip, masses = np.asarray(motion.tip), masses_of(motion.scene.finger)
+        tip = np.asarray(motion.tip)
+        masses = masses_of(motion.scene.finger)
         trail = self.line(color=Color.GRAY, linewidth=0.9, zorder=Z.SUPPORT)
         body = self.line(color=Color.BLUE, linewidth=2.6, solid_capstyle="round", zorder=Z.SHAPE)
         dots = self.line("o", color=Color.INK, markersize=7, zorder=Z.MASS)

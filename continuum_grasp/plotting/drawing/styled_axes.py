@@ -251,5 +251,6 @@ def bend_box(points: Sequence[NDArray[Any]], margin: float, slimmest: float = 0.
     high = flat.max(axis=0) + margin
     sides = high - low
     more = np.maximum(0.0, slimmest * sides.max() - sides) / 2
-    low, high = low - more, high + more
+    low = low - more
+    high = high + more
     return float(low[0]), float(high[0]), float(low[1]), float(high[1])

@@ -160,7 +160,8 @@ def _tube(frame: Any, line: Array, half_thickness: Any) -> Array:
 
 def _draw_trace(ax: Axes, frame: Any, support: Any, shape: Array) -> None:
     """Draw the line in which a support meets the plane of a finger, along the drawn points there (K, 2) [m]."""
-    normal, center = np.array(support.normal), np.array(support.point)
+    normal = np.array(support.normal)
+    center = np.array(support.point)
     inside = frame.axes[:, :2].T @ normal
     size = float(np.linalg.norm(inside))
     if size < 0.1:  # nearly parallel: they meet far off
@@ -169,10 +170,12 @@ def _draw_trace(ax: Axes, frame: Any, support: Any, shape: Array) -> None:
     along = np.array([-inside[1], inside[0]]) / size
     middle = float((frame.axes[:, :2].T @ (center - frame.base) - foot) @ along)
     nearest = frame.base + frame.axes[:, :2] @ (foot + middle * along)
-    low, high = ((shape - foot) @ along).min(), ((shape - foot) @ along).max()
+    low = ((shape - foot) @ along).min()
+    high = ((shape - foot) @ along).max()
     if math.isfinite(support.radius):
         reach = math.sqrt(max(support.radius**2 - float((nearest - center) @ (nearest - center)), 0.0))
-        low, high = middle - reach, middle + reach
+        low = middle - reach
+        high = middle + reach
     ax.plot(*(1e3 * (foot[:, None] + np.array([low, high]) * along[:, None])), color=_SUPPORT, zorder=Z.OBJECT)
 
 

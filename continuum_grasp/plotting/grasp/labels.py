@@ -130,7 +130,8 @@ class _Sheet:
         if not inside.any():
             return at
         centers, costs = centers[inside], costs[inside]
-        low, high = centers - half, centers + half
+        low = centers - half
+        high = centers + half
         drawn, written, bodies = (self._share(map_, low, high) for map_ in (self.taken, self.texts, self.bodies))
         costs += _Cost.DRAWN * drawn + _Cost.WRITTEN * written + np.where(drawn + written > 0, _Cost.TOUCHING, 0.0)
         costs += np.where(bodies > 0, on_body, 0.0) + self._crossed(at, np.clip(at, low, high))

@@ -270,7 +270,8 @@ def _draw_scale(ax: Axes, view: GraspView) -> list[Array]:
     left, right, bottom, top = view.box
     unit = 0.01 * max(right - left, top - bottom)
     length = size * view.force_scale
-    x, y = right - 2.5 * unit, bottom + 2.5 * unit
+    x = right - 2.5 * unit
+    y = bottom + 2.5 * unit
     draw_arrow(ax, np.array([x - length, y]), np.array([x, y]), Color.SLATE)
     ax.text(
         x, y + unit, amount_text(size, "N", "g"), fontsize=8, color=Color.SLATE, ha="right", va="bottom", zorder=Z.SCALE

@@ -84,7 +84,8 @@ class OutlineFile(MaybeDrawn):
     @cached_property
     def found(self) -> DrawnOutline:
         """The curve as the file has it [m], and what else the file has."""
-        name, form = Path(self.file).name, Path(self.file).suffix.lower()
+        name = Path(self.file).name
+        form = Path(self.file).suffix.lower()
         if form not in _READERS:
             raise ValueError(f"file: expected {', '.join(_READERS)}, got {name}")
         if (self.cut is None) is (form in MESHES):
@@ -149,7 +150,8 @@ class OutlineFile(MaybeDrawn):
         """Corners of the polygon that is within a share of the tolerance of the curve, with points of it that are
         ``retained``.
         """
-        size, tolerance = _extent(self.curve), self.distance_allowed
+        size = _extent(self.curve)
+        tolerance = self.distance_allowed
         corners = simplified(self.curve, share * tolerance, retained)
         if len(corners) < 3 or tolerance > 0.2 * size:
             raise ValueError(f"tolerance: {tolerance:g} m leaves nothing of an outline {size:.4g} m long")

@@ -75,12 +75,14 @@ def _touching(curve: Sequence[PlanePoint], supports: Any, frames: Sequence[Any])
         for frame in frames:
             at = MemberPlace.model_validate({key: frame[key] for key in ("position", "angle") if key in frame})
             c, s = math.cos(angle), math.sin(angle)
-            x, y = x + c * at.position[0] - s * at.position[1], y + s * at.position[0] + c * at.position[1]
+            x = x + c * at.position[0] - s * at.position[1]
+            y = y + s * at.position[0] + c * at.position[1]
             angle += at.angle
     except ValidationError:
         return set()
     c, s = math.cos(angle), math.sin(angle)
-    points, touching = [(x + c * px - s * py, y + s * px + c * py) for px, py in curve], set[int]()
+    points = [(x + c * px - s * py, y + s * px + c * py) for px, py in curve]
+    touching = set[int]()
     for place in around.places:
         away = place.height if isinstance(place, Wall) else partial(math.dist, place.position)
         distances = [away(point) for point in points]

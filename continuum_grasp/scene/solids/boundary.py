@@ -51,7 +51,8 @@ def _grown(part: OffsetPolygon) -> tuple[Face, ...]:
     edges = pairwise((*core, core[0]))
     for k, (a, b) in enumerate(edges):
         faces += [arc] if (arc := arcs[k]) is not None else []
-        start, end = ends[k][1], ends[(k + 1) % len(core)][0]
+        start = ends[k][1]
+        end = ends[(k + 1) % len(core)][0]
         if math.dist(start, end) > 1e-9 * part.extent:
             faces.append(Face(start, end, edge_normal(a, b)))
     return tuple(faces)

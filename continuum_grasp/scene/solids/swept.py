@@ -102,7 +102,9 @@ class Cone(TurnedBody):
         return OffsetPolygon((*ends[0], *ends[1][::-1]), r)
 
     def _check(self) -> None:
-        a, b, h = 0.5 * self.diameter_below, 0.5 * self.diameter_above, 0.5 * self.height
+        a = 0.5 * self.diameter_below
+        b = 0.5 * self.diameter_above
+        h = 0.5 * self.height
         if not max(a, b) > 0.0:
             raise ValueError("diameter_below and diameter_above are both zero")
         # The greatest ball inside touches the wider end and the side.

@@ -83,8 +83,10 @@ def pace(scene: Scene, model: FingerModel, tolerance: float = 1e-4) -> Pace:
     The scene, with the fidelity of the model, says what moves it and where it starts; the tolerance is per length.
     Raises NumericalError where no number of steps that is tried does.
     """
-    core, signals = Core(model), Signals(scene, model)
-    step, x0 = timing_of_comparison(scene).step, initial_state(scene, model)
+    core = Core(model)
+    signals = Signals(scene, model)
+    step = timing_of_comparison(scene).step
+    x0 = initial_state(scene, model)
 
     def tip(substeps: int, instants: int = INSTANTS) -> Array:
         """World positions (instants + 1, 2) with so many steps between two instants [m]."""

@@ -109,7 +109,8 @@ class AccuracyReport(Result):
     def pairs(self) -> dict[str, str]:
         """Number of choices measured, and the cheapest and the most exact of those that none dominates."""
         front = self.front()
-        time, error = COLUMNS.index("evaluation [ns]"), COLUMNS.index("tip / L")
+        time = COLUMNS.index("evaluation [ns]")
+        error = COLUMNS.index("tip / L")
         rows = {"choices": f"{len(self.choices.rows)} families and numbers of elements"}
         for what, row in zip(("cheapest", "most exact"), (*front[:1], *front[-1:]), strict=False):
             rows[what] = f"{row[1]} {row[0]}: {row[time]:.3g} ns, static tip error {row[error]:.2g} of the length"

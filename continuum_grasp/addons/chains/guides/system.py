@@ -60,7 +60,8 @@ class ChainSystem(Model):
         _check(scene, parameters)
         self.scene = scene
         finger = scene.finger
-        self.length, self.pitch = finger.rod.length, finger.rod.length / hinges
+        self.length = finger.rod.length
+        self.pitch = finger.rod.length / hinges
         self.links = Links.of(finger, hinges, even=True)
         self.tendons = guided_tendons(finger, self.links.at, axial_stiffness)
         self.winches = Winch.of_finger(finger)
@@ -140,11 +141,13 @@ class ChainSystem(Model):
         self.object_states = slice(at, at + len(touched.start))
         self.x_names += touched.names
         self.w_names = model.w_names + touched.w_names
-        self.nx, self.nw = len(self.x_names), len(self.w_names)
+        self.nx = len(self.x_names)
+        self.nw = len(self.w_names)
         self._w = ca.vertcat(ca.SX.sym("w", model.nw), touched.wrench)
         self._x = ca.vertcat(ca.SX.sym("x", self.first_other), self._others)
         self._p = ca.vertcat(ca.SX.sym("factors", len(self._finger_parameters)), self._of_object)
-        self._u, self._tension = ca.SX.sym("u", self.nu), ca.SX.sym("tension", len(self.tendons))
+        self._u = ca.SX.sym("u", self.nu)
+        self._tension = ca.SX.sym("tension", len(self.tendons))
         bend = self._x[:n]
         # Read off as those of elements are.
         self._equations: Any = SimpleNamespace(
@@ -198,7 +201,8 @@ class ChainSystem(Model):
             axes = ("across", "along") if load.follows else ("x", "y")
             fx, fy = (w_at[f"load_{k + 1}_{axis} [N]"] for axis in axes)
             if load.follows:
-                c, s = ca.cos(self._motion[4, at]), ca.sin(self._motion[4, at])
+                c = ca.cos(self._motion[4, at])
+                s = ca.sin(self._motion[4, at])
                 fx, fy = c * fx - s * fy, s * fx + c * fy
             forces[at] += ca.vertcat(fx, fy, 0.0)
         pairs = self._touched.pairs[: contacts + 1]
@@ -242,7 +246,10 @@ class ChainSystem(Model):
             return position, velocity, ca.SX(base.angle), ca.SX(0.0)
         return position, velocity, angle[bar], spin[bar]
 
-    tip, touch, curvature, range_use = System.tip, System.touch, System.curvature, System.range_use
+    tip = System.tip
+    touch = System.touch
+    curvature = System.curvature
+    range_use = System.range_use
 
     @cached_property
     def tensions(self) -> ca.Function:

@@ -81,7 +81,8 @@ def design_commissioning(
     design = CommandDesign(around, patterns_of(around), options)
     names = tuple(name for name in names_of(known) if name in (*Wiring.TIP, *bench.names))
     sigma = np.array([known.measurement_std(name) for name in names])
-    limits, exceeded = _limits(known, bench), ""
+    limits = _limits(known, bench)
+    exceeded = ""
 
     def block(t: Array, u: Array) -> BenchBlock:
         return BenchBlock(bench, Log(t, u, t[1:], np.zeros((len(t) - 1, len(names))), names), Mounting())
@@ -132,7 +133,8 @@ def _limited(scene: ControlScene, u: Array) -> Array:
 
 def _limits(scene: ControlScene, bench: Bench) -> Callable[[Array, Array], Iterator[str]]:
     """Names of the limits that commands (K, nu) at instants exceed, in any order of the drives."""
-    model, prediction = bench.model, Prediction(scene)
+    model = bench.model
+    prediction = Prediction(scene)
     least, greatest = map(np.array, scene.input_limits)
     stages = SimpleNamespace(u_names=model.u_names, u_min=least, u_max=greatest)
     readings: Any = Readings(scene, model, stages, prediction)  # type: ignore[arg-type]
