@@ -112,11 +112,8 @@ def _wall(wall: Wall, width: float, friction: dict[str, str]) -> dict[str, str]:
 def _friction(scene: Scene, coefficient: float | None) -> dict[str, str]:
     """Friction of a surface that the object touches."""
     law = scene.contact_law
-    return {
-        "friction": numbers(
-            (law.friction if law is not None else 0.0) if coefficient is None else coefficient, 0.0, 0.0
-        )
-    }
+    usual = 0.0 if law is None else law.friction
+    return {"friction": numbers(usual if coefficient is None else coefficient, 0.0, 0.0)}
 
 
 def numbers(*values: float) -> str:

@@ -257,10 +257,8 @@ class DesignResult(Result):
         """
         if self.best is None or self.first is None:
             return ()
-        first, last = (
-            {case.case: set(case.acting) for case in design.cases if not any(case.signs)}
-            for design in (self.first, self.best)
-        )
+        first = {case.case: set(case.acting) for case in self.first.cases if not any(case.signs)}
+        last = {case.case: set(case.acting) for case in self.best.cases if not any(case.signs)}
         kinks = []
         for case, count in self.acting.items():
             if count > 1:

@@ -17,11 +17,11 @@ VARIABLE = "CONTINUUM_GRASP_DATA"
 def sets_of(scene: IdentifyScene, paths: Sequence[Path]) -> tuple[DataSet, ...]:
     """Sets of a configuration that are in some files, or in folders of them."""
     files = list(files_in([in_data_folder(path) for path in paths], scene.data))
-    return tuple(
-        data_set
-        for data_set in scene.data
-        if any(data_set.file is None or file.resolve().match(data_set.file) for file in files)
-    )
+
+    def is_there(data_set: DataSet) -> bool:
+        return any(data_set.file is None or file.resolve().match(data_set.file) for file in files)
+
+    return tuple(filter(is_there, scene.data))
 
 
 def located(scene: Scene, beside: Path | None) -> list[Path]:

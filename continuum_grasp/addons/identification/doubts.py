@@ -76,14 +76,16 @@ def _missed(problem: FitProblem, solution: Solution, inference: Inference) -> li
     slopes = solution.jacobian.copy()
     unknown = lost & (np.arange(lost.size) < problem.shared)
     blind = np.asarray(slopes[:, unknown].any(axis=1))
-    slopes[:, lost], covariance[lost], covariance[:, lost] = 0.0, 0.0, 0.0
+    slopes[:, lost] = 0.0
+    covariance[lost] = 0.0
+    covariance[:, lost] = 0.0
     variance = solution.sigma**2 + np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
     # Of groups whose scatter is known: from what was fitted of them, or as it is stated.
-    known = {
-        group: members
-        for group, members in problem.groups.items()
-        if (members & problem.fitted).any() or any(problem.described[k].sigma for k in np.flatnonzero(members))
-    }
+    known = {}
+    for group, members in problem.groups.items():
+        is_stated = any(problem.described[k].sigma for k in np.flatnonzero(members))
+        if is_stated or (members & problem.fitted).any():
+            known[group] = members
     groups = []
     for of, rows in zip(problem.sets, problem.slices, strict=True):
         held_out = ~problem.fitted[rows] & ~blind[rows]

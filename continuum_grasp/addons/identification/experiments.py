@@ -205,9 +205,8 @@ class _Known:
         self.problem = FitProblem([*(measured[0].blocks if measured else ()), *blocks], sought)
         self.parts = self.problem.parts[-len(blocks) :]
         self._scales = dict[str, float]()
-        self.values, self.sizes = (
-            np.array([getattr(of, key) for of in self.problem.unknowns]) for key in ("start", "typical")
-        )
+        self.values = np.array([of.start for of in self.problem.unknowns])
+        self.sizes = np.array([of.typical for of in self.problem.unknowns])
         rows: Array = np.zeros((0, self.sizes.size))
         if measured:
             problem, solution = measured

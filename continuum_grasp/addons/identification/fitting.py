@@ -108,7 +108,8 @@ def identify(
         chosen, solution, laws = choose_law({name: fit.problem for name, fit in tried.items()}, report)
         task = tried[chosen]
     else:
-        task = posed(known, data, getattr(known, "estimate", ()) if parameters is None else parameters, beside)
+        sought = getattr(known, "estimate", ()) if parameters is None else parameters
+        task = posed(known, data, sought, beside)
         solution = _solved(task.problem, report)
     statistics = {
         "iterations": solution.iterations,

@@ -45,13 +45,17 @@ def of_one_code(pairs: Sequence[tuple[Scene, Data]], unknowns: Sequence[Unknown]
     moving = [k for k, (_, data) in enumerate(pairs) if isinstance(data, TipPath)]
     values = {k: Parameters.nominal_values(scenes[k].finger, scenes[k].gravity, ()) for k in moving}
     known = dict.fromkeys(name for own in values.values() for name in own)
-    differ = [name for name in known if any(own.get(name) != values[moving[0]].get(name) for own in values.values())]
-    for k in moving if differ else ():
+    first = values[moving[0]] if moving else {}
+    differ = [name for name in known if any(own.get(name) != first.get(name) for own in values.values())]
+    if not differ:
+        moving = []
+    for k in moving:
         scene = scenes[k]
         names = dict.fromkeys((*scene.parameters, *(name for name in differ if name in values[k])))
         changed = scene.model_copy(update={"parameters": tuple(names)})
         with suppress(InputError):
-            plain, model = (FingerModel(of, parameters=runtime_names(of, unknowns)) for of in (scene, changed))
+            plain = FingerModel(scene, parameters=runtime_names(scene, unknowns))
+            model = FingerModel(changed, parameters=runtime_names(changed, unknowns))
             if (model.family, model.x_names) == (plain.family, plain.x_names):
                 scenes[k] = changed
     return scenes

@@ -50,7 +50,8 @@ def with_sets(sought: Sequence[Unknown], blocks: Sequence[MeasuredBlock]) -> tup
 
     First are those that have one value, then the parts of their vectors across the finger.
     """
-    common, vectors = ([of for of in sought if of.per in which] for which in (("all", "plane"), ("plane",)))
+    common = [of for of in sought if of.per in ("all", "plane")]
+    vectors = [of for of in sought if of.per == "plane"]
     free: dict[str, Any] = {"target": ALONG, "start": 0.0, "lower": -math.inf, "upper": math.inf, "per": "all"}
     parts = [of._replace(name=f"{of.name} at {at} deg", **free) for of in vectors for at in DIRECTIONS]
     unknowns = [*common, *parts]
@@ -61,7 +62,8 @@ def with_sets(sought: Sequence[Unknown], blocks: Sequence[MeasuredBlock]) -> tup
         if vectors and block.plane is None:
             raise InputError(f"{vectors[0].name} is estimated per plane: state the plane of {block.name}", key="data")
         unknowns += [of._replace(name=f"{of.name} of {block.name}") for of in mine if of.per == "set"]
-        alone, across = (np.array([of.per == per for of in mine], dtype=bool) for per in ("set", "plane"))
+        alone = np.array([of.per == "set" for of in mine], dtype=bool)
+        across = np.array([of.per == "plane" for of in mine], dtype=bool)
         mix = np.zeros((len(mine), len(unknowns)))
         shares = np.cos((block.plane or 0.0) - np.radians(DIRECTIONS))
         mix[~alone, : len(common)] = np.eye(len(common))

@@ -301,7 +301,9 @@ class _Points:
             if isinstance(m.offset, Column):
                 self._check_offsets(m.offset.column, np.where(np.isfinite(column), offsets, 0.0), here)
             offsets = np.nan_to_num(offsets)
-            beside = np.where(here < 0, offsets.max(initial=0.0) if np.ptp(offsets[here >= 0]) == 0.0 else 0.0, offsets)
+            is_one = np.ptp(offsets[here >= 0]) == 0.0
+            missing = offsets.max(initial=0.0) if is_one else 0.0
+            beside = np.where(here < 0, missing, offsets)
             same = float(beside[0]) if np.ptp(beside) == 0.0 else beside
             there = None if at is None else min(at, length)
             yield Reading(quantity, column, there, m.sigma, m.since, m.of, same)
@@ -348,7 +350,8 @@ def commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, 
     try:
         return scene.changed({"actuation": scene.finger.actuated(signals)})
     except InputError as error:
-        raise InputError(f"{error.message} ({error.key})" if error.key else error.message, file=file) from None
+        message = f"{error.message} ({error.key})" if error.key else error.message
+        raise InputError(message, file=file) from None
 
 
 def _ring_downs(

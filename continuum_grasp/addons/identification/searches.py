@@ -88,7 +88,8 @@ def _scanned(problem: FitProblem, scaled: NDArray[np.bool_]) -> list[Array]:
     from scipy.stats import qmc
 
     about = np.array([unknown.start for unknown in problem.unknowns])
-    lower, upper = (np.array([getattr(unknown, key) for unknown in problem.unknowns]) for key in ("lower", "upper"))
+    lower = np.array([unknown.lower for unknown in problem.unknowns])
+    upper = np.array([unknown.upper for unknown in problem.unknowns])
     starts = list[Array]()
     least = problem.misfit(about, early=True)
     chosen = np.flatnonzero(scaled)

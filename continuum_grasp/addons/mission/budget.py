@@ -92,10 +92,17 @@ def plant_friction(
     (T, K) where ``fallen`` is the share (T,) by which it has fallen by some instants.
     """
     frictions = {place.name: place.friction for place in mission.grasp.places}
-    coefficients = [frictions.get(name.partition(".")[0] if name not in frictions else name) for name in names]
     usual = mission.contact_law.friction
-    mu = [np.nan if is_table(name) else usual if f is None else f for name, f in zip(names, coefficients, strict=True)]
-    now: Array = np.asarray(1.0 - fallen)[..., None] * variation.friction * np.array(mu)
+
+    def coefficient(name: str) -> float:
+        if is_table(name):
+            return np.nan
+        place = name if name in frictions else name.partition(".")[0]
+        of_place = frictions.get(place)
+        return usual if of_place is None else of_place
+
+    mu = np.array([coefficient(name) for name in names])
+    now: Array = np.asarray(1.0 - fallen)[..., None] * variation.friction * mu
     return now
 
 

@@ -270,14 +270,13 @@ class _Task:
         """Greatest curvature of the free finger between two positions, under all tension of one side [1/m]."""
         finger = self.finger
         s = np.linspace(start, end, _DENSE)
-        sides = [
-            sum(
-                np.maximum(side * np.array(channel.arms), 0.0) @ self.greatest * channel.shape(s)
-                for channel in finger.channels
-            )
-            for side in (1.0, -1.0)
-        ]
-        return float(np.max(np.maximum(*sides) / finger.profile.bending_stiffness(s)))
+        moments = np.zeros((2, _DENSE))  # of the tendons on either side
+        for channel in finger.channels:
+            arms = np.array(channel.arms)
+            shape = channel.shape(s)
+            moments[0] += np.maximum(arms, 0.0) @ self.greatest * shape
+            moments[1] += np.maximum(-arms, 0.0) @ self.greatest * shape
+        return float(np.max(moments.max(axis=0) / finger.profile.bending_stiffness(s)))
 
     def _about_to_touch(self, *, moved: bool) -> tuple[Array, Array, float]:
         """Tensions [N], towards the grasp's, at which the free finger comes close to the object, angles of its sections
@@ -289,10 +288,11 @@ class _Task:
         finger = self.placed.with_tendons(
             time_constant=None, drive_order=2, drive=None, axial_stiffness=None, series_stiffness=None
         )
+        family = finger.usual_family if finger.has_tendon_friction else control.fidelity.family
         free = FingerModel(
             finger,
             gravity=control.gravity,
-            family=finger.usual_family if finger.has_tendon_friction else control.fidelity.family,
+            family=family,
             elements=control.fidelity.elements,
             bending_range=control.fidelity.bending_range,
             tip_force=False,

@@ -66,9 +66,8 @@ class _Hand:
             (phases.squeeze, "held", "tight"),
         )
         for duration, begin, end in ways:
-            low, high = (
-                np.concatenate([getattr(assignment, name) for assignment in self.known]) for name in (begin, end)
-            )
+            low = np.concatenate([getattr(assignment, begin) for assignment in self.known])
+            high = np.concatenate([getattr(assignment, end) for assignment in self.known])
             count = math.ceil(duration / _STEP)
             for k in range(1, count + 1):
                 u = low + min(k / (MOVES * count), 1.0) * (high - low)
@@ -145,9 +144,10 @@ def _view(assignment: Assignment, model: PlantModel) -> Callable[[Array], list[A
 
 def _seen(known: Sequence[Assignment], views: Sequence[list[Array]]) -> Closed:
     """The fingers together."""
-    tension, force, gap, away = (np.concatenate([view[k] for view in views]) for k in range(4))
+    *parts, poses = zip(*views, strict=True)
+    tension, force, gap, away = map(np.concatenate, parts)
     names = [assignment.own_name(name) for assignment in known for name in assignment.control.contact_names]
-    return Closed(float(tension.max()), tuple(names), force, gap, away, views[0][4] - np.array(known[0].object_pose))
+    return Closed(float(tension.max()), tuple(names), force, gap, away, poses[0] - np.array(known[0].object_pose))
 
 
 def reserved(of: Assignment) -> tuple[str, ...]:

@@ -230,9 +230,10 @@ def _row(outcome: Outcome) -> dict[str, Any]:
 
 def trials_csv(result: TrialsResult) -> str:
     """All plants as CSV, one line each."""
-    rows = [
-        {name: f"{value:.9g}" if isinstance(value, float) else value for name, value in _row(outcome).items()}
-        for outcome in result
-    ]
+    rows = [_row(outcome) for outcome in result]
     names = list(dict.fromkeys(name for row in rows for name in row))
-    return result.as_csv(names, [[row.get(name) for name in names] for row in rows])
+
+    def cell(value: Any) -> Any:
+        return f"{value:.9g}" if isinstance(value, float) else value
+
+    return result.as_csv(names, [[cell(row.get(name)) for name in names] for row in rows])

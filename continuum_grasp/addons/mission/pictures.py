@@ -305,10 +305,9 @@ def plot_trials(outcomes: Sequence[Outcome]) -> list[Axes]:
     good = np.array([outcome.succeeded for outcome, _ in judged], dtype=bool)
     varied = [outcome.variation for outcome, _ in judged]
     scales = ("stiffness", "damping", "mass", "friction")
-    abscissas = {
-        **{f"{name} [1]": [getattr(variation, name) for variation in varied] for name in scales},
-        **{f"shift {axis} [mm]": [1e3 * variation.shift[k] for variation in varied] for k, axis in enumerate("xy")},
-    }
+    abscissas = {f"{name} [1]": [getattr(variation, name) for variation in varied] for name in scales}
+    abscissas["shift x [mm]"] = [1e3 * variation.shift[0] for variation in varied]
+    abscissas["shift y [mm]"] = [1e3 * variation.shift[1] for variation in varied]
     ordinates = {
         "force error [%]": np.array([100.0 * verdict.force_error for _, verdict in judged], dtype=float),
         "least slip margin [1]": np.array([verdict.slip_margin for _, verdict in judged], dtype=float),

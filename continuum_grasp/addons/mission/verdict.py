@@ -169,10 +169,13 @@ def judge(
     height = record.mission.object_height(pose)
     until = (t >= lift.start) & (t <= lower.end)
     lost[until] = height[until][:1] - height[until]
-    sunk, slid = (float(np.max(lost[during], initial=0.0)) for during in (carried, until))
+    sunk = float(np.max(lost[carried], initial=0.0))
+    slid = float(np.max(lost[until], initial=0.0))
     if slipped is not None and slipped.down < np.inf:
         slipped = replace(slipped, slid=slid)
-    drop = find_drop(record, lost if slid > SOFT else np.where(carried, lost, 0.0))
+    if slid <= SOFT:
+        lost[~carried] = 0.0
+    drop = find_drop(record, lost)
     ended = whole or refused is not None
     touching = find_touching(record) if ended else None
     margins = _margins(record)

@@ -128,12 +128,14 @@ class PlannedMotion:
         """Symbols z = [s, the input that is held there] of a node, and the numbers d."""
         s, v, _, d = self.symbols
         # Inputs that are linear in between are read from s; what is held has its columns all the same.
-        return ca.vertcat(s, ca.SX.sym("held", self.nu) if self.linear else v), d
+        held = ca.SX.sym("held", self.nu) if self.linear else v
+        return ca.vertcat(s, held), d
 
     @cached_property
     def outputs(self) -> ca.Function:
         """(x, u, p) -> the tracked quantities."""
-        return self._function("outputs", ca.SX(0, 1) if self.tracked is None else self.tracked.value())
+        tracked = ca.SX(0, 1) if self.tracked is None else self.tracked.value()
+        return self._function("outputs", tracked)
 
     def missed_setpoints(self, x: Array, u: Array, duration: float) -> tuple[str, ...]:
         """Say what ends far from setpoints that stood, of states (N + 1, nx) and inputs (N + 1, nu)."""
@@ -322,6 +324,7 @@ def parameters_over_time(scene: PlanScene, model: Prediction, times: ArrayLike) 
     for load in scene.loads:
         # With contacts, forces at them and at the tip are parameters; without, that at the tip alone is.
         place = [k for k, at in enumerate(scene.contacts) if abs(at - load.at) <= 1e-9 * length]
-        start = names.index(f"contact_{place[0] + 1}_x [N]" if place else "tip_x [N]")
+        name = f"contact_{place[0] + 1}_x [N]" if place else "tip_x [N]"
+        start = names.index(name)
         p[:, start : start + 2] += interpolate(load.force, instants)[0]
     return p

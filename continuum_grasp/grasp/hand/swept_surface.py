@@ -34,10 +34,11 @@ class PlaneBoundary:
     """A closed boundary of lines and arcs, counter-clockwise."""
 
     def __init__(self, faces: Sequence[Face]) -> None:
-        self.start, self.end = (np.array([getattr(f, name) for f in faces]) for name in ("start", "end"))
-        self.normal, self.turn, radius = (
-            np.array([getattr(f, n) for f in faces]) for n in ("normal", "turn", "radius")
-        )
+        self.start = np.array([face.start for face in faces])
+        self.end = np.array([face.end for face in faces])
+        self.normal = np.array([face.normal for face in faces])
+        self.turn = np.array([face.turn for face in faces])
+        radius = np.array([face.radius for face in faces])
         self.is_arc = (self.turn != 0.0) & (radius != 0.0)
         self.radius = np.where(self.is_arc, radius, 1.0)
         direction = np.column_stack([np.cos(self.normal), np.sin(self.normal)])
