@@ -488,7 +488,60 @@ int refine(const Balance *b, int count, int rounds, double *x, double *off)
 #endif
 #endif
 
-#if WIDE == 1
+#if WIDE == 1 && LANES == 0
+typedef struct { double at; int row; } Placed;
+
+static int by_place(const void *a, const void *b)
+{
+    const double first = ((const Placed *)a)->at, other = ((const Placed *)b)->at;
+    return (first > other) - (first < other);
+}
+
+/* Rows (count, most) of the points (size, 3) that are nearest to places (count, 3), the nearest first: on both sides of a
+   place along the first axis, until all others are farther along it. 0: there is no memory. */
+int closest(int size, int count, int most, const double *point, const double *place, int *out)
+{
+    Placed *order = malloc(size * sizeof(Placed));
+    double *sorted = malloc(3 * size * sizeof(double)), *best = malloc(most * sizeof(double));
+    const int ready = order && sorted && best;
+    for (int k = 0; ready && k < size; ++k)
+        order[k] = (Placed){point[3 * k], k};
+    if (ready)
+        qsort(order, size, sizeof(Placed), by_place);
+    for (int k = 0; ready && k < size; ++k)
+        memcpy(sorted + 3 * k, point + 3 * order[k].row, 3 * sizeof(double));
+    for (; ready && count > 0; --count, place += 3, out += most) {
+        int low = 0, high = size;
+        while (low < high) {
+            const int middle = (low + high) / 2;
+            if (order[middle].at < place[0])
+                low = middle + 1;
+            else
+                high = middle;
+        }
+        for (int k = 0; k < most; ++k)
+            best[k] = INFINITY, out[k] = 0;
+        for (int before = low - 1, after = low; before >= 0 || after < size;) {
+            const double left = before >= 0 ? place[0] - order[before].at : INFINITY;
+            const double right = after < size ? order[after].at - place[0] : INFINITY;
+            const double along = fmin(left, right);
+            if (!(along * along < best[most - 1]))
+                break;
+            const int at = left < right ? before-- : after++;
+            const double *p = sorted + 3 * at, y = p[1] - place[1], z = p[2] - place[2];
+            const double squares = along * along + y * y + z * z;
+            int k = most;
+            for (; k > 0 && squares < best[k - 1]; --k)
+                if (k < most)
+                    best[k] = best[k - 1], out[k] = out[k - 1];
+            if (k < most)
+                best[k] = squares, out[k] = order[at].row;
+        }
+    }
+    free(order), free(sorted), free(best);
+    return ready;
+}
+
 /* The first `most` of rows (count, size) that are farther than `apart` from all those before them that are chosen; their
    number. */
 int differing(int count, int size, int most, double apart, const double *place, int *chosen)

@@ -11,10 +11,11 @@ import math
 import os
 from functools import cache, lru_cache
 from importlib.resources import files
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
+from continuum_grasp.base import Indices
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.core import CompileError, Compiler
 from continuum_grasp.model import PartOutline
@@ -53,25 +54,32 @@ def _called(name: str, out: Array, *arguments: Array | int) -> Array:
 
 def turning(knots: Array, curvatures: Array, at: Array) -> Array:
     """Angle of the section (B, S) at positions ``at`` (B, S)."""
-    angle = np.zeros(at.shape)
-    for k in range(knots.shape[1] - 1):
-        if (knots[:, k] == knots[:, k + 1]).all():  # where the curvature may step
-            continue
-        ell = np.maximum(knots[:, k + 1 : k + 2] - knots[:, k : k + 1], 1e-300)
-        u = np.clip(at - knots[:, k : k + 1], 0.0, ell)
-        slope = (curvatures[:, k + 1 : k + 2] - curvatures[:, k : k + 1]) / ell
-        angle += u * (curvatures[:, k : k + 1] + 0.5 * slope * u)
-    return angle
+    spans = np.diff(knots, axis=1)
+    turned = np.cumsum(0.5 * spans * (curvatures[:, 1:] + curvatures[:, :-1]), axis=1)
+    before = np.concatenate([np.zeros((len(knots), 1)), turned], axis=1)
+    piece = _pieces(knots, at, "right")
+    first, span, bent, after, whole = (
+        np.take_along_axis(row, piece, axis=1) for row in (knots, spans, curvatures, curvatures[:, 1:], before)
+    )
+    u = np.clip(at - first, 0.0, span)
+    return np.asarray(whole + u * (bent + 0.5 * (after - bent) / np.maximum(span, 1e-300) * u))
 
 
 def curvature_at(knots: Array, curvatures: Array, at: Array) -> Array:
     """Curvature (B, S) at positions ``at`` (B, S)."""
-    out = np.broadcast_to(curvatures[:, :1], at.shape).copy()
-    for k in range(knots.shape[1] - 1):
-        ell = np.maximum(knots[:, k + 1 : k + 2] - knots[:, k : k + 1], 1e-300)
-        share = np.clip((at - knots[:, k : k + 1]) / ell, 0.0, 1.0)
-        out += share * (curvatures[:, k + 1 : k + 2] - curvatures[:, k : k + 1])
-    return out
+    # Where it steps, the value is that before the step.
+    piece = _pieces(knots, at, "left")
+    first, span, bent, after = (
+        np.take_along_axis(row, piece, axis=1) for row in (knots, np.diff(knots, axis=1), curvatures, curvatures[:, 1:])
+    )
+    share = np.clip((at - first) / np.maximum(span, 1e-300), 0.0, 1.0)
+    return np.asarray(bent + share * (after - bent))
+
+
+def _pieces(knots: Array, at: Array, side: Literal["left", "right"]) -> Indices:
+    """Intervals between knots (B, K) in which positions (B, S) are; the outer ones also beyond the ends."""
+    found = [np.searchsorted(row, places, side) for row, places in zip(knots, at, strict=True)]
+    return np.asarray(np.clip(np.array(found, dtype=int).reshape(at.shape) - 1, 0, knots.shape[1] - 2))
 
 
 def sample(knots: Array, curvatures: Array, at: Array) -> Array:
