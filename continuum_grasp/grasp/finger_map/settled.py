@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
+from continuum_grasp.base import Numbers as Array
 from continuum_grasp.core import Compiler
 from continuum_grasp.grasp.finger_map.balance import ObjectBalance, Settled
 from continuum_grasp.grasp.finger_map.fill import FingerMap
@@ -98,7 +99,7 @@ class SceneMaps:
         if not rows:
             return [_as_start(balance, settled, row) for row in settled.nearest(size)[:MISSES]]
         rows = (not_unstable(balance, settled, rows) or rows)[: BEST * len(maps)]
-        spare = [replace(_as_start(balance, settled, row), label="spare") for row in rows[:SPARE]]
+        spare = [_as_start(balance, settled, row, "spare") for row in rows[:SPARE]]
         settled = balance.refined(settled.x[rows])
         rows = settled.holding(size)
         # Where none is stable, the least shows it.
@@ -106,11 +107,36 @@ class SceneMaps:
         return [*(_as_start(balance, settled, row) for row in rows), *spare]
 
 
-def _as_start(balance: ObjectBalance, settled: Settled, row: int) -> GraspStart:
+class _SettledStart(GraspStart):
+    """A settled combination as a start of the fingers' own models, whose parts are computed when they are asked for:
+    most starts are only put in order.
+    """
+
+    def __getattr__(self, name: str) -> Any:
+        if "parts" not in self.__dict__ or name not in ("fingers", "contacts", "forces", "tensions"):
+            raise AttributeError(name)
+        self.__dict__.update(self.__dict__["parts"]())
+        return self.__dict__[name]
+
+
+def _as_start(balance: ObjectBalance, settled: Settled, row: int, label: str = "map") -> GraspStart:
     """A settled combination as a start of the fingers' own models."""
-    x = settled.x[row]
+    start = object.__new__(_SettledStart)
+    start.__dict__.update(
+        label=label,
+        object_pose=balance.pose,
+        estimate=float(settled.tension[row]),
+        imbalance=float(settled.off[row]),
+        friction_states={},
+        parts=partial(_parts, balance, settled.x[row]),
+    )
+    return start
+
+
+def _parts(balance: ObjectBalance, x: Array) -> dict[str, Any]:
+    """Fingers, contacts, forces and tensions of a combination."""
     scene = balance.scene
-    traced = balance.traced(x[None])
+    traced = balance.traced(x[None], slopes=False)
     fingers = dict[str, FingerStart]()
     tensions = dict[str, tuple[float, float]]()
     for at in traced:
@@ -134,8 +160,7 @@ def _as_start(balance: ObjectBalance, settled: Settled, row: int) -> GraspStart:
     for name in (*middles, *(name for name in names if name not in middles)):
         contacts[name] = balance.supports.get(name) or nearest_contact(scene, balance.pose, backbones[name])
     forces = {name: borne[name] for name in contacts}
-    estimate, off = float(settled.tension[row]), float(settled.off[row])
-    return GraspStart("map", balance.pose, fingers, contacts, forces, tensions, estimate, imbalance=off)
+    return {"fingers": fingers, "contacts": contacts, "forces": forces, "tensions": tensions}
 
 
 def _finger_start(at: Traced) -> FingerStart:
