@@ -25,7 +25,7 @@ import numpy as np
 from continuum_grasp.base import amount_text
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
 from continuum_grasp.grasp.certificate.certificate import Certificate
-from continuum_grasp.grasp.effort import BALANCED, EFFORTS, FIRST_CAP, HELD, OPEN, SURE, UNFOLLOWED
+from continuum_grasp.grasp.effort import BALANCED, EFFORTS, FIRST_CAP, HELD, OPEN, STANDSTILL, SURE, UNFOLLOWED
 from continuum_grasp.grasp.finger_map import FEW, ROUGH, SETTLED, Place, SceneMaps, is_mapped, places_of
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, GraspAttempt, GraspSolverRun
@@ -121,12 +121,13 @@ class GraspSearch:
             if self.budget.over or self.best is not None:
                 return
             self._sampled |= start.is_rough
-            self._attempt_twice(start)
+            # Few of these lead to a grasp: a run that stands still does not.
+            self._attempt_twice(start, standstill=STANDSTILL)
 
-    def _attempt_twice(self, start: GraspStart) -> None:
+    def _attempt_twice(self, start: GraspStart, standstill: int | None = None) -> None:
         """Solve from a start boldly, since it is nearly exact, then carefully."""
-        if self.attempt(start, options_at=0) not in self.good:
-            self.attempt(start, iterations=FIRST_CAP)
+        if self.attempt(start, options_at=0, standstill=standstill) not in self.good:
+            self.attempt(start, iterations=FIRST_CAP, standstill=standstill)
 
     def _others(self, most: int) -> Iterator[GraspStart]:
         """Further starts where those that hold the object lead to no grasp, at most so many of a kind: what comes
