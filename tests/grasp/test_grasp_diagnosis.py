@@ -22,7 +22,7 @@ from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.scenes import DRAWN, UNASKED
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.base import SolverError
-from continuum_grasp.grasp import GraspStatus, Reason, optimize_grasp, solve
+from continuum_grasp.grasp import GraspStatus, Reason, optimize_grasp, solve, verdict
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, ordered, out_of_reach, part_of
 from continuum_grasp.grasp.reasons.elastic import Repair
@@ -40,7 +40,7 @@ def middle_only(friction, gravity=INTO_PLANE, family="arc", **changes):
 @pytest.mark.parametrize(("effort", "more"), [("quick", True), ("normal", True), ("thorough", False)])
 def test_advice_names_the_effort_that_tries_more_where_there_is_one(effort, more):
     scene = load(CONFIGS / "pinch.yaml").changed({"solver.effort": effort})
-    found = solve._Verdict(scene, Budget())._unsolved(None)
+    found = solve._ModelSearch(scene, Budget())._verdict.unsolved(None)
     assert found.status is GraspStatus.NOT_SOLVED
     assert ("Try solver.effort: thorough" in found.advice) is more
     assert "solver.effort" in found.advice or not more
@@ -149,7 +149,7 @@ def test_only_a_given_bending_range_is_ever_a_reason(monkeypatch, given):
         return [Reason("bending range", "fidelity.bending_range", "rad", setup.bending_range, needed, "", "")]
 
     monkeypatch.setattr(solve.GraspSearch, "run", lambda search, **_: None)
-    monkeypatch.setattr(solve._Verdict, "_reasons", reasons)
+    monkeypatch.setattr(solve._ModelSearch, "_reasons", reasons)
     result = optimize_grasp(scene, raise_on_failure=False)
     if given:
         assert (result.status, asked) == (GraspStatus.INFEASIBLE, [(4, given)])
@@ -378,18 +378,18 @@ def test_of_what_many_disturbances_break_the_worst_is_named():
         "overlap of fingers, a, b",
         "disturbed friction cone, finger.tip, 0",
     )
-    broken = solve._broken([Violation(name=name, amount=1e-4, **units) for name in names])
+    broken = verdict._broken([Violation(name=name, amount=1e-4, **units) for name in names])
     assert [text.split(":")[0] for text in broken] == list(names[:2])
 
 
 def test_what_was_tried_in_vain_is_counted():
-    verdict = solve._Verdict(load(CONFIGS / "pinch.yaml"), Budget())
-    assert "No posture touches the object" in verdict._unsolved(None).message
+    searched = solve._ModelSearch(load(CONFIGS / "pinch.yaml"), Budget())
+    assert "No posture touches the object" in searched._verdict.unsolved(None).message
     start = SimpleNamespace(label="scan", contacts={})
     ended = {"iterations": 3, "seconds": 0.1, "objective": 1.0, "badness": 0.5, "start": start}
     tried = SimpleNamespace(attempt=SimpleNamespace(outcome="Stalled", converged=False, **ended))
-    verdict.search.tried += [tried] * 48
-    message = verdict._unsolved(None).message
+    searched.search.tried += [tried] * 48
+    message = searched._verdict.unsolved(None).message
     assert "48 starting postures were tried; none reached contact and force balance." in message
     assert "Stalled" not in message
 

@@ -249,7 +249,7 @@ def test_where_more_elements_lead_nowhere_the_grasp_with_fewer_stays(ends, monke
         return None
 
     monkeypatch.setattr(GraspSearch, "run", run)
-    monkeypatch.setattr(solve._Verdict, "_reasons", lambda *_, **__: [])
+    monkeypatch.setattr(solve._ModelSearch, "_reasons", lambda *_, **__: [])
     grasp = cg.optimize_grasp(drawn("one", 2, elements=None))
     assert grasp.status is GraspStatus.FEASIBLE
     assert [setup.elements for setup in grasp.scene.setups] == [8]
@@ -316,7 +316,7 @@ def test_reasons_of_many_elements_repair_and_a_little_less_does_not(seed, name, 
 
 def test_elements_that_do_not_follow_rods_are_said_to(monkeypatch):
     monkeypatch.setattr(GraspSearch, "attempt", lambda *_, **__: None)
-    monkeypatch.setattr(solve._Verdict, "_reasons", lambda *_, **__: [])
+    monkeypatch.setattr(solve._ModelSearch, "_reasons", lambda *_, **__: [])
     scene = grasp_scene("pinch").changed({"fidelity.elements": 8})
     found = optimize_grasp(scene, raise_on_failure=False)
     assert found.status is GraspStatus.NOT_SOLVED

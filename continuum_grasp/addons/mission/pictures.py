@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.base import Array, amount_text, split_unit
+from continuum_grasp.base import Array, amount_text
 from continuum_grasp.plotting import (
     Color,
     Film,
@@ -41,8 +41,6 @@ _BANDS = {
     "pull": "#F8DDD2",
 }
 """Pale, since curves are drawn on them; phases that undo each other share one."""
-_ONE_ROW = 99
-"""Columns of a legend [1], more than any has entries."""
 
 
 def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
@@ -79,7 +77,7 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
     figure.supylabel(f"y [{unit}]", fontsize=9, color=Color.INK)
     figure.head(mission.name or " ")
     handles = [Line2D([], [], **key) for key in arrows.keys(_WORDS)]
-    figure.legend(handles=handles, loc="outside upper right", ncols=_ONE_ROW, frameon=False, fontsize=9)
+    figure.legend(handles=handles, loc="outside upper right", ncols=max(len(handles), 1), frameon=False, fontsize=9)
     return axes
 
 
@@ -182,7 +180,8 @@ def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = No
         draw(axes, mission)
         axes.set_ylabel(StyledAxes(axes).shown_label(text.format(input=taken), "y"), color=Color.INK)
         # Of three fingers the tensions, their setpoints and limits take two rows.
-        StyledAxes(axes).head(None, _ONE_ROW if len(axes.get_legend_handles_labels()[1]) < 8 else 4)
+        entries = len(axes.get_legend_handles_labels()[1])
+        StyledAxes(axes).head(None, entries if 0 < entries < 8 else 4)
     rest[-1].set_xlabel("time [s]", color=Color.INK)
     rest[-1].set_xlim(0.0, end)
     _draw_phases(strip, mission, end)
@@ -218,7 +217,7 @@ def _draw_inputs(ax: Axes, mission: MissionRun) -> None:
     curves = [(finger, run, k) for finger, run in mission.fingers.items() for k in range(len(run.u_names))]
     for (finger, run, k), color in zip(curves, Color.distinct(len(curves)), strict=True):
         name = run.u_names[k]
-        what = split_unit(name).words
+        what = run.scene.finger.inputs[k].name.replace("_", " ")
         whose = what if mission.run is not None else f"{finger}: {what}"
         ax.stairs(run.u[:, k], run.t, color=color, linewidth=1.3, baseline=None, label=whose)
         if name in run.r_names:
