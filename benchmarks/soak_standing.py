@@ -25,10 +25,6 @@ from continuum_grasp.scene import ControlScene, load
 
 STANDS = 1000
 """Steps of a setpoint: a shipped loop counts as settled after 130 to 190, evidence takes 15 windows of 20 to 31."""
-RESTS = 600
-"""Steps after which a plant under a constant input rests, whose motion is damped."""
-DAMPED = 0.9
-"""Share of its rates that each of these steps leaves, which moves no rest: a heavy rod swings for a minute else."""
 SLOW = 1e-3
 """Change of the tip over the last tenth of these, per length, up to which it does."""
 INNER = (0.05, 0.7)
@@ -88,7 +84,6 @@ class Standing:
         self.aim = self.stages.r_names.index("tip_x [m]")
         self.row = self.control.nominal_setpoints.rows(np.zeros(1))[0].copy()
         self.length, self.limit = scene.finger.rod.length, float(self.control.parts.supervisor["offset"])
-        self.rates = [k for k, each in enumerate(self.control.prediction.x_names) if "_rate " in each]
 
     def _stiffness(self) -> None:
         for k, name in enumerate(self.stages.p_names):
@@ -97,17 +92,14 @@ class Standing:
 
     def _rest(self, u: Array) -> Array | None:
         """Tip of the plant at rest under an input; None where it does not come to rest, or leaves the constraints."""
-        world, stages, tips = self.world, self.stages, []
-        world.reset()
-        for _ in range(RESTS):
-            tips.append(world.step(u, self.plant_p)[self.tip : self.tip + 2])
-            world.z[self.rates] *= DAMPED
-        if not world.sound() or not np.ptp(tips[-RESTS // 10 :], axis=0).max() < SLOW * self.length:
+        world, stages = self.world, self.stages
+        tips = world.rest(u, self.plant_p)[:, self.tip : self.tip + 2]
+        if not world.sound() or not np.ptp(tips[-len(tips) // 10 :], axis=0).max() < SLOW * self.length:
             return None
         x = np.concatenate([world.z[: world.nx], u])[: stages.nx]
         rows = np.array(stages.cost(x, u, self.plant_p, self.row, np.ones(stages.nr))[3]).ravel()
         inside = np.all(rows <= stages.c_max) and np.all(rows >= stages.c_min)
-        return tips[-1] if inside else None
+        return np.array(tips[-1]) if inside else None
 
     def _input(self) -> Array:
         """An input well within its limits; winches and drives that pull against each other by opposite lengths."""

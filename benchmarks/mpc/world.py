@@ -18,6 +18,10 @@ from continuum_grasp.core.code import Backend, FunctionCode
 
 FINER = 2
 """Runge-Kutta steps of the plant for one of the controller's model."""
+RESTS = 600
+"""Steps after which a plant under a constant input rests, whose motion is damped."""
+DAMPED = 0.9
+"""Share of its rates that each of these steps leaves."""
 
 
 class World:
@@ -32,6 +36,7 @@ class World:
         estimation = None if scene.estimator is None else estimation_of(scene, model, stages.method)
         self.ranges = ranges_of(scene, model, stages, estimation)
         self.nx = model.nx
+        self._rates = [k for k, name in enumerate(model.x_names) if "_rate " in name]
         nz = model.nx if estimation is None else estimation.nz
         z, u, p = ca.MX.sym("z", nz), ca.MX.sym("u", stages.nu), ca.MX.sym("p", stages.np)
         count = FINER * max(1, round(stages.substeps * controller.period / stages.stage))
@@ -80,3 +85,15 @@ class World:
     def reset(self) -> None:
         """Back to the first state, disturbances unchanged."""
         self.z[: self.nx] = self.first[: self.nx]
+
+    def rest(self, u: Array, p: Array, steps: int = RESTS) -> Array:
+        """Measurements while the plant comes to rest under an input, from the first state: a row per step.
+
+        Rates are damped beyond the model's, which moves no rest: a heavy rod swings for a minute else.
+        """
+        self.reset()
+        rows = []
+        for _ in range(steps):
+            rows.append(self.step(u, p))
+            self.z[self._rates] *= DAMPED
+        return np.array(rows)

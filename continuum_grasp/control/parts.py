@@ -267,7 +267,7 @@ def _filter(scene: ControlScene, model: Prediction, stages: Stages, estimation: 
         int(k in adapted or name.startswith(("tendon_friction", "unknown_contact_friction")))
         for k, name in enumerate(estimation.z_names)
     ]
-    drives = {drive.state for drive in model.driven}
+    drives = {drive.state: 1 for drive in model.driven} | {rate: 2 for drive in model.driven for rate in drive.rate}
     # Steps as long as the stages, if the stiffness allows them; rounding must not add one.
     substeps = max(1, math.ceil(stages.substeps * period / stages.stage - 1e-9))
     settings: Settings = {
@@ -284,7 +284,7 @@ def _filter(scene: ControlScene, model: Prediction, stages: Stages, estimation: 
         "substeps": substeps,
         "gate": scene.estimator.outlier if scene.estimator is not None else math.inf,
         "sensor": [estimation.sensor_names.index(name) for name in estimation.sensors],
-        "drive": [int(k in drives) for k in range(estimation.nx)],
+        "drive": [drives.get(k, 0) for k in range(estimation.nx)],
         "fade": 2.0 / _window(scene),
     }
     if estimation.friction:

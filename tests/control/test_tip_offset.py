@@ -100,6 +100,23 @@ def test_a_setpoint_is_met_in_what_is_measured_as_far_as_the_path_leads(camera):
     assert np.linalg.norm(off) < np.linalg.norm(measured - tip) + 0.5e-3
 
 
+@pytest.mark.deep
+def test_three_tendons_meet_a_setpoint_in_what_a_turned_camera_measures():
+    """They move a tip both ways; an angle in the middle says that the camera is off, and must not win."""
+    scene, setpoint = load("configs/mpc/tip_circle.yaml"), (-0.1032, 0.1229)
+    control, bench, seen = Controller(scene, deadline=math.inf), SimulatedBench(scene), []
+    control.reference(tip=setpoint)
+    for _ in range(500):
+        y = np.array(bench.read(), dtype=float)
+        y[:2] = CAMERAS["turned by 1 degree"](y[:2])
+        seen.append(y[:2].copy())
+        command = control.step(y)
+        bench.write(command)
+        bench.idle()
+    assert command.health is Health.OK
+    assert np.linalg.norm(np.mean(seen[-150:], axis=0) - setpoint) < 0.5e-3
+
+
 def test_a_setpoint_that_stands_is_neared_by_a_plant_that_no_estimate_explains():
     """Without a disturbance to estimate, of a plant stiffer by 3 %, 3.9 mm are left; two thirds are corrected."""
     scene = load(SCENE, ["estimator.disturbances={}", "plant.stiffness=1.03", "plant.fidelity.elements=3"])

@@ -397,7 +397,7 @@ static void controller_compensate(controller_state *state, controller_work *work
   if (!(o->correction > 0)) return;
   /* what swings after a gap, contradicts the model, or may be an old image is no constant distance */
   int doubted = contradicts || state->supervisor.unseen > 2;
-  for (int sensor = 0; sensor < CONTROLLER_NS; ++sensor) doubted |= state->supervisor.together[sensor] > 0;
+  for (int sensor = 0; sensor < CONTROLLER_NS; ++sensor) doubted |= state->supervisor.together[sensor] > (real)SUPERVISOR_SUSPECTED;
   state->stood = moves || doubted ? 0 : state->stood < o->correction_after ? state->stood + 1 : state->stood;
   const int follows = state->stood >= o->correction_after;
   if (follows && (!planned || !cg_finite(y + o->supervisor.tip, 2))) return;

@@ -19,13 +19,22 @@ static void ekf_reset_covariance(ekf_state *state, const ekf_settings *settings)
   }
 }
 
+/* Begin anew what drives caused. */
+static void ekf_forget_motion(ekf_state *state)
+{
+  memcpy(state->usual, state->z, sizeof state->usual);
+  memset(state->answer, 0, sizeof state->answer);
+  memcpy(state->commanded, state->z, sizeof state->commanded);
+  memcpy(state->settled, state->z, sizeof state->settled);
+}
+
 void ekf_start(ekf_state *state, const ekf_settings *settings, const real *z0, const real *u0)
 {
   memset(state, 0, sizeof *state);
   memcpy(state->z, z0, sizeof state->z);
   memcpy(state->first, z0, sizeof state->first);
   memcpy(state->sound, z0, sizeof state->sound);
-  memcpy(state->usual, z0, sizeof state->usual);
+  ekf_forget_motion(state);
   for (int k = 0; k < EKF_DELAY; ++k) {
     memcpy(state->queue[k], u0, sizeof state->queue[k]);
     state->span[k] = 1;
@@ -42,8 +51,7 @@ static void ekf_restart(ekf_state *state, const ekf_settings *settings)
 {
   if (state->restarted) memcpy(state->sound, state->first, sizeof state->sound);
   memcpy(state->z, state->sound, sizeof state->z);
-  memcpy(state->usual, state->z, sizeof state->usual);
-  memset(state->answer, 0, sizeof state->answer);
+  ekf_forget_motion(state);
   state->restarted = EKF_PATIENCE;
 #if EKF_NA > 0
   state->age = 0;
@@ -184,16 +192,23 @@ static void ekf_forget(const ekf_state *state, const ekf_settings *settings, rea
 }
 #endif
 
-/* Move what drives cause by a step: their motion about slow means is that of the estimate, the others follow by the
- * step's derivative, contacts and swings included. No sensor corrects it, and no disturbance hides it. */
+/* Move what drives cause by a step. Drives follow commands alone: what their sensors add is noise, which would pass for
+ * motion that no tip shows (saturation.yaml, at rest at its limit, tripped after 5 s). The other states follow by the
+ * step's derivative, contacts and swings included. No sensor corrects them, and no disturbance hides it. */
 static void ekf_answer(ekf_state *state, const ekf_work *work, const ekf_settings *settings)
 {
-  real from[EKF_NX];
-  for (int i = 0; i < EKF_NX; ++i) from[i] = settings->drive[i] ? state->z[i] - state->usual[i] : state->answer[i];
+  real from[EKF_NX], off[EKF_NX];
   for (int i = 0; i < EKF_NX; ++i) {
-    real sum = 0;
-    for (int k = 0; k < EKF_NX; ++k) sum += work->F[i + EKF_NZ * k] * from[k];
-    state->answer[i] = sum;
+    from[i] = settings->drive[i] == 1 ? state->commanded[i] - state->settled[i] : state->answer[i];
+    off[i] = settings->drive[i] ? state->commanded[i] - state->z[i] : 0;
+  }
+  for (int i = 0; i < EKF_NX; ++i) {
+    state->answer[i] = 0;
+    state->commanded[i] = work->next[i];
+    for (int k = 0; k < EKF_NX; ++k) {
+      state->answer[i] += work->F[i + EKF_NZ * k] * from[k];
+      state->commanded[i] += work->F[i + EKF_NZ * k] * off[k];
+    }
   }
   if (!cg_finite(state->answer, EKF_NX)) memset(state->answer, 0, sizeof state->answer);
 }
@@ -324,19 +339,21 @@ static void ekf_innovations(const ekf_state *state, const ekf_work *work, const 
 static void ekf_expect(ekf_state *state, const ekf_work *work, const ekf_settings *settings, ekf_report *report)
 {
   for (int i = 0; i < EKF_NX; ++i)
-    if (settings->drive[i]) {
+    if (settings->drive[i] == 1) {
       state->usual[i] += settings->fade * (state->z[i] - state->usual[i]);
-      state->answer[i] = state->z[i] - state->usual[i];
+      state->settled[i] += settings->fade * (state->commanded[i] - state->settled[i]);
+      state->answer[i] = state->commanded[i] - state->settled[i];
     } else state->answer[i] *= 1 - settings->fade / 2;
   for (int row = 0; row < EKF_NY; ++row) {
-    real sum = 0;
+    real sum = 0, motion = 0;
     int drive = 1;
     for (int i = 0; i < EKF_NX; ++i) {
       const real h = work->H[row + EKF_NY * i];
       sum += h * state->answer[i];
-      drive &= settings->drive[i] || !(h > 0 || h < 0);
+      if (settings->drive[i] == 1) motion += h * (state->z[i] - state->usual[i]);
+      else drive &= !(h > 0 || h < 0);
     }
-    report->motion[row] = drive ? sum : 0;
+    report->motion[row] = drive ? motion : 0;
     for (int j = 0; j < EKF_NM; ++j) report->expected[j] += settings->mixing[row][j] * sum;
   }
 }
@@ -478,8 +495,7 @@ static int ekf_follow(ekf_state *state, ekf_work *work, const ekf_settings *sett
   ekf_move(state, work, settings, p, by, acted);
   if (by > (real)1.5) {
     /* what drives caused before a gap is over: their means begin anew */
-    memcpy(state->usual, state->z, sizeof state->usual);
-    memset(state->answer, 0, sizeof state->answer);
+    ekf_forget_motion(state);
     memset(state->before, 0, sizeof state->before);
     memset(state->moved, 0, sizeof state->moved);
   }

@@ -82,7 +82,7 @@ typedef struct {
   real memory;                /* time over which their sensitivities are averaged [s] */
   real quiet[EKF_NA][EKF_NX][EKF_NX];   /* L of a sensitivity s of a step: |L s| = 1 is the most that noise explains */
 #endif
-  int drive[EKF_NX];          /* whether a state is the position, tension or moment of a drive */
+  int drive[EKF_NX];          /* 1: a state is the position, tension or moment of a drive, 2: the rate of one */
   real fade;                  /* share of a period in slow means */
 } ekf_settings;
 
@@ -96,7 +96,8 @@ typedef struct {
   int restarted;              /* samples in which another restart begins from the first state */
   real bucket[EKF_NS];        /* of the leaky gate of each sensor: recent outliers */
   real usual[EKF_NX];         /* slow means of the states of drives */
-  real answer[EKF_NX];        /* motion of the states about slow means, as far as drives cause it */
+  real commanded[EKF_NX], settled[EKF_NX];    /* states of drives as commands alone move them, and slow means of those */
+  real answer[EKF_NX];        /* motion of the states about slow means, as far as commands of drives cause it */
   real before[EKF_NY], bias[EKF_NY];    /* normalized innovations: of the last call, slow means */
   real moved[EKF_NY];         /* motion of drives at the last call, in deviations */
 #if EKF_NA > 0
@@ -129,7 +130,7 @@ typedef struct {
                                  its motion again and again, by less than any one call shows */
   real ahead[EKF_NS], change[EKF_NS];   /* the same of the change of that motion since the last call: whatever swings, a drive
                                  that is faster than its model is ahead of it */
-  real expected[EKF_NM];      /* motion of each measurement about its slow mean, as far as drives cause it */
+  real expected[EKF_NM];      /* motion of each measurement about its slow mean, as far as commands of drives cause it */
 } ekf_report;
 
 /* Start at a state with its initial variances; u0 was applied before. */

@@ -27,9 +27,6 @@
 #define SUPERVISOR_TRAVEL 1.0   /* mean square of that motion below which noise leads it */
 #define SUPERVISOR_ANSWER 0.15  /* mean product of successive readings of a live image, per squared motion that drives cause: half
                                    of it where friction of three times the model's holds the finger, 0.3 to 1 else */
-#define SUPERVISOR_EVIDENCE 20.0        /* log-likelihood ratio that an image is old: of three million calls of loops whose
-                                   fingers are stiffer or softer by a fifth none reaches it, and 16 every 180,000th of a
-                                   nitinol rod's. A tip that friction of 0.3 holds, of which the model has none, may */
 
 /* An offset: each window counts by how far, in `offset`, the tip's mean over five windows is beyond it, at most threefold. Of
  * 8,000 steps each of eight shipped loops with their plants, at setpoints that stand, the evidence stays below 3; a knock of
