@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from functools import cached_property
 
+import numpy as np
+
 from continuum_grasp.grasp.finger_map import SceneMaps, is_mapped
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, RelaxedLimit
 from continuum_grasp.grasp.search import GraspSearch
@@ -16,6 +18,15 @@ USUAL, WIDE = 1.0, 3.0
 
 NEARLY = 0.02
 """Residual of fingers that may hold the object: few elements miss it by as much where a repair is found."""
+
+
+OF_CURVATURE = ("bending range", "strain")
+"""Limits that bound curvature: of these, postures tell how much they need; forces may be spread otherwise."""
+
+
+def greatest_curvature(start: GraspStart) -> float:
+    """Greatest curvature of the fingers of a start [1/m]."""
+    return max(float(np.abs(finger.curvatures).max()) for finger in start.fingers.values())
 
 
 class Starts:
@@ -43,7 +54,8 @@ class Starts:
             return self.near
         if not self.holds(self._widest) or not self.holds(found := self._settled(wide)):
             return []
-        return found if usual in (self._scene, wide) else interleaved([self._settled(usual), found])
+        lists = [found] if usual in (self._scene, wide) else [self._settled(usual), found]
+        return interleaved([self._by_need(limits, starts) for starts in lists])
 
     def closer(self, limits: Sequence[RelaxedLimit], enough: float) -> list[GraspStart]:
         """Starts with limits relaxed by no more than is enough [usual amounts]."""
@@ -51,7 +63,14 @@ class Starts:
         if relaxed == self._scene or not self.holds(self._widest):
             return []
         found = self._settled(relaxed)
-        return found if self.holds(found) else []
+        return self._by_need(limits, found) if self.holds(found) else []
+
+    @staticmethod
+    def _by_need(limits: Sequence[RelaxedLimit], starts: list[GraspStart]) -> list[GraspStart]:
+        """Starts that hold the object by how much of a limit they need, least first; then the others."""
+        if not all(limit.name in OF_CURVATURE for limit in limits):
+            return starts
+        return sorted(starts, key=lambda start: (start.imbalance > NEARLY, greatest_curvature(start)))
 
     @cached_property
     def needed(self) -> frozenset[RelaxedLimit]:
