@@ -64,11 +64,11 @@ def arrays(both):
 @pytest.mark.deep
 def test_a_chain_of_guides_rests_on_the_station_that_closes():
     """Of a finger straight at rest and without weight: a chain of hinges with the exact law bears a state's forces."""
-    changes = {"stations": 4, "middle_range": [0.06, 0.12]}
+    changes = {"stations": 8, "middle_range": [0.04, 0.15]}
     scene = load("configs/grasp/mug.yaml").changed(
         {
             "finger.tendons.friction": 0.05,
-            "fidelity": {"family": "clothoid", "elements": 8},
+            "fidelity": {"family": "clothoid", "elements": 12},
             "stability": "ignore",
             "solver.effort": "quick",
             "contacts.reserve": 0.0,
