@@ -157,6 +157,7 @@ static int force_limits(const Rod *rod, const dual *z, const Finger *at, dual *r
 #define OFTEN 5
 #define LONGEST 1.5 /* step, in units of the scales */
 
+#if WIDE > 1 || LANES > 0
 /* Numbers of the contacts and the force at the tip, the conditions, the limits of the shape, those of the forces: out
    (count, 7 (contacts + 1) + 2 + rows, 1 + LANES). */
 void trace(const Rod *rod, int count, const double *given, double entered, double *out)
@@ -176,6 +177,7 @@ void trace(const Rod *rod, int count, const double *given, double entered, doubl
         }
     }
 }
+#endif
 
 /* Steps of the numbers that change an equilibrium alike. */
 static void scale_of(const Rod *rod, const real *z, real *step)
@@ -189,7 +191,7 @@ static void scale_of(const Rod *rod, const real *z, real *step)
         step[k] = 0.04 + (real){0}, step[k + 1] = step[k + 2] = most_of(least, 0.25 * magnitude(z[k + 1]));
 }
 
-#if WIDE == 1
+#if WIDE == 1 && LANES == 0
 void scales(const Rod *rod, int count, const double *given, double *step)
 {
     const int size = numbers_of(rod);
@@ -383,7 +385,7 @@ void onto(const Rod *rod, int count, int rounds, double entered, double close, d
 }
 #endif
 
-#if WIDE == 1
+#if WIDE == 1 && LANES == 0
 static double *write_place(double *to, const State *q, dual bent)
 {
     *to++ = q->s.v, *to++ = bent.v, *to++ = q->x.v, *to++ = q->y.v;

@@ -223,7 +223,8 @@ class GraspSolverRun:
         alike = [
             earlier for earlier in known if earlier.features == features and _parts(earlier.start) == _parts(start)
         ]
-        first = Start(x, low, high, *problem.rows.bounds(), begin, option_set=options)
+        lower, upper = self._row_bounds(values, np.count_nonzero(low < high))
+        first = Start(x, low, high, lower, upper, begin, option_set=options)
         first = replace(first, patience=patience, standstill=standstill, known=[earlier.x for earlier in alike])
         with budget.share(iterations) as part:
             last, last_numbers = solve_clear(solve, self.nlp, first, look, allowed_depth(scene), part, cap)
@@ -232,6 +233,21 @@ class GraspSolverRun:
             return min(alike, key=lambda earlier: float(np.abs(earlier.x - last.x).max()))
         violations = problem.rows.violations(last.g, SATISFIED, units_of_rows(scene))
         return GraspAttempt(**vars(last), start=start, features=features, numbers=last_numbers, violations=violations)
+
+    def _row_bounds(self, values: Mapping[str, Any], free: int) -> tuple[Array, Array]:
+        """Bounds of the rows for numbers of a scene and so many free unknowns.
+
+        A planar cone without friction has no inside, next to which IPOPT ends early or late: it is an equation, unless
+        equations then outnumber the unknowns.
+        """
+        lower, upper = self.problem.rows.bounds()
+        without = (lower.copy(), upper.copy())
+        for block in self.problem.rows.blocks:
+            contact = block.name.removeprefix("friction cone, ")
+            if contact != block.name and block.rows.size == 2 and not np.any(values[f"{contact}.friction"]):
+                one, other = block.rows.ravel()
+                without[1][one], without[0][other] = 0.0, -np.inf
+        return without if np.count_nonzero(without[0] == without[1]) <= free else (lower, upper)
 
     def _solved(self, solver: Solver, start: Start, until: Budget) -> Attempt:
         # IPOPT may not come back from more equations than unknowns, as of a finger that lifts without a support.
