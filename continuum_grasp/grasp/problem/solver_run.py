@@ -133,7 +133,8 @@ class GraspSolverRun:
         parts of a usual amount. Contacts sit on ``features``, by default the features of the
         start, beyond whose ends they go on while that is better. The unknowns begin with ``x0``. Further run-time
         ``numbers`` go to the problem. Unknowns ``pinned`` stay at their values, but for NaN. ``patience`` and
-        ``standstill`` are as of `Start`; a run that comes to a ``known`` attempt returns that.
+        ``standstill`` are as of `Start`; a run that comes to a ``known`` attempt returns that. The guarded places begin
+        where those of an attempt ``beside`` this one were.
 
         Raises
         ------
@@ -192,6 +193,7 @@ class GraspSolverRun:
         patience: int | None = None,
         standstill: int | None = None,
         known: Sequence[GraspAttempt] = (),
+        beside: GraspAttempt | None = None,
     ) -> GraspAttempt:
         """Solve from a start on given features; see `run`."""
         problem = self.problem
@@ -219,11 +221,12 @@ class GraspSolverRun:
         began = time.perf_counter()
         x = np.clip(x, low, high)
         look = self._look(scene, values)
-        begin = look(x, problem.numbers.pack(values, 0.0))[1]
+        probes = None if beside is None else self._probes(beside)
+        begin = look(x, problem.numbers.pack(values, 0.0), probes)[1]
         alike = [
             earlier for earlier in known if earlier.features == features and _parts(earlier.start) == _parts(start)
         ]
-        lower, upper = self._row_bounds(values, np.count_nonzero(low < high))
+        lower, upper = self._row_bounds(values, int(np.count_nonzero(low < high)))
         first = Start(x, low, high, lower, upper, begin, option_set=options)
         first = replace(first, patience=patience, standstill=standstill, known=[earlier.x for earlier in alike])
         with budget.share(iterations) as part:
@@ -258,11 +261,18 @@ class GraspSolverRun:
         violation = start.violation(start.x, g)
         return Attempt(SolverStatus.FAILED, OVERDETERMINED, start.x, g, 0.0, none, 0, 0.0, violation, np.inf)
 
-    def _look(self, scene: GraspScene, values: dict[str, Any]) -> Callable[[Array, Array], tuple[float, Array]]:
-        """Depth of fingers at a point, and ``values`` as numbers with the guarded places and circles of it."""
+    def _probes(self, attempt: GraspAttempt) -> dict[str, Array]:
+        """The guarded places of an attempt, by finger."""
+        at = self.problem.numbers.at
+        return {finger.name: attempt.numbers[at[f"{finger.name}.probes"]] for finger in self.problem.spec.fingers}
 
-        def look(x: Array, numbers: Array) -> tuple[float, Array]:
-            deepest, seen = self.near.look(scene, x, numbers)
+    def _look(self, scene: GraspScene, values: dict[str, Any]) -> Callable[..., tuple[float, Array]]:
+        """Depth of fingers at a point, and ``values`` as numbers with the guarded places and circles of it; as of
+        `NearbySearch.look`.
+        """
+
+        def look(x: Array, numbers: Array, probes: Mapping[str, Array] | None = None) -> tuple[float, Array]:
+            deepest, seen = self.near.look(scene, x, numbers, probes)
             return deepest, self.problem.numbers.pack({**values, **seen})
 
         return look
@@ -323,9 +333,7 @@ class GraspSolverRun:
         numbers = self.problem.numbers
         at = self.problem.numbers.at
         values = problem_values(self.problem, scene, start, features)
-        fingers = (finger.name for finger in self.problem.spec.fingers)
-        probes = {name: attempt.numbers[at[f"{name}.probes"]] for name in fingers}
-        values |= self.near.look(scene, attempt.x, numbers.pack(values, 0.0), probes)[1]
+        values |= self.near.look(scene, attempt.x, numbers.pack(values, 0.0), self._probes(attempt))[1]
         stay = [name for name in at if name.endswith((".strain probes", "effort weight", "relaxation weights"))]
         return numbers.pack({**values, **{name: attempt.numbers[at[name]] for name in stay}})
 
