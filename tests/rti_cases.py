@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from benchmarks.real_time_iteration import RealTimeIteration
-from continuum_grasp.control import ABSENT, Stages
+from continuum_grasp.control import Stages
 from continuum_grasp.control.ocp.stages import Scenarios, cost_functions
 
 LOOSE = (
@@ -92,7 +92,7 @@ def random_scenarios(plants: int, size: tuple[int, ...], weights: np.ndarray, sh
 
 def _bounds(rng: np.random.Generator, count: int, absent: float) -> tuple[np.ndarray, np.ndarray]:
     which, least, most = rng.random(count), -rng.uniform(0.05, 1, count), rng.uniform(0.05, 1, count)
-    return np.where(which < absent, -ABSENT, least), np.where(which > 1 - absent, ABSENT, most)
+    return np.where(which < absent, -Stages.ABSENT, least), np.where(which > 1 - absent, Stages.ABSENT, most)
 
 
 def disturb(rti: RealTimeIteration, rng: np.random.Generator, spread: float = 0.3) -> np.ndarray:
@@ -208,12 +208,12 @@ def qp_of(rti: RealTimeIteration | PlanOf, x0: np.ndarray) -> QP:
         equal[to, at[k + 1].start : at[k + 1].start + nx] = -np.eye(nx)
         right[to] = -q["defect"][k]
         inputs = slice(at[k].start + nx, at[k].stop)
-        low[inputs] = np.where(o.u_min > -ABSENT, o.u_min - q["u"][k], -np.inf)
-        high[inputs] = np.where(o.u_max < ABSENT, o.u_max - q["u"][k], np.inf)
+        low[inputs] = np.where(o.u_min > -Stages.ABSENT, o.u_min - q["u"][k], -np.inf)
+        high[inputs] = np.where(o.u_max < Stages.ABSENT, o.u_max - q["u"][k], np.inf)
     i = np.array([i for _, i in entries], dtype=int)
     c = np.array([q["c"][k, i] for k, i in entries])
-    c_min = np.where(o.c_min[i] > -ABSENT, o.c_min[i] - c, -np.inf)
-    c_max = np.where(o.c_max[i] < ABSENT, o.c_max[i] - c, np.inf)
+    c_min = np.where(o.c_min[i] > -Stages.ABSENT, o.c_min[i] - c, -np.inf)
+    c_max = np.where(o.c_max[i] < Stages.ABSENT, o.c_max[i] - c, np.inf)
     matrix = np.reshape(rows, (-1, size))
     penalties = o.linear[i].copy(), o.quadratic[i].copy()
     return QP(hessian, gradient, equal, right, low, high, matrix, c_min, c_max, *penalties)
@@ -254,9 +254,9 @@ def by_ipopt(s: Stages, x0: np.ndarray, reference: np.ndarray, guess=None, toler
             for i in range(s.nc):
                 c, slack = (after if i < s.ns else here)[i], opti.variable()
                 opti.subject_to(slack >= 0.0)
-                if s.c_min[i] > -ABSENT:
+                if s.c_min[i] > -Stages.ABSENT:
                     opti.subject_to(c >= s.c_min[i] - slack)
-                if s.c_max[i] < ABSENT:
+                if s.c_max[i] < Stages.ABSENT:
                     opti.subject_to(c <= s.c_max[i] + slack)
                 objective += (s.linear[i] * slack + 0.5 * s.quadratic[i] * slack**2) / s.plants
         error = (s.outputs(x, ca.MX.zeros(s.nu), p) - reference)[: s.nt]

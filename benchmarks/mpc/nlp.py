@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.mpc.cases import outside, whole_stage
 from continuum_grasp.base import Array
-from continuum_grasp.control import ABSENT, Stages
+from continuum_grasp.control import Stages
 
 
 @dataclass
@@ -224,8 +224,8 @@ class Nlp:
                 place = (k + (i < s.ns)) * nz + column
                 low[place], high[place] = max(low[place], ends[0]), min(high[place], ends[1])
         low[self.count :] = 0.0
-        least = np.where(s.c_min <= -ABSENT, -np.inf, s.c_min)[[i for _, i in self.row_nodes]]
-        most = np.where(s.c_max >= ABSENT, np.inf, s.c_max)[[i for _, i in self.row_nodes]]
+        least = np.where(s.c_min <= -Stages.ABSENT, -np.inf, s.c_min)[[i for _, i in self.row_nodes]]
+        most = np.where(s.c_max >= Stages.ABSENT, np.inf, s.c_max)[[i for _, i in self.row_nodes]]
         if self.soft:
             gaps, none = np.zeros(s.stages * s.nx), np.full(len(least), np.inf)
             below, above = np.concatenate([gaps, least, -none]), np.concatenate([gaps, none, most])

@@ -9,11 +9,11 @@ from .arrays import Indices as Indices
 from .arrays import Numbers as Numbers
 from .errors import ContinuumGraspError as ContinuumGraspError
 from .errors import InputError as InputError
-from .errors import Interrupted as Interrupted
 from .errors import NumericalError as NumericalError
 from .errors import SolverError as SolverError
 from .export_target import ExportTarget as ExportTarget
 from .interrupt import ExitStatus as ExitStatus
+from .interrupt import Interrupted as Interrupted
 from .interrupt import interrupt_pressed as interrupt_pressed
 from .interrupt import interrupt_was_pressed as interrupt_was_pressed
 from .interrupt import interruptible as interruptible

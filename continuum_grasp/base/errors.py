@@ -105,19 +105,3 @@ class NumericalError(ContinuumGraspError, ArithmeticError):
         self.state = state
         self.result = result
         super().__init__(message)
-
-
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a long computation; not an ``Exception``, so that ``except Exception`` does not catch it.
-
-    Parameters
-    ----------
-    message : str
-        The interrupted work, and where it stopped.
-    result : object, optional
-        The result so far.
-    """
-
-    def __init__(self, message: str, *, result: Any = None) -> None:
-        self.result = result
-        super().__init__(message)

@@ -70,6 +70,29 @@ _handled = -math.inf
 """Time at which the main thread last handled the signal [s of the monotonic clock]."""
 
 
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C during a long computation; not an ``Exception``, so that ``except Exception`` does not catch it.
+
+    Parameters
+    ----------
+    message : str
+        The interrupted work, and where it stopped.
+    result : object, optional
+        The result so far.
+    """
+
+    def __init__(self, message: str, *, result: Any = None) -> None:
+        self.result = result
+        super().__init__(message)
+
+    @classmethod
+    @contextmanager
+    def after(cls, what: str) -> Iterator[Callable[[], Interrupted | None]]:
+        """Block after the end of ``what``, whose result it makes whole; the exception, once it ended with Ctrl-C."""
+        with interrupts_held(quietly=True) as pressed:
+            yield lambda: cls(f"interrupted after the end of {what}") if pressed() else None
+
+
 def interrupt_pressed() -> bool:
     """Whether Ctrl-C was pressed and has not been raised yet."""
     return _noted is not None

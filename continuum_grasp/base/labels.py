@@ -28,13 +28,13 @@ def prefixed(unit: str, greatest: float) -> tuple[float, str]:
     return units[shown], shown
 
 
-def amount_text(value: float, unit: str, form: str = ".3g") -> str:
+def amount_text(value: float, unit: str, form: str = ".3g", like: float | None = None) -> str:
     """Write a value with its unit (`prefixed`), in a format; three digits in place of fixed decimals where its unit is
-    not ``unit``.
+    not ``unit``. The unit may be the one of another value that it is compared with, ``like``.
     """
-    factor, shown = prefixed(unit, value)
+    factor, shown = prefixed(unit, value if like is None else like)
     sign = "+" if form.startswith("+") else ""
-    form = f"{sign}.3g" if factor != 1.0 and form.endswith("f") else form
+    form = f"{sign}.3g" if like is None and factor != 1.0 and form.endswith("f") else form
     return f"{factor * value:{form}} {shown}".rstrip()
 
 

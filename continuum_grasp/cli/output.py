@@ -138,6 +138,12 @@ class Output:
         """End with the exit status of what has no usable result."""
         raise typer.Exit(ExitStatus.FAILED)
 
+    def write(self, text: str, name: str) -> Path:
+        """Write a text file into the folder of the run; returns its path."""
+        from continuum_grasp.results import write_text
+
+        return write_text(text, self.folder / name)
+
     def say(self, text: str) -> None:
         """Print text for people."""
         if not (self.quiet or self.as_json):

@@ -11,7 +11,7 @@ import numpy as np
 from continuum_grasp.base import Array, split_unit
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.tracking import Tracking, amount
-from continuum_grasp.control import BoundedRows, Outputs, Prediction, Stages
+from continuum_grasp.control import BoundedRows, Outputs, Prediction, Stages, stages_of
 from continuum_grasp.scene import ControlScene
 from continuum_grasp.simulation import ContactHistory
 
@@ -40,6 +40,12 @@ class Readings:
         self._prediction = prediction
         self._numbers = plant.__getstate__()
         self._length = plant.scene.finger.rod.length
+
+    @staticmethod
+    def of_scene(scene: ControlScene, plant: PlantModel) -> Readings:
+        """Readings of a plant that no controller moves."""
+        model = Prediction(scene)
+        return Readings(scene, plant, stages_of(scene, model), model)
 
     @property
     def plant(self) -> PlantModel:

@@ -19,7 +19,6 @@ from continuum_grasp.base import (
     NumericalError,
     check_arguments,
     interruptible,
-    interrupts_held,
 )
 from continuum_grasp.closed_loop.plant import Plant, SharedPlant
 from continuum_grasp.closed_loop.readings import Readings
@@ -174,15 +173,13 @@ class FingerLoop(NamedTuple):
         steps: list[list[_Step]] = []
         first = [(loop.plant.t, loop.plant.x) for loop in loops]
         error = _loop(loops, shared, steps, count, progress or (lambda share: None))
-        with interrupts_held(quietly=True) as pressed:
+        with Interrupted.after("the run") as late:
             known = [_result(loop, first[k], [of[k] for of in steps], error is None) for k, loop in enumerate(loops)]
             runs = []
             for run, off in zip(known, _plant_errors(shared, known), strict=True):
                 of_plant = {"plant_code": str(code), "plant_error_m": off, "made_s": made_s}
                 runs.append(replace(run, statistics={**run.statistics, **of_plant}))
-        if pressed() and error is None:
-            error = Interrupted("interrupted after the end of the run")
-        return runs, error
+        return runs, error or late()
 
 
 def _loop(

@@ -7,7 +7,6 @@ from .estimation.noise import measurement_range as measurement_range
 from .iteration.source import SharedSlope as SharedSlope
 from .iteration.source import template as template
 from .log import ControlLog as ControlLog
-from .ocp.bounds import ABSENT as ABSENT
 from .ocp.bounds import BoundedRows as BoundedRows
 from .ocp.bounds import Row as Row
 from .ocp.control_problem import ControlProblem as ControlProblem

@@ -19,7 +19,6 @@ from continuum_grasp.control.estimation.model import Estimation, estimation_of
 from continuum_grasp.control.estimation.noise import Ranges, noise_of, ranges_of
 from continuum_grasp.control.iteration import source as rti
 from continuum_grasp.control.members import CHANGEABLE, REPORTED, Changeable, Reported
-from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
@@ -115,7 +114,7 @@ class ControlParts:
             # The safe ramp crosses the whole range of an input in a time in which it does not make the finger swing.
             calls=ControllerCalls(asked.step, np.array(scene.rest_input), scene.finger.rod.slow_time, *counts),
             ranges=ranges,
-            rate=np.full(stages.nu, asked.input.rate_max or ABSENT),
+            rate=np.full(stages.nu, asked.input.rate_max or Stages.ABSENT),
             supervisor=_supervised(scene, stages, estimation, touches),
             filter={} if estimation is None else _filter(scene, model, stages, estimation, ranges),
             correction=_correction(scene, stages, estimation, touches),
@@ -133,8 +132,8 @@ class ControlParts:
         return ControlParts(
             stages=stages,
             calls=calls,
-            ranges=_free_ranges(stages, ABSENT),
-            rate=np.full(stages.nu, ABSENT),
+            ranges=_free_ranges(stages, Stages.ABSENT),
+            rate=np.full(stages.nu, Stages.ABSENT),
             supervisor=_unsupervised(stages),
             filter={},
             correction=dict(_UNCORRECTED),

@@ -1,5 +1,4 @@
 from .build import WebAssembly as WebAssembly
-from .control.loop import ExportedPhases as ExportedPhases
 from .fields import Field as Field
 from .fields import fill as fill
 from .functions import export_casadi as export_casadi

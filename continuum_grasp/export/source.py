@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
+from numpy.typing import ArrayLike
+
 from continuum_grasp.base import CheckedArgument, InputError, named_value
 from continuum_grasp.control import Prediction, RtiSolver, Stages
 from continuum_grasp.core import CReal
@@ -65,13 +67,36 @@ class ModelSource:
 
 @dataclass(frozen=True)
 class ExportedLoop:
-    """A scene of an add-on as exports take it, as a closed loop: the scene of its controller,
-    the configuration as plain values, and phases by the problem of the controller.
+    """A scene of an add-on as exports take it: as a closed loop, with its configuration as plain values, and phases.
+
+    Attributes
+    ----------
+    control : ControlScene
+    configuration : mapping
+    settings : callable, optional
+        Dimensions and settings of ``control/c/mission.h``, by the problem of the controller; None without phases.
+    names : tuple of str
+        Names of the phases.
+    ends : float
+        Instant at which the last phase is planned to begin [s].
+    reported : tuple
+        Reports that a finger takes from others, by the names of functions, with their words; none where it is alone.
     """
 
     control: ControlScene
     configuration: Mapping[str, Any]
-    phases: Callable[[Stages], ExportedPhases] | None = None
+    settings: Callable[[Stages], tuple[dict[str, int], Mapping[str, ArrayLike]]] | None = None
+    names: tuple[str, ...] = ()
+    ends: float = 0.0
+    reported: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def phases(self) -> Callable[[Stages], ExportedPhases] | None:
+        """Phases, by the problem of the controller; None of a controller alone."""
+        settings = self.settings
+        if settings is None:
+            return None
+        return lambda stages: ExportedPhases(*settings(stages), self.names, self.ends, self.reported)
 
 
 def source_of(given: Given, real: CReal, finger: str | None = None) -> ModelSource:

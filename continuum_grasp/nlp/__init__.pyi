@@ -9,6 +9,5 @@ from .problem import Constraints as Constraints
 from .problem import Violation as Violation
 from .solver import Settings as Settings
 from .solver import Solver as Solver
-from .sqp import qp_solver as qp_solver
 from .sums import Summand as Summand
 from .sums import summed as summed

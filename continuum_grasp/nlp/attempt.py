@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Literal
 
 import numpy as np
 
-from continuum_grasp.base import Array, interrupt_pressed
+from continuum_grasp.base import Array, interrupt_pressed, interrupts_held
 from continuum_grasp.scene import SolverOptions
 
 STALLED, KNOWN, SPENT, STOP_REQUESTED = "Stalled", "Known", "Budget_Spent", "User_Requested_Stop"
@@ -48,11 +48,6 @@ class SolverStatus(StrEnum):
     """Stopped by the budget, by Ctrl-C, or as a start says (see `Start.patience` and `Start.known`)."""
     FAILED = "failed"
     """Anything else, such as values that are not finite; the solver's own status says more."""
-
-    @classmethod
-    def of(cls, outcome: str) -> SolverStatus:
-        """Status by the outcome of a run; CasADi's solvers share these names."""
-        return _STATUS.get(outcome, cls.FAILED)
 
 
 _STATUS = {
@@ -211,6 +206,11 @@ class Attempt:
     violation: float
     error: float
 
+    @staticmethod
+    def status_of(outcome: str) -> SolverStatus:
+        """Status by the outcome of a run; CasADi's solvers share these names."""
+        return _STATUS.get(outcome, SolverStatus.FAILED)
+
     def moved(self, x: Array, g: Array, objective: float) -> Attempt:
         """The run with a point that it did not find itself: it has failed, whatever the point is worth."""
         return replace(self, status=SolverStatus.FAILED, x=x, g=g, objective=objective)
@@ -289,6 +289,11 @@ class Budget:
         finally:
             self.left -= min(granted, granted + 1 - part.left)
             self.stopped |= part.stopped
+
+    @staticmethod
+    def last_iterates() -> AbstractContextManager[Callable[[], bool]]:
+        """Block in which Ctrl-C ends runs, which then give their last iterates; yields whether it was pressed."""
+        return interrupts_held(quietly=True)
 
     @property
     def over(self) -> bool:

@@ -251,3 +251,17 @@ class Constraints:
         for block in self.blocks:
             lower[block.rows], upper[block.rows] = block.lower, block.upper
         return lower, upper
+
+    def start_within(
+        self,
+        low: Array,
+        high: Array,
+        x: Array,
+        *,
+        multipliers: Multipliers | None = None,
+        barrier: float | None = None,
+        patience: int | None = None,
+    ) -> Start:
+        """Start from unknowns between limits, as `Start` has it."""
+        bounds = low, high, *self.bounds()
+        return Start(x, *bounds, multipliers=multipliers, barrier=barrier, patience=patience)

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, cast
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.base import interrupts_held
+from continuum_grasp.base import InputError, interrupts_held
 from continuum_grasp.nlp.attempt import (
     KNOWN,
     STALLED,
@@ -79,6 +79,15 @@ class Settings:
         module = import_module(f"continuum_grasp.nlp.{self.method}")
         return cast("Solver", getattr(module, self.method.capitalize())(self))
 
+    @staticmethod
+    def qp_plugin(key: str = "solver.method") -> str:
+        """Name of the plugin for quadratic programs; InputError with the key that asks for it where CasADi has it
+        not.
+        """
+        if ca.has_conic("piqp"):
+            return "piqp"
+        raise InputError(f"needs PIQP, which comes with CasADi 3.8; this is {ca.CasadiMeta.version()}", key=key)
+
 
 class Solver(ABC):
     """Solves problems from starts; it retains everything that it builds for a problem.
@@ -119,8 +128,7 @@ class Solver(ABC):
         Raises
         ------
         KeyboardInterrupt
-            Ctrl-C was pressed meanwhile; a block ``interrupts_held(quietly=True)`` around it gets the last iterate
-            instead.
+            Ctrl-C was pressed meanwhile; a block ``Budget.last_iterates()`` around it gets the last iterate instead.
         """
         began = time.perf_counter()
         function, stop = self._function(problem, start.approach)
@@ -142,7 +150,7 @@ class Solver(ABC):
         # Where constraints are violated, the other conditions say nothing.
         near = violation <= _ACCEPTABLE * self.settings.constraint_tolerance
         error = problem.optimality_error(start, x, multipliers) if near else np.inf
-        status = self._status(SolverStatus.of(outcome), error, violation)
+        status = self._status(Attempt.status_of(outcome), error, violation)
         seconds = time.perf_counter() - began
         objective = float(solution["f"])
         return Attempt(status, outcome, x, g, objective, multipliers, iterations, seconds, violation, error)

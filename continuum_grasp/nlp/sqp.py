@@ -11,17 +11,9 @@ from typing import Any
 
 import casadi as ca
 
-from continuum_grasp.base import InputError
 from continuum_grasp.nlp.attempt import Approach
 from continuum_grasp.nlp.problem import NLP
 from continuum_grasp.nlp.solver import Solver
-
-
-def qp_solver(key: str | None = "solver.method") -> str:
-    """Name of the plugin for quadratic programs; InputError with the key that asks for it where CasADi has it not."""
-    if ca.has_conic("piqp"):
-        return "piqp"
-    raise InputError(f"needs PIQP, which comes with CasADi 3.8; this is {ca.CasadiMeta.version()}", key=key)
 
 
 class Sqp(Solver):
@@ -39,7 +31,7 @@ class Sqp(Solver):
         """See `Solver`."""
         settings = self.settings
         return {
-            "qpsol": qp_solver(),
+            "qpsol": settings.qp_plugin(),
             "qpsol_options": {"error_on_fail": False},
             "print_header": False,
             "print_iteration": False,

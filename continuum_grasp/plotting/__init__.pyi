@@ -1,6 +1,4 @@
 from .drawing.bodies import draw_clamp as draw_clamp
-from .drawing.film import Film as Film
-from .drawing.forces import ForceArrows as ForceArrows
 from .drawing.held import HeldObject as HeldObject
 from .drawing.style import Color as Color
 from .drawing.style import Z as Z

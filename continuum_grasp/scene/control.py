@@ -9,7 +9,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.controller import CommandedScene, ControllerSettings, PlantDifferences
-from continuum_grasp.scene.cost import Reference
+from continuum_grasp.scene.cost import Cost
 from continuum_grasp.scene.drives import MotorDrive, WinchDrive
 from continuum_grasp.scene.estimator import EstimatorSettings, Mounting
 from continuum_grasp.scene.finger import Finger
@@ -131,7 +131,7 @@ class ControlScene(CommandedScene):
                 len({getattr(t, _OF_TENDON.get(name) or name) for t in s.finger.tendon_list} | {None}) != 2
             ),
         ),
-        *Reference.refusals("controller.cost"),
+        *Cost.reference_refusals("controller.cost"),
     )
 
     fidelity: Fidelity = Fidelity()

@@ -100,6 +100,19 @@ class Cost(Value):
         weight: ForceWeight | None = getattr(self, term)
         return () if weight is None else weight.of or names
 
+    @staticmethod
+    def reference_refusals(key: str) -> tuple[Consumer, ...]:
+        """Refuse setpoints that nothing tracks, and weights without a setpoint, at the key of a scene's cost."""
+        names = [name for name in Reference.model_fields if name != "input"]
+        asked = [name for name in names if name not in _WITH_DEFAULT]
+        return Consumer.refusals(
+            f"""
+            reference.{{{",".join(names)}}} without {key}.NAME: nothing tracks it: give {key}.NAME a weight
+            reference.input without {key}.effort: nothing tracks it: give {key}.effort a weight
+            {key}.{{{",".join(asked)}}} without reference.NAME
+            """
+        )
+
 
 Row = Annotated[ListOf[Real], Field(min_length=1)]
 
@@ -175,19 +188,6 @@ class Reference(Value):
             rows = getattr(self, name)
             if isinstance(rows, RowSamples) and rows.width != 2:
                 raise ValueError(f"{name}: expected rows of x, y, got {rows.width} entries")
-
-    @classmethod
-    def refusals(cls, key: str) -> tuple[Consumer, ...]:
-        """Refuse setpoints that nothing tracks, and weights without a setpoint, at the key of a scene's cost."""
-        names = [name for name in cls.model_fields if name != "input"]
-        asked = [name for name in names if name not in _WITH_DEFAULT]
-        return Consumer.refusals(
-            f"""
-            reference.{{{",".join(names)}}} without {key}.NAME: nothing tracks it: give {key}.NAME a weight
-            reference.input without {key}.effort: nothing tracks it: give {key}.effort a weight
-            {key}.{{{",".join(asked)}}} without reference.NAME
-            """
-        )
 
 
 _WITH_DEFAULT = frozenset({"bending", "input"})

@@ -4,6 +4,7 @@ cells and drives count otherwise than the model.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -60,6 +61,11 @@ class Mounting(Value):
     """Connections of the commands, in the order of the bench; none: as in the model."""
     tensions: Connections = ()
     """Connections of the measured tensions, or tip moment, in the order of the bench; none: as in the model."""
+
+    @staticmethod
+    def lines(ends: Iterable[int], signs: Iterable[int]) -> tuple[Connection, ...]:
+        """Lines to tendons by number, from 1, with their signs."""
+        return tuple(Connection(of=end, sign=1 if sign > 0 else -1) for end, sign in zip(ends, signs, strict=True))
 
     def _check(self) -> None:
         for name in ("drives", "tensions"):

@@ -16,7 +16,7 @@ from .run import integrate as integrate
 from .signals import Signals as Signals
 from .signals import interpolate as interpolate
 from .slack import SlackTime as SlackTime
-from .spectrum import spectral_radius as spectral_radius
+from .spectrum import explicit_rate as explicit_rate
 from .static_shape import Equilibrium as Equilibrium
 from .statics import equilibrium_path as equilibrium_path
 from .statics import equilibrium_under as equilibrium_under

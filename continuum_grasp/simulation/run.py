@@ -9,15 +9,7 @@ from time import perf_counter
 
 import numpy as np
 
-from continuum_grasp.base import (
-    Array,
-    InputError,
-    Interrupted,
-    NumericalError,
-    check_arguments,
-    interruptible,
-    interrupts_held,
-)
+from continuum_grasp.base import Array, InputError, Interrupted, NumericalError, check_arguments, interruptible
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import FAMILIES, INTEGRATORS, Scene, Timing
@@ -87,10 +79,9 @@ class _Run:
             motion = self._stepper.run(x0, plan)
             took += perf_counter() - began
             plan, error = self._judged(plan, motion)
-        with interrupts_held(quietly=True) as pressed:  # the motion is there
+        with Interrupted.after("the motion") as late:
             result, error = self._finished(motion, error, used, took, started)
-        if pressed() and error is None:
-            error = Interrupted("interrupted after the end of the motion")
+        error = error or late()
         if error is not None:
             error.result = result
             raise error

@@ -11,6 +11,7 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel, System
+from continuum_grasp.scene import INTEGRATORS
 from continuum_grasp.simulation.linearized import damping_matrix, slope_matrix
 
 _EVEN, _EXTREME = 12, 6
@@ -122,6 +123,11 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array, qd: Arra
             yield slope_matrix(mass, stiffness, damping) if usable else np.full_like(mass, np.inf)
 
     return float(max([_radius(slopes()), *(1.0 / lag for lag in lags)]))
+
+
+def explicit_rate(core: Core, q: Array, u: Array, w: Array, p: Array) -> float:
+    """Steps per second of the explicit method that the fastest motion about shapes asks for; see `spectral_radius`."""
+    return spectral_radius(core, q, u, w, p) / INTEGRATORS["rk4"].target
 
 
 def _radius(slopes: Iterable[Array]) -> float:

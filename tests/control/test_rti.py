@@ -19,7 +19,7 @@ from scipy.optimize import minimize
 
 from benchmarks.real_time_iteration import STATUS, RealTimeIteration
 from continuum_grasp.base import InputError, SolverError
-from continuum_grasp.control import ABSENT, Stages, stages_of
+from continuum_grasp.control import Stages, stages_of
 from continuum_grasp.control.iteration.source import iteration_source
 from continuum_grasp.control.ocp.stages import cost_functions, step_function
 from continuum_grasp.core import Compiler
@@ -494,7 +494,7 @@ def test_settings_act_at_the_next_iteration():
     rti.step(START, REFS)
     assert rti.plan[1].max() == 0.2
     rti.reset(START)
-    rti.settings.u_max = ABSENT
+    rti.settings.u_max = Stages.ABSENT
     rti.step(START, REFS)
     assert rti.plan[1].max() > 0.2
 

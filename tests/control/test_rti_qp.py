@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from benchmarks.real_time_iteration import RealTimeIteration
-from continuum_grasp.control import ABSENT
+from continuum_grasp.control import Stages
 from continuum_grasp.core import Compiler
 from tests.rti_cases import SIZES, change_of_plan, changed, disturb, qp_of, random_stages
 
@@ -66,8 +66,8 @@ def test_the_qp_is_that_of_the_stage_functions(precision, lanes):
 @pytest.mark.parametrize("k", range(len(SIZES)))
 def test_without_bounds_it_is_one_linear_system(k):
     stages = random_stages(k, SIZES[k])
-    none = {name: np.full_like(getattr(stages, name), -ABSENT) for name in ("u_min", "c_min")}
-    none |= {name: np.full_like(getattr(stages, name), ABSENT) for name in ("u_max", "c_max")}
+    none = {name: np.full_like(getattr(stages, name), -Stages.ABSENT) for name in ("u_min", "c_min")}
+    none |= {name: np.full_like(getattr(stages, name), Stages.ABSENT) for name in ("u_max", "c_max")}
     rti = iteration(k)
     with changed(rti, **none):
         x0 = disturb(rti, np.random.default_rng(k))
@@ -183,7 +183,7 @@ DEGENERATE = {
     "rows that cost nothing": lambda s: {"quadratic": np.zeros(s.nc), "linear": np.zeros(s.nc)},
     "hard rows": lambda s: {"quadratic": np.full(s.nc, 1e6), "linear": np.full(s.nc, 1e4)},
     "tiny range": lambda s: {"u_min": np.full(s.nu, -1e-6), "u_max": np.full(s.nu, 1e-6)},
-    "one-sided inputs": lambda s: {"u_min": np.zeros(s.nu), "u_max": np.full(s.nu, ABSENT)},
+    "one-sided inputs": lambda s: {"u_min": np.zeros(s.nu), "u_max": np.full(s.nu, Stages.ABSENT)},
 }
 
 

@@ -46,10 +46,11 @@ def test_a_camera_is_found_from_points(mirrored):
     c, s = np.cos(0.7), np.sin(0.7)
     away = points - [0.3, -0.2]
     seen = 1.3 * np.column_stack([away @ [c, s], (-1 if mirrored else 1) * (away @ [-s, c])])
-    found, left = camera_through(points, seen, mirrored)
+    way, left = camera_through(points, seen, Mounting(camera=Camera(mirrored=mirrored)))
+    found = way.camera
     assert [*found.position, found.angle, found.scale] == pytest.approx([0.3, -0.2, 0.7, 1.3])
     assert left < 1e-12
-    assert camera_through(points, seen, not mirrored)[1] > 0.5
+    assert camera_through(points, seen, Mounting(camera=Camera(mirrored=not mirrored)))[1] > 0.5
     wired = Wiring.of(Mounting(camera=camera), Wiring.TIP, (), "mounting").readings
     assert np.array([wired(one) for one in points]) == pytest.approx(seen)
     assert np.array([wired.back(one) for one in seen]) == pytest.approx(points)

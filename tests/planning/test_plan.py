@@ -92,7 +92,7 @@ def test_conditions_of_optimality_hold(kind):
     search.run()
     assembly, best = search.problem.assembly, search.best
     assert best.converged
-    nlp, bounds = assembly.nlp, assembly.start(best.x)
+    nlp, bounds = assembly.nlp, assembly.start_within(*assembly.limits, best.x)
     slopes = ca.Function("s", [nlp.x], [ca.gradient(nlp.f, nlp.x), ca.jacobian(nlp.g, nlp.x)])
     gradient, jacobian = (np.array(v) for v in slopes(best.x))
     free = bounds.low < bounds.high

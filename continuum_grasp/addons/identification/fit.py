@@ -15,7 +15,7 @@ from continuum_grasp.addons.identification.unknowns import ALONG, DELAY, LAG, Un
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.model import Parameters
 from continuum_grasp.results import Dimension, File, Picture, Stored
-from continuum_grasp.scene import Finger, FingerScene
+from continuum_grasp.scene import FingerScene
 
 
 @dataclass(frozen=True)
@@ -238,20 +238,21 @@ def applied(scene: Any, targets: Sequence[tuple[str, float, bool]], values: Arra
         elif target == LAG and not (scene.finger.tendons or scene.finger.chambers):
             scene = scene.changed({"controller.input.time_constant": value})
         elif target not in (DELAY, ALONG):
-            changes = _changes(scene.finger, target, factor * value, added)
+            changes = _changes(scene, target, factor * value, added)
             scene = scene.changed({f"finger.{key}": new for key, new in changes.items()})
     return scene
 
 
-def _changes(finger: Finger, target: str, value: float, added: bool) -> Mapping[str, Any]:
+def _changes(scene: FingerScene, target: str, value: float, added: bool) -> Mapping[str, Any]:
     """Changes of a finger by a run-time parameter of the model, as in ``FingerModel(..., parameters=...)``."""
+    finger = scene.finger
     x, y = finger.base.position
     if added and target == "base_angle":
         return {"base.angle": finger.base.angle + value}
     if added:
         return {"base.position": (x + value, y) if target == "base_position_x" else (x, y + value)}
     if target in ("bending_stiffness", "linear_density", "rotary_inertia"):
-        return {f"rod.{key}": number for key, number in _rod(finger, target, value).items()}
+        return {f"rod.{key}": number for key, number in _rod(scene, target, value).items()}
     if target == "tip_mass":
         others = [mass for mass in finger.masses if not finger.rod.is_tip(mass.at)]
         return {"masses": [*others, {"at": finger.rod.length, "mass": value}]}
@@ -261,12 +262,12 @@ def _changes(finger: Finger, target: str, value: float, added: bool) -> Mapping[
     return dict.fromkeys(numbers[target].places(finger), value)
 
 
-def _rod(finger: Finger, target: str, value: float) -> dict[str, float]:
+def _rod(scene: FingerScene, target: str, value: float) -> dict[str, float]:
     """Changes of a finger's rod in its own terms: section and material, or linear density and bending stiffness.
 
     The values are factors for a graded rod.
     """
-    rod = finger.rod
+    rod = scene.finger.rod
     if rod.graded:
         if target == "bending_stiffness" and isinstance(rod.youngs_modulus, float) and rod.one_modulus:
             return {"youngs_modulus": value * rod.youngs_modulus}

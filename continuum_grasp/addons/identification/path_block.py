@@ -23,10 +23,10 @@ from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.base import Array, InputError, NumericalError, split_unit
 from continuum_grasp.core import Core, Rollouts
 from continuum_grasp.model import FingerModel, Parameters
-from continuum_grasp.scene import INTEGRATORS, Scene
+from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import (
     Signals,
-    spectral_radius,
+    explicit_rate,
 )
 
 
@@ -233,9 +233,8 @@ class PathBlock(MeasuredBlock):
             return cast(_Grid, settled[2])
         signals, model = self._signals, self.model
         sampled = model.sample_shapes(start[: model.n])[:_SHAPES]
-        radius = spectral_radius(self._core, sampled, signals.u(0.0)[0], signals.w(0.0)[0], p)
         # 2.0: steps per step of a simulation: a sixteenth of its error, so that the steps do not pass for parameters
-        rate = 2.0 * radius / INTEGRATORS["rk4"].target
+        rate = 2.0 * explicit_rate(self._core, sampled, signals.u(0.0)[0], signals.w(0.0)[0], p)
         if not np.isfinite(rate):
             raise NumericalError("the model's fastest rate is not finite at these parameters", time=0.0)
         if settled is not None and 0.5 * settled[1] < rate <= settled[1]:

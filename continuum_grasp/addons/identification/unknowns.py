@@ -11,7 +11,7 @@ import numpy as np
 from continuum_grasp.addons.identification.scene import Estimate
 from continuum_grasp.base import Array, InputError, nearest, split_unit
 from continuum_grasp.model import FingerModel, Parameters
-from continuum_grasp.scene import FAMILIES, Consumer, Finger, Scene
+from continuum_grasp.scene import Consumer, Scene
 
 LAG, DELAY = "drive_time_constant", "drive_delay"
 """Time constant of the lag of the drives, and the time before a command reaches them."""
@@ -114,7 +114,7 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     typical = _typical(scene, name) if nominal == 0.0 else abs(nominal)
     lower, upper = asked.min, asked.max
     if lower is None:
-        lower = _least(finger, name, target) * typical
+        lower = _least(scene, name, target) * typical
     if upper is None:
         upper = math.inf
     # a scene's value beside the bounds starts on them; a start that is asked for must be inside
@@ -128,11 +128,11 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     return Unknown(name, unit, target, factor, name in ADDED, start, lower, upper, typical, asked.per, sigma)
 
 
-def _least(finger: Finger, name: str, target: str) -> float:
+def _least(scene: Scene, name: str, target: str) -> float:
     """Least value of an unknown, per typical size."""
     if name in ADDED:
         return -math.inf
-    return 0.0 if name == DELAY else Parameters.numbers_of(finger)[target].least
+    return 0.0 if name == DELAY else Parameters.numbers_of(scene.finger)[target].least
 
 
 def prior(unknowns: Sequence[Unknown], values: Array) -> tuple[Array, Array]:
@@ -147,12 +147,7 @@ def prior(unknowns: Sequence[Unknown], values: Array) -> tuple[Array, Array]:
 def _of_model(scene: Scene, name: str, key: str) -> tuple[float, str]:
     """Nominal value and unit of a run-time parameter of the model."""
     try:
-        # under friction, and with a body that turns, the moment at the tip depends on the motion, which a family that
-        # matches it cannot have
-        bends_tip = name.startswith(("tendon_friction", "tip_body_"))
-        stated = not bends_tip or scene.fidelity.family is not None
-        family = None if stated else FAMILIES.default(free_tip=True)
-        model = FingerModel(scene, parameters=(name,), input_rates=False, family=family)
+        model = FingerModel(scene, parameters=(name,), input_rates=False)
     except InputError as error:
         hint = nearest(name, _OWN, say_all=False) if "did you mean" not in error.message else ""
         raise InputError(f"{error.message}{hint}", key=f"{key}.name") from None

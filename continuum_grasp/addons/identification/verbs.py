@@ -101,7 +101,7 @@ def identify(
     fit, files = output.run(
         "identifying", lambda report: run(scene, paths, accept_implausible=accept_implausible, progress=report)
     )
-    files += [_written(fit, target, output.folder, path) for path, target in targets if fit.usable]
+    files += [_written(fit, target, output, path) for path, target in targets if fit.usable]
     show_parameters(fit, files, output)
     if fit.reason:
         output.warn([fit.verdict])
@@ -146,13 +146,11 @@ def show_parameters(fit: Fit, files: Sequence[Path], output: Output) -> None:
     output.conclude(fit, files, more={"singular values": singular}, **fit.summary())
 
 
-def _written(fit: Fit, scene: FingerScene, folder: Path, config: Path) -> Path:
+def _written(fit: Fit, scene: FingerScene, output: Output, config: Path) -> Path:
     """The file of a scene with the estimates in it, named after its configuration."""
-    from continuum_grasp.results import write_text
-
     plain = fit.apply(scene).model_dump(mode="json", exclude_unset=True)
     text = fit.as_yaml({"schema_version": 1, **plain}, exact=True)
-    return write_text(text, folder / f"{config.stem}_identified.yaml")
+    return output.write(text, f"{config.stem}_identified.yaml")
 
 
 def show_plan(design: Callable[[Callable[[float], None]], ExperimentPlan], output: Output) -> ExperimentPlan:

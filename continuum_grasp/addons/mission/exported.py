@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 from os import PathLike
 
+from numpy.typing import ArrayLike
+
 from continuum_grasp.addons.mission.assignment import Assignment
 from continuum_grasp.addons.mission.plan import certified_forces, mission_settings
 from continuum_grasp.addons.mission.plant import Timetable, mission_plant_model
@@ -16,7 +18,7 @@ from continuum_grasp.addons.mission.scene import MissionScene
 from continuum_grasp.base import InputError, Summarized, check_arguments, interruptible
 from continuum_grasp.closed_loop import PlantModel
 from continuum_grasp.control import Stages
-from continuum_grasp.export import ExportedLoop, ExportedPhases
+from continuum_grasp.export import ExportedLoop
 from continuum_grasp.grasp import GraspResult
 from continuum_grasp.scene import scene_of
 
@@ -84,8 +86,16 @@ class AssignedMission(Summarized):
         by_name = {assignment.name: assignment for assignment in self.assignments}
         _check_finger(finger, list(by_name))
         of = self.assignments[0] if finger is None else by_name[finger]
-        phases = partial(_phases_of, self.assignments, of)
-        return ExportedLoop(of.control, of.mission.model_dump(mode="json"), phases)
+        leads = of is self.assignments[0]
+        spans = Timetable(of).phases()
+        return ExportedLoop(
+            of.control,
+            of.mission.model_dump(mode="json"),
+            partial(_settings_of, self.assignments, of, leads=leads),
+            names=tuple(span.name for span in spans),
+            ends=spans[-1].start,
+            reported=() if len(self.assignments) == 1 else _REPORTED[leads],
+        )
 
 
 @check_arguments
@@ -141,13 +151,10 @@ def exported_loop(mission: MissionScene | AssignedMission | MissionRun, finger: 
     return AssignedMission.of(mission).exported(finger)
 
 
-def _phases_of(assignments: Sequence[Assignment], of: Assignment, stages: Stages) -> ExportedPhases:
-    """Phases of the finger ``of``, one of those that are assigned, by the problem of its controller."""
-    table = Timetable(of)
-    leads = of is assignments[0]
+def _settings_of(
+    assignments: Sequence[Assignment], of: Assignment, stages: Stages, *, leads: bool
+) -> tuple[dict[str, int], dict[str, ArrayLike]]:
+    """Dimensions and settings of the phases of the finger ``of``, one of those that are assigned."""
     certified = certified_forces(assignments, of)
     holds_on = of.mission.phases.hold_until_release
-    sizes, settings = mission_settings(table, stages, certified, leads=leads, holds_on=holds_on)
-    reported = () if len(assignments) == 1 else _REPORTED[leads]
-    spans = table.phases()
-    return ExportedPhases(sizes, settings, tuple(span.name for span in spans), spans[-1].start, reported)
+    return mission_settings(Timetable(of), stages, certified, leads=leads, holds_on=holds_on)

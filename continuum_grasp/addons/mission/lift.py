@@ -21,7 +21,7 @@ from continuum_grasp.addons.mission.plan import (
     certified_forces,
 )
 from continuum_grasp.addons.mission.plant import Timetable, reserve
-from continuum_grasp.base import Array, amount_text, prefixed
+from continuum_grasp.base import Array, amount_text
 from continuum_grasp.control import Stages
 
 
@@ -52,12 +52,13 @@ class Shortfall:
     @property
     def text(self) -> str:
         """Normal force of the contact, and those certified and needed, in words."""
-        factor, unit = prefixed("N", self.certified)
         borne, std, certified, needed = (
-            f"{factor * force:.2f}" for force in (self.normal_force, self.std, self.certified, self.needed)
+            amount_text(force, "N", ".2f", like=self.certified)
+            for force in (self.normal_force, self.std, self.certified, self.needed)
         )
-        spread = f" +- {std}" if self.std else ""
-        return f"{self.contact} bears {borne}{spread} {unit} of {certified} {unit} certified ({needed} {unit} needed)"
+        if self.std:
+            borne = f"{borne.partition(' ')[0]} +- {std}"
+        return f"{self.contact} bears {borne} of {certified} certified ({needed} needed)"
 
 
 def shortfalls(
@@ -246,9 +247,10 @@ class LiftCheck:
                 if (command.u >= 0.999 * limits).any():
                     return f"the drive of {assignment.name} is at its limit of {amount_text(limits.max(), 'N')}"
             normal = command.contact_forces.force[names.index(assignment.contact)]
-            followed, unit = prefixed("N", assignment.force)
-            forces = f"{followed * normal:.2f} {unit} of {followed * assignment.force:.2f} {unit}"
-            reached.append(f"{forces} at {assignment.own_name(assignment.contact)}")
+            force, followed = (
+                amount_text(newtons, "N", ".2f", like=assignment.force) for newtons in (normal, assignment.force)
+            )
+            reached.append(f"{force} of {followed} at {assignment.own_name(assignment.contact)}")
         return (
             f"the forces that are followed are {', '.join(reached)}: the object stands elsewhere, or gave way on its "
             "contacts, or a finger lies elsewhere than in the grasp"

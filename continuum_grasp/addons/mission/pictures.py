@@ -9,13 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import Array, amount_text
-from continuum_grasp.plotting import (
-    Color,
-    Film,
-    ForceArrows,
-    HeldObject,
-    StyledAxes,
-)
+from continuum_grasp.plotting import Color, HeldObject, StyledAxes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,8 +48,8 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
     at = np.array(list(chosen))
     shapes = _backbones(mission, at)
     poses = mission.object_pose[at, :3]
-    arrows = _arrows_at(mission, at)
     held = _held_object(mission)
+    arrows = held.arrows(_forces_at(mission, at), _least_force(mission))
     box = held.box(shapes, poses, 0.09 * mission.length, arrows.ends)
     columns = min(_COLUMNS, key=lambda count: -len(at) % count) if len(at) > max(_COLUMNS) else len(at)
     rows = -(-len(at) // columns)
@@ -86,11 +80,10 @@ def mission_frames(mission: MissionRun, indices: NDArray[Any], width: int) -> It
     unique, back = np.unique(indices, return_inverse=True)
     shapes = _backbones(mission, unique)
     poses = mission.object_pose[unique, :3]
-    arrows = _arrows_at(mission, unique)
     held = _held_object(mission)
-    film = Film(held.box(shapes, poses[[0, -1]], 0.09 * mission.length), width)
+    arrows = held.arrows(_forces_at(mission, unique), _least_force(mission))
+    film = held.film(shapes, poses, 0.09 * mission.length, width)
     ax = film.ax
-    held.draw_fixed(ax, shapes[0])
     ahead = [film.prediction("" if k else "predicted tip") for k in range(len(mission.runs))]
     clock = film.clock()
     StyledAxes(ax).head(mission.name)
@@ -149,15 +142,17 @@ def _pull_at(mission: MissionRun, t: float) -> Array:
     return np.zeros(3)
 
 
-def _arrows_at(mission: MissionRun, indices: NDArray[Any]) -> ForceArrows:
-    """Arrows of contacts and pulls at some instants, without those too small to be seen beside the greatest."""
-    # 0.05: share of the greatest force below which a force is not drawn: its arrow would be shorter than its head
-    least = 0.05 * float(np.max(mission.contacts.normal_force, initial=0.0))
-    frames = []
+def _forces_at(mission: MissionRun, indices: NDArray[Any]) -> Iterator[list[tuple[Array, Array, str]]]:
+    """Forces of contacts and pulls at some instants: place, force and kind."""
     for index in map(int, indices):
         pulled = _pull_at(mission, float(mission.t[index]))[:2]
-        frames.append([*mission.contacts.at(index), (mission.object_pose[index, :2], pulled, "load")])
-    return ForceArrows.above(frames, mission.length, least)
+        yield [*mission.contacts.at(index), (mission.object_pose[index, :2], pulled, "load")]
+
+
+def _least_force(mission: MissionRun) -> float:
+    """Force below which none is drawn [N]: beside the greatest one its arrow would be shorter than its head."""
+    # 0.05: share of the greatest force
+    return 0.05 * float(np.max(mission.contacts.normal_force, initial=0.0))
 
 
 def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = None) -> list[Axes]:

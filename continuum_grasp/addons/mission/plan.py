@@ -16,11 +16,7 @@ from continuum_grasp.addons.mission.budget import certified_contact
 from continuum_grasp.addons.mission.plant import Timetable, firmer, reserve
 from continuum_grasp.addons.mission.scene import Slip
 from continuum_grasp.base import Array
-from continuum_grasp.control import (
-    ABSENT,
-    Compiled,
-    Stages,
-)
+from continuum_grasp.control import Compiled, Stages
 
 _FOLLOWED = {"posture": ("bending_",), "force": ("contact_force",), "gap": ("gap_",), "angle": ("gap_", "object_angle")}
 """Quantities that the controller may follow in a phase, and how the names of their setpoints begin."""
@@ -108,11 +104,11 @@ def mission_settings(
     for prefixes in _FOLLOWED.values():
         off = tuple(prefix for prefix in every if prefix not in prefixes)
         weights.append(np.where([not n.startswith(off) or "rate" in n for n in stages.r_names], stages.weights, 0.0))
-    low, high = (np.clip(limit, -ABSENT, ABSENT) for limit in of.holding)
+    low, high = (np.clip(limit, -Stages.ABSENT, Stages.ABSENT) for limit in of.holding)
     # A controller, to which contacts are smooth and the object stays, may expect less force of more tension up to some
     # way short of the grasp, and settles there, or lets the other tendon pull against the one that closes: fingers that
     # squeeze on close as in the grasp or tighter.
-    tighter = np.where(low > -ABSENT, of.held, low)
+    tighter = np.where(low > -Stages.ABSENT, of.held, low)
     members: dict[str, ArrayLike] = {
         "period": period,
         "begin": [span.start for span in phases],
@@ -155,7 +151,7 @@ def _share(share: float, certified: Array) -> Array:
 
     Estimates of forces that are not there may be below zero.
     """
-    return np.where(np.isnan(certified) | (share == 0.0), -ABSENT, share * np.nan_to_num(certified))
+    return np.where(np.isnan(certified) | (share == 0.0), -Stages.ABSENT, share * np.nan_to_num(certified))
 
 
 def _slip_settings(of: Assignment, names: Sequence[str], certified: Array) -> dict[str, ArrayLike]:

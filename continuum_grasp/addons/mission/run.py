@@ -24,7 +24,6 @@ from continuum_grasp.base import (
     ProcessPool,
     check_arguments,
     interruptible,
-    interrupts_held,
 )
 from continuum_grasp.closed_loop import FingerLoop, SharedModel
 from continuum_grasp.control import Controller
@@ -115,15 +114,14 @@ class MissionRunner:
         # All last equally long.
         runs, error = FingerLoop.run_together(loops, plan.duration, progress, joint=self._shared)
         # Ctrl-C at the very end: the verdict is whole, and comes with the exception.
-        with interrupts_held(quietly=True) as pressed:
+        with Interrupted.after("the mission") as late:
             by_finger = zip(self.assignments, runs, strict=True)
             contacts = ContactHistory.joined({of.name: present(run.contacts) for of, run in by_finger})
             scenes = tuple(model.scene for model in self._models)
             found = (check.refused, check.slipped, check.doubted)
             judged = MissionRun(self.assignments, check.timetable, asked, tuple(runs), contacts, scenes, *found)
             _ = judged.verdict, judged.exceeded
-        if pressed() and error is None:
-            error = Interrupted("interrupted after the end of the mission")
+        error = error or late()
         if error is not None:
             error.result = judged
             raise error

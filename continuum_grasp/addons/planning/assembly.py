@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.addons.planning.shooting import Term
 from continuum_grasp.base import Array, Indices
-from continuum_grasp.nlp import NLP, Constraints, Multipliers, Start
+from continuum_grasp.nlp import NLP, Constraints
 
 OBJECTIVE = -1
 """Row number that stands for the objective."""
@@ -98,16 +98,10 @@ class Assembly(Constraints):
         """Number of unknowns."""
         return len(self.low)
 
-    def start(
-        self,
-        w: Array,
-        multipliers: Multipliers | None = None,
-        barrier: float | None = None,
-        patience: int | None = None,
-    ) -> Start:
-        """A start of the solver; see `continuum_grasp.nlp.Start`."""
-        bounds = np.array(self.low), np.array(self.high), *self.bounds()
-        return Start(w, *bounds, multipliers=multipliers, barrier=barrier, patience=patience)
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """Least and greatest values of the unknowns."""
+        return np.array(self.low), np.array(self.high)
 
     @cached_property
     def _w(self) -> ca.MX:

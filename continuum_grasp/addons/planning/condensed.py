@@ -32,8 +32,7 @@ from continuum_grasp.nlp import (
     Attempt,
     Budget,
     Multipliers,
-    SolverStatus,
-    qp_solver,
+    Settings,
 )
 
 _FIRST_RADIUS, _LARGEST, _SMALLEST = 1.0, 1e3, 1e-9
@@ -71,8 +70,7 @@ class Condensed:
         self.feasible = feasible
         self.least = least
         assembly, grid = problem.assembly, problem.grid
-        low = np.array(assembly.low)
-        high = np.array(assembly.high)
+        low, high = assembly.limits
         self._states = grid.s[1:].ravel()
         free = low < high
         free[self._states] = False
@@ -87,7 +85,8 @@ class Condensed:
     def solve(self, w: Array, budget: Budget, most: int) -> Attempt:
         """Solve from unknowns, whose states are replaced by the motion's, in so many iterations at most."""
         began = time.perf_counter()
-        start = self.problem.assembly.start(w)
+        assembly = self.problem.assembly
+        start = assembly.start_within(*assembly.limits, w)
         self._start = start
         w = np.clip(w, start.low, start.high)
         point = self._resolved(w, None if self.problem.outpaced(w) else self._moved(w))
@@ -141,8 +140,8 @@ class Condensed:
             outcome = "Invalid_Number_Detected"
         x, g, f = (start.x, np.full(start.lower.size, np.nan), np.nan) if point is None else (point.w, point.g, point.f)
         violation = start.violation(x, g)
-        error = self.problem.assembly.nlp.optimality_error(start, x, lam) if point else float("inf")
-        status = SolverStatus.of(outcome)
+        error = assembly.nlp.optimality_error(start, x, lam) if point else float("inf")
+        status = Attempt.status_of(outcome)
         seconds = time.perf_counter() - began
         return Attempt(status, outcome, x, g, f, lam, count, seconds, violation, error)
 
@@ -266,7 +265,9 @@ class _Model:
         lbx = np.concatenate([np.maximum(start.low[problem._free] - x, -radius), np.zeros(2 * m)])
         ubx = np.concatenate([np.minimum(start.high[problem._free] - x, radius), np.full(2 * m, np.inf)])
         h, c = ca.DM(square), ca.DM(a)
-        solver = ca.conic("qp", qp_solver("method"), {"h": h.sparsity(), "a": c.sparsity()}, {"error_on_fail": False})
+        solver = ca.conic(
+            "qp", Settings.qp_plugin("method"), {"h": h.sparsity(), "a": c.sparsity()}, {"error_on_fail": False}
+        )
         solution = solver(h=h, g=linear, a=c, lba=(low - rows)[near], uba=(high - rows)[near], lbx=lbx, ubx=ubx)
         step = np.clip(np.array(solution["x"]).ravel()[:n], lbx[:n], ubx[:n])
         left = problem.beyond(rows + self.slope @ step)

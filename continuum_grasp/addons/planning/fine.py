@@ -19,7 +19,6 @@ from continuum_grasp.addons.planning.scene import PlanScene
 from continuum_grasp.base import Array, NumericalError
 from continuum_grasp.control import Prediction
 from continuum_grasp.core import Rollouts
-from continuum_grasp.scene import INTEGRATORS
 
 PARTS = MOST_ELEMENTS * BOUNDED
 """Parts of an interval at which bounds are looked at: as many as those at which the finest problem bounds the state. A
@@ -62,7 +61,7 @@ def simulated(
         # Stiff contacts: an L-stable method may step over what has died out long before.
         method = model.system.structure.stiff_method()
         # 5: longest step of the implicit method, for what is too stiff, per that of one that is so in part
-        step = model.system.structure.partial_step * (1.0 if INTEGRATORS[method].partial else 5.0)
+        step = model.system.structure.partial_step * (5.0 if method == "rodas" else 1.0)
         substeps = finer * max(math.ceil(4 * share), math.ceil(h / step))
     units = _units(model, path.duration)
     run = _rollout(model, method, intervals * parts * substeps)
@@ -108,7 +107,7 @@ def _rollout(model: Prediction, method: str, steps: int) -> Rollouts:
     if method == "rodas":
         slopes = [ca.densify(ca.jacobian(rate, v)) for v in (model.x, model.u)]
         functions.linearization = ca.Function("linearization", inputs, slopes, names, ["A", "B"])
-    elif INTEGRATORS[method].partial:
+    elif method != "rk4":
         slowed = ca.Function("slowed", [*inputs, part], [model.rates(model.system.implicit()(*model.arguments, part))])
         scaled = slowed(model.x * units, *inputs[1:], part) / units
         implicit = ca.Function("implicit", [*inputs, part], [ca.cse(scaled)], [*names, "part"], ["k"])

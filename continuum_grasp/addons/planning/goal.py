@@ -10,7 +10,7 @@ import numpy as np
 
 from continuum_grasp.addons.planning.motion import PlannedMotion
 from continuum_grasp.addons.planning.shooting import Term, derived
-from continuum_grasp.base import Array, InputError, split_unit
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.nlp import Violation
 
 MET = 1e-5
@@ -141,7 +141,7 @@ def goal_parts(motion: PlannedMotion, settles: bool, presses: bool) -> list[Goal
         greatest = max(rod.least_force, *map(abs, aim))
         add("contact_force", "N", model.contact_names, aim, greatest, model.contact_force(x, u, p))
     if goal.input is not None:
-        names = tuple(split_unit(name).name for name in model.u_names)
+        names = tuple(of.name for of in motion.scene.finger.inputs)
         add("input", motion.input_unit, names, goal.input.value, motion.scales.u, u)
     if goal.end != "moving":
         all_names = np.array(model.x_names)

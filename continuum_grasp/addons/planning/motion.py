@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.addons.planning.scene import PlanScene
 from continuum_grasp.addons.planning.shooting import MOST_STEPS, Term, compiled, derived, fewest_evaluations
-from continuum_grasp.base import Array, InputError, split_unit
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.closed_loop import missed_setpoints
 from continuum_grasp.control import (
     BoundedRows,
-    Outputs,
     Prediction,
     Setpoints,
 )
@@ -49,10 +48,9 @@ class PlannedMotion:
         self.exact = scene.solver.hessian == "exact" and scene.transcription != "single_shooting"
         self.tracked = self._setpoints = None
         if scene.cost is not None:
-            # Without changes of the input, whose rows depend on the duration.
-            outputs = Outputs.of(scene.cost, model)
-            self.tracked = replace(outputs, terms=tuple(t for t in outputs.terms if t.key != "input_rate"))
-            self._setpoints = Setpoints.of(self.tracked, scene.reference)
+            # Rows of changes of the input depend on the duration.
+            of = Setpoints.of_cost(scene.cost, model, scene.reference, without="input_rate")
+            self.tracked, self._setpoints = of
         self.nr = 0 if self.tracked is None else len(self.tracked.names)
         self.bounded = BoundedRows.of_state(scene.bounds, model)
         for k, tendon in zip(self.bounded.groups.get("tension", ()), scene.finger.tendon_list, strict=False):
@@ -60,7 +58,7 @@ class PlannedMotion:
         self.linear = scene.input.form == "linear"
         self.nx = model.nx
         self.nu = model.nu
-        self.input_unit = split_unit(model.u_names[0]).unit
+        self.input_unit = scene.finger.inputs[0].unit
         self.ns = self.nx + (self.nu if self.linear else 0)
         self.first_duration = first_duration(scene)
         self.reach = reach_of(model)
@@ -268,8 +266,8 @@ def state_scales(model: Prediction, reach: Array, time: float) -> Array:
     """Sizes of the states (nx) of a motion over a time [s]."""
     n = len(reach)
     length = 0.1 * model.scene.finger.rod.length
-    by_unit = {"m": length, "m/s": length / time, "rad/s": 1.0 / time}
-    scales = np.array([by_unit.get(split_unit(name).unit, 1.0) for name in model.x_names])
+    by_unit = {"[m]": length, "[m/s]": length / time, "[rad/s]": 1.0 / time}
+    scales = np.array([by_unit.get(name.rpartition(" ")[2], 1.0) for name in model.x_names])
     # Greatest rate of an oscillation over the reach whose period is that time.
     scales[:n], scales[n : 2 * n] = reach, reach * 2.0 * np.pi / time
     for drive in model.driven:

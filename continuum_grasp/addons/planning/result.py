@@ -16,7 +16,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from continuum_grasp.addons.planning.motion import parameters_over_time
 from continuum_grasp.addons.planning.scene import PlanScene
-from continuum_grasp.base import Array, prefixed, split_unit
+from continuum_grasp.base import Array, prefixed
 from continuum_grasp.control import Prediction
 from continuum_grasp.model import System
 from continuum_grasp.results import Dimension, MotionResult, Picture, Stored
@@ -207,7 +207,7 @@ class MotionPlan(MotionResult):
     @property
     def objective_unit(self) -> str:
         """Unit of the objective; empty where it sums terms of several units, as tracking does."""
-        unit, *others = {split_unit(name).unit for name in self.u_names}
+        unit, *others = {of.unit for of in self.scene.finger.inputs}
         squared = f"({unit})2" if " " in unit else f"{unit}2"
         units = {"least_time": "s", "least_effort": f"{squared} s", "least_input_rate": f"{squared}/s"}
         return "" if others and self.scene.objective != "least_time" else units.get(self.scene.objective, "")

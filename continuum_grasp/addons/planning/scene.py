@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import chain
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
@@ -22,10 +22,8 @@ from continuum_grasp.scene import (
     Length,
     ListOf,
     NonNegative,
-    Penalty,
     Position,
     Positive,
-    Reference,
     Row,
     Scene,
     SolverOptions,
@@ -129,7 +127,7 @@ class PlanInput(InputLimits):
 class PlanBounds(Bounds):
     """Bounds that hold at the nodes of the grid; penalties of soft bounds are per share and second."""
 
-    usual_penalty: ClassVar[Penalty | Literal["hard"]] = "hard"
+    usual_penalty = "hard"
     least_tension: Annotated[NonNegative, Unit("N")] | None = None
     """Least tension of tendons under winches or motors at the nodes [N]; None: half their pretension, or nothing on
     one_pulley. Of two tendons with drives of their own the cheapest plan leaves one just about slack, where its tension
@@ -211,7 +209,7 @@ class PlanScene(CommandedScene):
             sticking=lambda s: (law := s.contact_law) and law.friction and not law.slip_speed,
             several=lambda s: s.grasp and len(s.grasp.setups) > 1,
         ),
-        *Reference.refusals("cost"),
+        *Cost.reference_refusals("cost"),
     )
 
     grasp: GraspScene | None = None

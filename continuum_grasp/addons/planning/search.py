@@ -30,7 +30,7 @@ from continuum_grasp.addons.planning.problem import PlanProblem
 from continuum_grasp.addons.planning.result import MotionPlan
 from continuum_grasp.addons.planning.scene import DurationRange, Goal, PlanScene
 from continuum_grasp.addons.planning.sliding import SlidingStarts
-from continuum_grasp.base import Array, InputError, NumericalError, interrupts_held
+from continuum_grasp.base import Array, InputError, NumericalError
 from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings
 
 FEASIBLE = 1e-6
@@ -353,7 +353,7 @@ class PlanSearch:
     ) -> Attempt:
         """Run the solver; Ctrl-C leaves the last iterate."""
         assembly = problem.assembly
-        with interrupts_held(quietly=True) as pressed:
+        with self.budget.last_iterates() as pressed:
             if self.scene.transcription == "single_shooting":
                 options = self.scene.solver
                 tolerance = max(self.scene.solver.tolerance, 1e-5)
@@ -364,7 +364,9 @@ class PlanSearch:
                 )
             else:
                 patience = _PATIENCE if self.scene.object is None else _PATIENCE_IN_CONTACT
-                start = assembly.start(w, multipliers, barrier, patience)
+                start = assembly.start_within(
+                    *assembly.limits, w, multipliers=multipliers, barrier=barrier, patience=patience
+                )
                 with self.budget.share(most) as budget:
                     attempt = self._solver.solve(assembly.nlp, start, budget)
         self.interrupted |= pressed()

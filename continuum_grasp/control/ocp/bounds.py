@@ -16,9 +16,6 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Bounds, Penalty
 
-ABSENT = 1e30
-"""Magnitude of a bound that means there is none, in the bound's unit: beyond any quantity, and below the largest number
-of single precision (3.4e38), so that sums of two do not overflow."""
 HARD = Penalty(linear=1e4, quadratic=1e6)
 """Penalty weights of a hard constraint, per share of its scale. A linear penalty above the constraint's multiplier is
 exact (a constraint that can be satisfied is; Fletcher, Practical Methods of Optimization, 12.3), and leaves the QP

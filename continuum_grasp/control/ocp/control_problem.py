@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, CheckedArgument, InputError, Summarized, check_arguments, split_unit
 from continuum_grasp.control.arguments import named
-from continuum_grasp.control.ocp.bounds import ABSENT, HARD, BoundedRows, Row
+from continuum_grasp.control.ocp.bounds import HARD, BoundedRows, Row
 from continuum_grasp.control.ocp.cost_terms import Residual
 from continuum_grasp.control.ocp.stages import Stages, cost_functions, step_function
 from continuum_grasp.scene import INTEGRATORS, Penalty
@@ -270,9 +270,9 @@ class _Reader:
             ends = (_per_entry(f"rows.{key}", bound, size, check=False) for bound in (row.least, row.most))
             for k, pair in enumerate(zip(*map(list, ends), strict=True)):
                 least, greatest = _bounds(f"rows.{key}", *map(float, pair))
-                scale = max([abs(bound) for bound in (least, greatest) if abs(bound) < ABSENT] or [0.0]) or 1.0
+                scale = max([abs(bound) for bound in (least, greatest) if abs(bound) < Stages.ABSENT] or [0.0]) or 1.0
                 value = row.value[k] if scale == 1.0 else row.value[k] / scale
-                low, high = (bound if abs(bound) >= ABSENT else bound / scale for bound in (least, greatest))
+                low, high = (bound if abs(bound) >= Stages.ABSENT else bound / scale for bound in (least, greatest))
                 entries.append(Row(value, low, high, penalty, (row.names[k],)))
         bounded = BoundedRows(entries)
         _once("rows", bounded.names)
@@ -341,7 +341,7 @@ def _weights(key: str, given: ArrayLike, size: int) -> Array:
 
 def _bounds(key: str, least: Any, greatest: Any) -> tuple[float, float]:
     """Two bounds in order; infinite ones are absent."""
-    low, high = (float(np.clip(value, -ABSENT, ABSENT)) for value in (least, greatest))
+    low, high = (float(np.clip(value, -Stages.ABSENT, Stages.ABSENT)) for value in (least, greatest))
     if not low <= high:  # NaN too
         raise InputError(f"expected a least value no greater than the greatest, got {least!r}, {greatest!r}", key=key)
     return low, high

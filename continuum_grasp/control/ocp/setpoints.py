@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -11,7 +12,8 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, CheckedArgument, InputError
 from continuum_grasp.control.ocp.cost_terms import TERMS, Outputs
-from continuum_grasp.scene import CircleReference, Reference, RowSamples, Samples
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.scene import CircleReference, Cost, Reference, RowSamples, Samples
 from continuum_grasp.simulation import interpolate
 
 Function: TypeAlias = Callable[[float], ArrayLike]
@@ -102,6 +104,13 @@ class Setpoints:
         keys, check = tuple(term.reference for term in outputs.terms), outputs.reach.check
         check("reference", {key: value for key, (_, value) in zip(keys, blocks, strict=True)})
         return Setpoints(outputs.names, blocks, keys, check)
+
+    @staticmethod
+    def of_cost(cost: Cost, model: Prediction, reference: Reference, without: str = "") -> tuple[Outputs, Setpoints]:
+        """Quantities that a cost tracks, but for a term by its key, and their setpoints."""
+        every = Outputs.of(cost, model)
+        outputs = replace(every, terms=tuple(term for term in every.terms if term.key != without))
+        return outputs, Setpoints.of(outputs, reference)
 
     @property
     def parts(self) -> dict[str, slice]:

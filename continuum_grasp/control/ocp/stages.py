@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -68,7 +68,7 @@ class Stages:
     x_names, u_names, p_names, r_names, c_names : tuple of str
         Name and unit of each entry of a node; rows are relative to their bounds. ``nx``, ``nu`` and so on: how many.
     u_min, u_max, c_min, c_max, linear, quadratic, weights, terminal_weights, p_nominal : ndarray
-        Nominal values, which may be changed at run time; +-1e30 is no bound.
+        Nominal values, which may be changed at run time; +-`ABSENT` is no bound.
     scenarios : Scenarios or None
         None: the one plant that p describes.
     checks_gaps : bool
@@ -105,6 +105,9 @@ class Stages:
     p_nominal: Array
     scenarios: Scenarios | None = None
     checks_gaps: bool = False
+    ABSENT: ClassVar[float] = 1e30
+    """Magnitude of a bound that means there is none, in the bound's unit: beyond any quantity, and below the largest
+    number of single precision (3.4e38), so that sums of two do not overflow."""
 
     def __repr__(self) -> str:
         return (

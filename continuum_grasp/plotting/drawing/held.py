@@ -18,7 +18,8 @@ from continuum_grasp.plotting.drawing.bodies import (
     finger_outline,
     object_outlines,
 )
-from continuum_grasp.plotting.drawing.forces import draw_moment
+from continuum_grasp.plotting.drawing.film import Film
+from continuum_grasp.plotting.drawing.forces import Force, ForceArrows, draw_moment
 from continuum_grasp.plotting.drawing.style import Color, Z
 from continuum_grasp.plotting.drawing.styled_axes import Box, bend_box
 
@@ -39,6 +40,18 @@ class HeldObject:
     def box(self, backbones: Array, poses: Iterable[Array], margin: float, seen: Sequence[Array] = ()) -> Box:
         """Limits around fingers and object in some poses (3,), and further points that are seen, with a margin [m]."""
         return bend_box([backbones, *seen, *chain(*(object_outlines(self.object, pose) for pose in poses))], margin)
+
+    def arrows(self, frames: Iterable[Iterable[Force]], least: float) -> ForceArrows:
+        """Arrows of the forces that are greater than ``least`` [N], by instant, as long as suits the first finger."""
+        return ForceArrows.above(frames, self.fingers[0].rod.length, least)
+
+    def film(self, backbones: Array, poses: Array, margin: float, width: int) -> Film:
+        """Frames of a width [pixels] in which fingers with backbones (frames, fingers, points, 2) take the object from
+        its first to its last pose; what does not move is drawn.
+        """
+        film = Film(self.box(backbones, poses[[0, -1]], margin), width)
+        self.draw_fixed(film.ax, backbones[0])
+        return film
 
     def draw_fixed(self, ax: Axes, backbones: Array) -> None:
         """Draw supports, and the clamps of all fingers."""

@@ -21,7 +21,7 @@ from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown, 
 from continuum_grasp.base import Array, NumericalError, split_unit
 from continuum_grasp.closed_loop import PlantModel, Wiring
 from continuum_grasp.core import Rollouts, step_function
-from continuum_grasp.scene import INTEGRATORS, Camera, Connection, ControlScene, Mounting
+from continuum_grasp.scene import ControlScene, Mounting
 
 CAMERA = ("camera_x", "camera_y", "camera_angle", "camera_scale")
 """Unknowns of the camera, as `Camera` has them."""
@@ -92,8 +92,7 @@ class Bench:
             for k in range(len(self.zeros))
         ]
         method = self.model.method_for(period)
-        explicit = max(1, math.ceil(method.radius * period / INTEGRATORS["rk4"].target))
-        stable = {"rk4": explicit, "rodas": 1}.get(method.name, method.substeps)
+        stable = {"rk4": method.explicit_steps(period), "rodas": 1}.get(method.name, method.substeps)
         self.step = period / max(stable, math.ceil(period / _LONGEST))
         self._stored = max(1, math.floor(_LONGEST / self.step + 1e-9))
         step = step_function(self.model, method.name)
@@ -200,7 +199,8 @@ class BenchBlock(MeasuredBlock):
     _by: Any = slice(None)
 
     def __init__(self, bench: Bench, log: Log, way: Mounting) -> None:
-        lines = tuple(Connection(of=k + 1) for k in range(bench.model.nu))
+        count = bench.model.nu
+        lines = Mounting.lines(range(1, count + 1), [1] * count)
         self.way = way.replaced(drives=way.drives or lines, tensions=way.tensions or lines)
         self.bench = bench
         self._log = log
@@ -276,17 +276,18 @@ def bias_of(name: str) -> str:
     return f"{BIAS}_{number}" if number.isdigit() else BIAS
 
 
-def camera_through(points: Array, seen: Array, mirrored: bool) -> tuple[Camera, float]:
-    """Camera that sees points (T, 2) [m] nearest to where they are seen, and the distance left.
+def camera_through(points: Array, seen: Array, way: Mounting) -> tuple[Mounting, float]:
+    """A mounting with the camera, mirrored or not as its own, that sees points (T, 2) [m] nearest to where they are
+    seen, and the distance left.
 
     The similarity of least squares (S. Umeyama, 1991, doi:10.1109/34.88573), in complex numbers; the distance left is
     the root mean square distance [m].
     """
     world, image = (np.asarray(v[:, 0] + 1j * v[:, 1]) for v in (points, seen))
-    image = image.conj() if mirrored else image
+    image = image.conj() if way.camera.mirrored else image
     a, b = world - world.mean(), image - image.mean()
     factor = np.vdot(a, b) / np.vdot(a, a).real  # image = factor * (world - origin)
     origin = world.mean() - image.mean() / factor
     left = float(np.sqrt(np.mean(np.abs(b - factor * a) ** 2)))
     numbers = {"position": (origin.real, origin.imag), "angle": -float(np.angle(factor)), "scale": float(abs(factor))}
-    return Camera(mirrored=mirrored).model_copy(update=numbers), left
+    return way.replaced(camera=way.camera.model_copy(update=numbers)), left

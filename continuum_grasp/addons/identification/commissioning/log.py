@@ -25,7 +25,7 @@ from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.base import Array, InputError, NumericalError, SolverError, check_arguments, split_unit
 from continuum_grasp.closed_loop import Plant, Wiring
 from continuum_grasp.control import ControlLog
-from continuum_grasp.scene import Connection, ControlScene, Mounting
+from continuum_grasp.scene import ControlScene, Mounting
 
 Fitted = tuple[float, BenchBlock, FitProblem, Solution]
 """A fit of one way in which the bench may be connected, and how far it misses the tip (r.m.s.) [m]."""
@@ -101,7 +101,8 @@ def commission(
     if played is None or commissioned.status != "undecided" or not idle or turned_before:
         return replace(commissioned, log=played)
     # A drive that turns the other way shows nothing until it is commanded so.
-    turned = tuple(Connection(of=k + 1, sign=line.sign) for k, line in enumerate(commissioned.mounting.drives))
+    lines = commissioned.mounting.drives
+    turned = Mounting.lines(range(1, len(lines) + 1), [line.sign for line in lines])
     again = known.replaced(mounting=(known.mounting or Mounting()).replaced(drives=turned))
     log = _played(known, design_commissioning(again, duration=duration, reach=reach), plant)
     return replace(_commissioned(known, log, progress or (lambda share: None)), log=log)
@@ -167,17 +168,17 @@ def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], N
     mute = [name for name in log.names if name not in Wiring.TIP and name not in cells]
     used = [k for k, name in enumerate(log.names) if name not in mute]
     log = log._replace(readings=log.readings[:, used], names=tuple(log.names[k] for k in used))
-    drives = []
-    for order, signs in product(permutations(range(nu)), product((1, -1), repeat=nu)):
-        pairs = zip(order, signs, strict=True)
-        drives.append(tuple(Connection(of=k + 1, sign=sign) for k, sign in pairs))  # type: ignore[arg-type]
+    ends = permutations(range(1, nu + 1))
+    ways = [
+        Mounting(drives=Mounting.lines(order, signs)) for order, signs in product(ends, product((1, -1), repeat=nu))
+    ]
     stated = scene.mounting is not None and "mirrored" in scene.mounting.camera.model_fields_set
     sides = [scene.mounting.camera.mirrored] if stated and scene.mounting is not None else [False, True]
-    rough = sorted(_rough(bench, log, drives, sides, start), key=lambda trial: trial[0])
+    rough = sorted(_rough(bench, log, ways, sides, start), key=lambda trial: trial[0])
     chosen = [trial for trial in rough if trial[0] <= _NEAR * rough[0][0]]
     fits = list[Fitted]()
     for k, (_, way) in enumerate(chosen):
-        block = BenchBlock(bench, log, way.replaced(tensions=_cells_of(bench, way, cells)))
+        block = BenchBlock(bench, log, _with_cells(bench, way, cells))
         problem = FitProblem([block], block.unknowns)
         try:
             solution = problem.solve(lambda share: None)
@@ -215,30 +216,35 @@ def _followed(bench: Bench, log: Log, start: Array) -> dict[str, tuple[int, int]
     }
 
 
-def _cells_of(bench: Bench, way: Mounting, cells: Mapping[str, tuple[int, int]]) -> list[Connection]:
-    """Lines of all load cells, from commands and signs that some follow; a drive may turn the other way."""
+def _with_cells(bench: Bench, way: Mounting, cells: Mapping[str, tuple[int, int]]) -> Mounting:
+    """A mounting with lines of all load cells, from commands and signs that some follow; a drive may turn the other
+    way.
+    """
     drives = {name: way.drives[c] for name, (c, _) in cells.items()}
     free = iter(sorted({*range(1, bench.model.nu + 1)} - {drive.of for drive in drives.values()}))
-    return [
-        drives[name].replaced(sign=cells[name][1] * drives[name].sign) if name in cells else Connection(of=next(free))
-        for name in bench.model.u_names
-    ]
+    ends = list[int]()
+    signs = list[int]()
+    for name in bench.model.u_names:
+        drive = drives.get(name)
+        ends.append(next(free) if drive is None else drive.of)
+        signs.append(1 if drive is None else cells[name][1] * drive.sign)
+    return way.replaced(tensions=Mounting.lines(ends, signs))
 
 
 def _rough(
-    bench: Bench, log: Log, drives: Sequence[tuple[Connection, ...]], sides: Sequence[bool], start: Array
+    bench: Bench, log: Log, ways: Sequence[Mounting], sides: Sequence[bool], start: Array
 ) -> Iterator[tuple[float, Mounting]]:
     """Distance [m] that the nearest camera leaves of the nominal finger, for lines of the drives and each handedness,
     and the mounting with that camera.
     """
     seen = log.readings[:, [log.names.index(name) for name in Wiring.TIP]]
     then = log.at - start[[unknown.name for unknown in bench.unknowns].index(DELAY)]
-    for lines in drives:
-        t, base = bench.shown(log, Mounting(drives=lines), start)
+    for way in ways:
+        t, base = bench.shown(log, way, start)
         tip = np.column_stack([np.interp(then, t, base[:, c]) for c in (0, 1)])
         for mirrored in sides if np.ptp(tip, axis=0).max() > 1e-6 else ():
-            camera, left = camera_through(tip, seen, mirrored)
-            yield left / camera.scale, Mounting(camera=camera, drives=lines)
+            found, left = camera_through(tip, seen, way.replaced(camera={"mirrored": mirrored}))
+            yield left / found.camera.scale, found
 
 
 def _result(

@@ -6,8 +6,6 @@ import math
 from collections.abc import Callable, Iterator
 from itertools import permutations, product
 from os import PathLike
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +16,7 @@ from continuum_grasp.addons.identification.scene import Excitation
 from continuum_grasp.addons.identification.segments import CommandDesign, patterns_of
 from continuum_grasp.base import Array, CheckedArgument, InputError, NumericalError, check_arguments
 from continuum_grasp.closed_loop import Plant, Readings, Wiring
-from continuum_grasp.control import ControlLog, Prediction
+from continuum_grasp.control import ControlLog
 from continuum_grasp.scene import Consumer, ControlScene, Mounting, scene_of
 from continuum_grasp.simulation import Trajectory
 
@@ -134,10 +132,7 @@ def _limited(scene: ControlScene, u: Array) -> Array:
 def _limits(scene: ControlScene, bench: Bench) -> Callable[[Array, Array], Iterator[str]]:
     """Names of the limits that commands (K, nu) at instants exceed, in any order of the drives."""
     model = bench.model
-    prediction = Prediction(scene)
-    least, greatest = map(np.array, scene.input_limits)
-    stages = SimpleNamespace(u_names=model.u_names, u_min=least, u_max=greatest)
-    readings: Any = Readings(scene, model, stages, prediction)  # type: ignore[arg-type]
+    readings = Readings.of_scene(scene, model)
     orders = list(permutations(range(model.nu)))
 
     def exceeded(t: Array, u: Array) -> Iterator[str]:
