@@ -24,7 +24,7 @@ from continuum_grasp.addons.identification import Commissioning, commission
 from continuum_grasp.base import ContinuumGraspError
 from continuum_grasp.closed_loop import Plant, PlantModel, run_closed_loop
 from continuum_grasp.control import Controller
-from continuum_grasp.scene import Camera, Connection, ControlScene, Mounting, load
+from continuum_grasp.scene import Connection, ControlScene, Mounting, load
 
 SCENES = {"sagging": ROOT / "benchmarks/commission_sagging.yaml", "flat": CONFIGS / "mpc/steady_tip.yaml"}
 """A finger that sags in the plane of its camera, and one that lies flat."""
@@ -46,12 +46,12 @@ def mounting_of(rng: np.random.Generator, mirrored: bool) -> Mounting:
     shared = rng.uniform(-_DRIVE, _DRIVE)
     drives = [(int(of), sign[bool(rng.random() < 0.125)], shared * (1 if of == 1 else -1)) for of in order]
     return Mounting(
-        camera=Camera(
-            position=tuple(rng.uniform(-_SHIFT, _SHIFT, 2).tolist()),
-            angle=float(rng.uniform(-_TURN, _TURN)),
-            scale=float(rng.uniform(1.0 - _SCALE, 1.0 + _SCALE)),
-            mirrored=mirrored,
-        ),
+        camera={
+            "position": tuple(rng.uniform(-_SHIFT, _SHIFT, 2).tolist()),
+            "angle": float(rng.uniform(-_TURN, _TURN)),
+            "scale": float(rng.uniform(1.0 - _SCALE, 1.0 + _SCALE)),
+            "mirrored": mirrored,
+        },
         drives=tuple(Connection(of=of, sign=s, zero=z) for of, s, z in drives),
         tensions=tuple(
             Connection(of=int(of), sign=sign[bool(rng.random() < 0.5)], zero=float(rng.uniform(-_CELL, _CELL)))

@@ -27,7 +27,6 @@ from .drives import LengthDrive as LengthDrive
 from .drives import MotorDrive as MotorDrive
 from .drives import Pull as Pull
 from .estimator import BendingSensors as BendingSensors
-from .estimator import Camera as Camera
 from .estimator import Connection as Connection
 from .estimator import Disturbed as Disturbed
 from .estimator import EstimatorSettings as EstimatorSettings

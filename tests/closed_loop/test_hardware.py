@@ -18,7 +18,7 @@ from continuum_grasp.addons.identification import replay
 from continuum_grasp.base import InputError, Interrupted
 from continuum_grasp.closed_loop import RealTime, SerialBoard, SimulatedBench, run_hardware
 from continuum_grasp.control import CommandStatus, Controller, Health
-from continuum_grasp.scene import Camera, Connection, DataTable, Mounting
+from continuum_grasp.scene import Connection, DataTable, Mounting
 from tests.identification.test_replay import PLANT, SCENE, scene
 
 REST = 1.0
@@ -205,7 +205,7 @@ def test_a_driver_that_hangs_is_broken_off(clock, hanging):
 
 def test_the_bench_counts_in_its_own_way(clock):
     mounting = Mounting(
-        camera=Camera(position=(0.01, 0.0), scale=2.0, mirrored=True), drives=(Connection(of=1, sign=-1, zero=0.5),)
+        camera={"position": (0.01, 0.0), "scale": 2.0, "mirrored": True}, drives=(Connection(of=1, sign=-1, zero=0.5),)
     )
     control, driver = Steps(clock, [], mounting=mounting), Fake(lambda: [0.02, -0.36])
     found = ran(control, driver)
