@@ -116,3 +116,14 @@ def test_every_draw_has_an_answer_where_the_solver_finds_no_optimum():
     robust = optimize_grasp(scene).robustness.robust
     assert not np.isnan(robust.margins).any()
     assert robust.holds
+
+
+@pytest.mark.deep
+def test_greater_errors_need_more_tension():
+    """With 1 mm nothing balances at one corner, and the solver began the joint problem where it had diverged there: the
+    gear was called infeasible between errors with which it is held.
+    """
+    gear = load(CONFIGS / "gear.yaml")
+    bounds = ({"draws": 1, "position": f"{mm} mm", "friction": "10 %", "mass": "5 %"} for mm in (0.5, 0.9, 1.0, 1.1))
+    tensions = [optimize_grasp(gear.changed({"robust": bound})).tension for bound in bounds]
+    assert sorted(tensions) == tensions

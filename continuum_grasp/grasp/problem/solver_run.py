@@ -133,8 +133,8 @@ class GraspSolverRun:
         parts of a usual amount. Contacts sit on ``features``, by default the features of the
         start, beyond whose ends they go on while that is better. The unknowns begin with ``x0``. Further run-time
         ``numbers`` go to the problem. Unknowns ``pinned`` stay at their values, but for NaN. ``patience`` and
-        ``standstill`` are as of `Start`; a run that comes to a ``known`` attempt returns that. The guarded places begin
-        where those of an attempt ``beside`` this one were.
+        ``standstill`` are as of `Start`; a run that comes to a ``known`` attempt returns that. From an attempt
+        ``beside`` this one come the first unknowns, guarded places and multipliers.
 
         Raises
         ------
@@ -200,6 +200,8 @@ class GraspSolverRun:
         units = Units.of(scene)
         values = problem_values(problem, scene, start, features) | dict(numbers or {})
         low, high = problem_bounds(problem, scene, features)
+        if beside is not None:
+            x0 = beside.x
         x = starting_point(problem, scene, start, features) if x0 is None else x0.copy()
         for relaxation, amount in relaxed:
             at, scale = self._relaxed(relaxation, units)
@@ -228,6 +230,7 @@ class GraspSolverRun:
         ]
         lower, upper = self._row_bounds(values, int(np.count_nonzero(low < high)))
         first = Start(x, low, high, lower, upper, begin, option_set=options)
+        first = replace(first, multipliers=None if beside is None else beside.multipliers)
         first = replace(first, patience=patience, standstill=standstill, known=[earlier.x for earlier in alike])
         with budget.share(iterations) as part:
             last, last_numbers = solve_clear(solve, self.nlp, first, look, allowed_depth(scene), part, cap)

@@ -201,14 +201,17 @@ class JointSolverRun:
             return max(depths), np.concatenate([*packed, offsets])
 
         packed = [problem.numbers.pack(each, 0.0) for problem, each in zip(problems, values, strict=True)]
-        if x0 is None:
-            points = (starting_point(problem, *side) for problem, side in zip(problems, sides, strict=True))
-            x0 = np.concatenate(list(points))
+        x0 = np.concatenate(self.starting_points(scene, start, features)) if x0 is None else x0
         x = np.clip(x0, low, high)
         begin = Start(x, low, high, *self.row_bounds, look(x, np.concatenate([*packed, offsets]))[1])
         solve = partial(settings_of(scene).solver().solve, self.nlp)
         last, numbers = solve_clear(solve, self.nlp, begin, look, allowed_depth(scene), budget, OPTION_SETS[-1][1])
         return GraspAttempt(**vars(last), start=start, features=features, numbers=numbers, violations=[])
+
+    def starting_points(self, scene: GraspScene, start: GraspStart, features: dict[str, Feature]) -> list[Array]:
+        """First unknowns of the nominal grasp and of each error."""
+        sides = self._sides(scene, start, features)
+        return [starting_point(solver.problem, *side) for solver, side in zip(self._solvers, sides, strict=True)]
 
     def bounds(self, scene: GraspScene, start: GraspStart, features: dict[str, Feature]) -> tuple[Array, Array]:
         # Linked unknowns need no bounds of their own.

@@ -99,16 +99,14 @@ class Responder:
         solver = self.in_error.solver(begin.contacts)
         scene, start = self.in_error.plant(begin, error)
         solve = partial(solver.run, scene, start, self._budget, pinned=self._pinned(solver, scene, start, error))
-        # Without its multipliers, which mislead where other limits act: six robust grasps take 6 % longer with them.
         known = self._nearest(error, begin)
-        beside = None if known is None else known.attempt
-        attempts = [] if beside is None else [solve(x0=beside.x, beside=beside)]
+        attempts = [] if known is None else [solve(beside=known.attempt)]
         # A local optimum that does not hold says nothing of others.
         reserve_of = partial(_reserve, solver, scene)
         if not any(reserve_of(attempt) >= HOLDS for attempt in attempts):
             self.anew += 1
             optima = [attempt for attempt in attempts if attempt.converged]
-            attempts.append(solve(options_at=2, beside=beside, known=optima))
+            attempts.append(solve(options_at=2, known=optima))
             # Nor does that: where a face lies on a support, its ends share friction in several ways.
             unlike = list(self._unlike(begin)) if self._far < FRUITLESS else []
             points = [response.attempt.x for response in unlike]

@@ -22,7 +22,6 @@ from continuum_grasp.grasp.certificate.certificate import Certificate, certify_r
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.friction import state_cells
 from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS
-from continuum_grasp.grasp.problem.points import starting_point
 from continuum_grasp.grasp.problem.values import contact_features
 from continuum_grasp.grasp.robust.errors import OBJECT, InError, corners, extremes, with_states
 from continuum_grasp.grasp.robust.joint import JointSolverRun
@@ -136,8 +135,12 @@ def _solved(
     touching = [response.begin.contacts for response in responses]
     run = JointSolverRun(scene, start, np.array([response.error for response in responses]), touching)
     features = contact_features(scene, start.contacts)
-    begin = [starting_point(run.problem, scene, start, features), *(response.attempt.x for response in responses)]
-    attempt = run.run(scene, start, budget, x0=np.concatenate(begin))
+    points = run.starting_points(scene, start, features)
+    for k, response in enumerate(responses, 1):
+        # Where nothing balances, the solver's last point is anywhere.
+        if np.isfinite(response.reserve):
+            points[k] = response.attempt.x
+    attempt = run.run(scene, start, budget, x0=np.concatenate(points))
     if not attempt.converged or not np.isfinite(attempt.x).all():
         return attempt, None
     return attempt, run.arrays(scene, attempt)
