@@ -135,10 +135,11 @@ class DataTable:
         if is_bag(path):
             cells = bag_cells(path, columns, leader, stamps, max_age)
             return DataTable(str(path), cells.headings, cells.units, cells.rows, cells.numbers, 1, topics=cells.topics)
+        text = text_of(path, MAX_BYTES)  # a bag that is missing is no table
         for key, value in (("stamps", stamps), ("max_age", max_age)):
             if value is not None:
                 raise InputError("is for bags of ROS 2: the rows of this table have their times", key=key)
-        found, of_deep_lab_cut = parsed(text_of(path, MAX_BYTES), names, str(path))
+        found, of_deep_lab_cut = parsed(text, names, str(path))
         table = DataTable(str(path), *found)
         return _sure(table) if of_deep_lab_cut else table
 

@@ -163,7 +163,8 @@ def replay(
         The scene, with an estimator, or its YAML file. Setpoints are its own, from the first instant of the log on.
     log : ControlLog or path-like
         Measurements: a `ControlLog`, or a table with a column ``t``, measurements by their names, and commands by
-        the names of inputs behind ``commanded_``; instants may be uneven, cells empty.
+        the names of inputs behind ``commanded_``; instants may be uneven, cells empty. Numbers count as the model
+        does, whatever the ``mounting``.
     progress : callable, optional
         Called with the share done so far, 0 to 1.
 
