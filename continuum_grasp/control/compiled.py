@@ -67,7 +67,7 @@ def _estimator(parts: ControlParts, real: str, *, has_lanes: bool = False) -> li
     e = parts.observed
     # Step and half a step are two lanes of one, where they are made alike.
     vector = CSource([e.single], real).lanes() if e.single is not None and not has_lanes else ""
-    scalar = [] if vector or has_lanes else [e.step, *([e.flow] if parts.ahead > 1 else [])]
+    scalar = [] if vector or has_lanes else [e.step, *([e.flow] if parts.ahead > parts.shared else [])]
     return [
         CSource([*scalar, e.outputs, e.parameters], real).plain("estimator"),
         f"{vector}#define EKF_VECTOR" if vector else "",

@@ -45,6 +45,9 @@ start."""
 _RUNGS = 3
 """Fourfold raises of the weight of the command's rate [1]: with five periods of unmodeled delay, 64 times the weight
 holds the tip of configs/mpc/steady_tip.yaml within 2.4 mm (r.m.s.), 16 times within 42 mm."""
+_SHARED = 2
+"""Steps of the estimator that one call remembers for the next [1]: implicit methods take two in a period, and each is
+1.2 kB of an estimator with eight states."""
 _STILL = 1e-3
 """Change of a reading, relative to its sensor's standard deviation, up to which it is at rest [1]: 20 readings of white
 noise in a row stay within it once in 1e60 cases, at a tenth of the declared noise once in 1e45."""
@@ -169,11 +172,13 @@ class ControlParts:
 
     @property
     def ahead(self) -> int:
-        """Number of the filter's steps from a measurement, some periods ago, to now.
-
-        The first serves the next call's prediction; only further ones need the step without derivatives.
-        """
+        """Number of the filter's steps from a measurement, some periods ago, to now."""
         return self.periods * int(np.asarray(self.filter["substeps"]))
+
+    @property
+    def shared(self) -> int:
+        """Number of first steps that serve the next call too; only further ones need the step without derivatives."""
+        return max(1, min(_SHARED, self.ahead, int(np.asarray(self.filter["substeps"]))))
 
     def unlimited(self) -> ControlParts:
         """Parts that take any finite number."""
@@ -192,7 +197,7 @@ class ControlParts:
         if e is not None:
             dimensions = {"NZ": e.nz, "NX": e.nx, "NU": s.nu, "NP": s.np, "NY": e.ny, "NM": e.nm}
             dimensions |= {"NS": len(e.sensor_names), "NF": len(e.friction), "NA": len(e.adapted)}
-            dimensions |= {"DELAY": self.periods, "AHEAD": self.ahead}
+            dimensions |= {"DELAY": self.periods, "AHEAD": self.ahead, "STEPS": self.shared}
             sizes |= {f"EKF_{name}": size for name, size in dimensions.items()}
         lines = rti.dimensions(s, iterations) if iterations else []
         return [*lines, *(f"#define {name} {size}" for name, size in sizes.items())]

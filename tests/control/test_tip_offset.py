@@ -117,16 +117,38 @@ def test_three_tendons_meet_a_setpoint_in_what_a_turned_camera_measures():
     assert np.linalg.norm(np.mean(seen[-150:], axis=0) - setpoint) < 0.5e-3
 
 
-def test_a_setpoint_that_stands_is_neared_by_a_plant_that_no_estimate_explains():
-    """Without a disturbance to estimate, of a plant stiffer by 3 %, 3.9 mm are left; two thirds are corrected."""
-    scene = load(SCENE, ["estimator.disturbances={}", "plant.stiffness=1.03", "plant.fidelity.elements=3"])
+STIFFER = ("estimator.disturbances={}", "plant.stiffness=1.03", "plant.fidelity.elements=3")
+"""A plant that no estimate explains: of its stiffness, 3.9 mm are left without a correction of the setpoint."""
+
+
+def test_a_setpoint_that_stands_is_met_by_a_plant_that_no_estimate_explains():
+    """In noise too, which makes now and then a little evidence of an old image."""
+    scene = load(SCENE, STIFFER)
     control, bench, off = Controller(scene, deadline=math.inf), SimulatedBench(scene), []
     for _ in range(700):
         y = np.array(bench.read(), dtype=float)
         off.append(y[:2] - SETPOINT)
         bench.write(control.step(y))
         bench.idle()
-    assert np.linalg.norm(np.mean(off[-100:], axis=0)) < 1.3e-3
+    assert np.linalg.norm(np.mean(off[-200:], axis=0)) < 0.4e-3
+
+
+def test_an_old_image_beside_the_setpoint_leads_the_tip_astray_no_further_once_it_is_suspected():
+    """An image 1.4 mm off, in fresh noise: corrected on and on, the tips were 2.3 and 1.6 mm off 5 s later."""
+    ends = []
+    for seed in (1, 2):
+        scene = load(SCENE, [*STIFFER, f"plant.seed={seed}"])
+        control, bench, noise = Controller(scene, deadline=math.inf), SimulatedBench(scene), np.random.default_rng(0)
+        tips = np.empty((720, 2))
+        for step in range(720):
+            y = np.array(bench.read(), dtype=float)
+            tips[step] = y[:2]
+            if step >= 200:
+                y[:2] = tips[180:200].mean(axis=0) - 1e-3 + 3e-4 * noise.standard_normal(2)
+            bench.write(control.step(y))
+            bench.idle()
+        ends.append(np.linalg.norm(tips[-40:].mean(axis=0) - tips[180:200].mean(axis=0)))
+    assert np.mean(ends) < 1.2e-3
 
 
 @pytest.mark.parametrize(

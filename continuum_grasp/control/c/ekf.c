@@ -76,11 +76,13 @@ static int ekf_plausible(ekf_state *state, const ekf_settings *settings, ekf_rep
 }
 
 /* U diag(D) U' = W diag(weight) W', by weighted modified Gram-Schmidt from the last row to the first (Thornton): no
- * subtraction of covariances, so D stays positive under rounding. */
-static void ekf_orthogonalize(ekf_state *state, ekf_work *work, int columns)
+ * subtraction of covariances, so D stays positive under rounding. Row j has entries in its first ends[j] columns alone,
+ * and the rows before it in as many at least. */
+static void ekf_orthogonalize(ekf_state *state, ekf_work *work, const int *ends)
 {
   real scaled[4 * EKF_NZ];
   for (int j = EKF_NZ - 1; j >= 0; --j) {
+    const int columns = ends[j];
     real d = 0;
     for (int k = 0; k < columns; ++k) {
       scaled[k] = work->weight[k] * work->W[j][k];
@@ -119,9 +121,10 @@ static void ekf_lanes(const real *z, const real *u, const real *p, real h, real 
 }
 #endif
 
-/* A step with its derivatives to the workspace, where it may be already. */
-static void ekf_advance(ekf_work *work, const real *z, const real *u, const real *p, real h)
+/* A step of a period with its derivatives in the workspace, where it may be already. */
+static ekf_transition *ekf_advance(ekf_work *work, int step, const real *z, const real *u, const real *p, real h)
 {
+  ekf_transition *to = &work->steps[step % EKF_STEPS];
   real from[EKF_FROM];
   memcpy(from, z, EKF_NZ * sizeof *z);
   memcpy(from + EKF_NZ, u, EKF_NU * sizeof *u);
@@ -129,15 +132,16 @@ static void ekf_advance(ekf_work *work, const real *z, const real *u, const real
   memcpy(from + EKF_NZ + EKF_NU, p, EKF_NP * sizeof *p);
 #endif
   from[EKF_FROM - 1] = h;
-  if (memcmp(work->from, from, sizeof from) == 0) return;
+  if (memcmp(to->from, from, sizeof from) == 0) return to;
 #ifdef EKF_VECTOR
-  ekf_lanes(z, u, p, h, work->next, work->F, work->G);
+  ekf_lanes(z, u, p, h, to->next, to->F, to->G);
 #else
   const real *arg[] = {z, u, p, &h};
-  real *res[] = {work->next, work->F, work->G};
+  real *res[] = {to->next, to->F, to->G};
   estimator_step(arg, res);
 #endif
-  memcpy(work->from, from, sizeof from);
+  memcpy(to->from, from, sizeof from);
+  return to;
 }
 
 /* Variance of h z before the update. */
@@ -161,11 +165,11 @@ static void ekf_shrink(const ekf_state *state, const ekf_settings *settings, rea
 }
 
 /* What of the sensitivities of a step noise does not explain. */
-static void ekf_excite(ekf_state *state, const ekf_work *work, const ekf_settings *settings, real h)
+static void ekf_excite(ekf_state *state, const ekf_transition *step, const ekf_settings *settings, real h)
 {
   if (state->age < settings->memory) state->age += h;
   for (int k = 0; k < EKF_NA; ++k) {
-    const real *column = work->F + EKF_NZ * settings->adapted[k];
+    const real *column = step->F + EKF_NZ * settings->adapted[k];
     real size = 0;
     if (state->age < settings->memory) continue; /* the error of the start, large and soon gone, passes for motion too */
     for (int i = 0; i < EKF_NX; ++i) state->motion[k][i] += h / (settings->memory + h) * (column[i] - state->motion[k][i]);
@@ -195,7 +199,7 @@ static void ekf_forget(const ekf_state *state, const ekf_settings *settings, rea
 /* Move what drives cause by a step. Drives follow commands alone: what their sensors add is noise, which would pass for
  * motion that no tip shows (saturation.yaml, at rest at its limit, tripped after 5 s). The other states follow by the
  * step's derivative, contacts and swings included. No sensor corrects them, and no disturbance hides it. */
-static void ekf_answer(ekf_state *state, const ekf_work *work, const ekf_settings *settings)
+static void ekf_answer(ekf_state *state, const ekf_transition *step, const ekf_settings *settings)
 {
   real from[EKF_NX], off[EKF_NX];
   for (int i = 0; i < EKF_NX; ++i) {
@@ -204,17 +208,55 @@ static void ekf_answer(ekf_state *state, const ekf_work *work, const ekf_setting
   }
   for (int i = 0; i < EKF_NX; ++i) {
     state->answer[i] = 0;
-    state->commanded[i] = work->next[i];
+    state->commanded[i] = step->next[i];
     for (int k = 0; k < EKF_NX; ++k) {
-      state->answer[i] += work->F[i + EKF_NZ * k] * from[k];
-      state->commanded[i] += work->F[i + EKF_NZ * k] * off[k];
+      state->answer[i] += step->F[i + EKF_NZ * k] * from[k];
+      state->commanded[i] += step->F[i + EKF_NZ * k] * off[k];
     }
   }
   if (!cg_finite(state->answer, EKF_NX)) memset(state->answer, 0, sizeof state->answer);
 }
 
-static void ekf_predict(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *u, const real *p,
-                        real h)
+/* Whether a step moves other states by one: a disturbance that only sensors see stays alone. */
+static int ekf_moves(const ekf_transition *step, int j)
+{
+  int moves = j < EKF_NX;
+  for (int i = 0; i < EKF_NX && !moves; ++i) {
+    const real whole = step->F[i + EKF_NZ * j], half = step->G[i + EKF_NZ * j];
+    moves = whole > 0 || whole < 0 || half > 0 || half < 0;
+  }
+  return moves;
+}
+
+/* Write from a column of W on: column j of F U, and noise of state j over a step. Disturbances are constant but for their
+ * noise: those before j have entries in no column from here on. Returns the next column. */
+static int ekf_spread(const ekf_state *state, const ekf_transition *step, ekf_work *work, int j, real noise, int column)
+{
+  for (int i = 0; i < EKF_NX; ++i) {
+    real sum = 0;
+    for (int k = 0; k <= j; ++k) sum += step->F[i + EKF_NZ * k] * state->U[k][j]; /* F U, U upper triangular */
+    work->W[i][column] = sum;
+  }
+  for (int i = EKF_NX; i < EKF_NZ; ++i) work->W[i][column] = state->U[i][j];
+  work->weight[column++] = state->D[j];
+  if (!(noise > 0)) return column;
+  if (!ekf_moves(step, j)) {
+    for (int i = 0; i < EKF_NZ; ++i) work->W[i][column] = (real)(i == j);
+    work->weight[column++] = noise;
+    return column;
+  }
+  for (int i = 0; i < EKF_NZ; ++i) {          /* Simpson's rule: F, 4 G and the identity */
+    work->W[i][column] = step->F[i + EKF_NZ * j];
+    work->W[i][column + 1] = step->G[i + EKF_NZ * j];
+    work->W[i][column + 2] = (real)(i == j);
+  }
+  work->weight[column] = work->weight[column + 2] = noise / 6;
+  work->weight[column + 1] = 4 * noise / 6;
+  return column + 3;
+}
+
+static void ekf_predict(ekf_state *state, ekf_work *work, const ekf_settings *settings, int number, const real *u,
+                        const real *p, real h)
 {
 #if EKF_NA > 0
   real noise[EKF_NZ];
@@ -222,36 +264,19 @@ static void ekf_predict(ekf_state *state, ekf_work *work, const ekf_settings *se
 #else
   const real *noise = settings->noise;
 #endif
-  ekf_advance(work, state->z, u, p, h);
-  ekf_answer(state, work, settings);
-  memcpy(state->z, work->next, sizeof state->z);
+  ekf_transition *step = ekf_advance(work, number, state->z, u, p, h);
+  ekf_answer(state, step, settings);
+  memcpy(state->z, step->next, sizeof state->z);
 #if EKF_NA > 0
-  ekf_excite(state, work, settings, h);
-  ekf_shrink(state, settings, work->F, EKF_NZ, EKF_NX);
-  ekf_shrink(state, settings, work->G, EKF_NZ, EKF_NX);
-  work->from[EKF_FROM - 1] = 0; /* shrunk: no longer those of the step */
+  ekf_excite(state, step, settings, h);
+  ekf_shrink(state, settings, step->F, EKF_NZ, EKF_NX);
+  ekf_shrink(state, settings, step->G, EKF_NZ, EKF_NX);
+  step->from[EKF_FROM - 1] = 0; /* shrunk: no longer those of the step */
 #endif
-  int columns = EKF_NZ;
-  for (int j = 0; j < EKF_NZ; ++j) work->weight[j] = state->D[j];
-  for (int i = 0; i < EKF_NZ; ++i)
-    for (int j = 0; j < EKF_NZ; ++j) {
-      real sum = 0;
-      for (int k = 0; k <= j; ++k) sum += work->F[i + EKF_NZ * k] * state->U[k][j]; /* F U, U upper triangular */
-      work->W[i][j] = sum;
-    }
-  for (int j = 0; j < EKF_NZ; ++j) {
-    if (!(noise[j] > 0)) continue;
-    const real weight = noise[j] * h / 6;     /* Simpson's rule: F, 4 G and the identity */
-    for (int i = 0; i < EKF_NZ; ++i) {
-      work->W[i][columns] = work->F[i + EKF_NZ * j];
-      work->W[i][columns + 1] = work->G[i + EKF_NZ * j];
-      work->W[i][columns + 2] = (real)(i == j);
-    }
-    work->weight[columns] = work->weight[columns + 2] = weight;
-    work->weight[columns + 1] = 4 * weight;
-    columns += 3;
-  }
-  ekf_orthogonalize(state, work, columns);
+  int columns = 0, ends[EKF_NZ];
+  for (int j = EKF_NZ - 1; j >= 0; --j) columns = ends[j] = ekf_spread(state, step, work, j, noise[j] * h, columns);
+  for (int j = 0; j < EKF_NX; ++j) ends[j] = columns;
+  ekf_orthogonalize(state, work, ends);
 }
 
 /* Update with one scalar measurement, its row h of H and its innovation (Bierman); returns the innovation's expected
@@ -460,7 +485,7 @@ static void ekf_move(ekf_state *state, ekf_work *work, const ekf_settings *setti
     const real part = whole ? *span : by;
     const int steps = ekf_steps(settings, part);
     memcpy(acted, state->queue[state->oldest], sizeof state->queue[0]);
-    for (int k = 0; k < steps; ++k) ekf_predict(state, work, settings, acted, p, part * settings->period / (real)steps);
+    for (int k = 0; k < steps; ++k) ekf_predict(state, work, settings, k, acted, p, part * settings->period / (real)steps);
     by -= part;
     *span -= part;
     if (!whole) continue;
@@ -535,8 +560,8 @@ int ekf_now(const ekf_state *state, ekf_work *work, const ekf_settings *settings
     const int at = (state->oldest + k) % EKF_QUEUE, steps = ekf_steps(settings, state->span[at]);
     const real *u = state->queue[at], h = state->span[at] * settings->period / (real)steps;
     for (int i = 0; i < steps; ++i) {
-#if EKF_AHEAD > 1
-      if (k > 0 || i > 0) {
+#if EKF_AHEAD > EKF_STEPS
+      if (k > 0 || i >= EKF_STEPS) {
         real next[EKF_NZ] = {0};
 #ifdef EKF_VECTOR
         ekf_lanes(z, u, p, h, next, 0, 0);
@@ -549,8 +574,8 @@ int ekf_now(const ekf_state *state, ekf_work *work, const ekf_settings *settings
         continue;
       }
 #endif
-      ekf_advance(work, z, u, p, h); /* from the next call's state, to whose prediction it is left */
-      memcpy(z, work->next, sizeof work->next);
+      /* from the next call's state, to whose prediction it is left */
+      memcpy(z, ekf_advance(work, i, z, u, p, h)->next, EKF_NZ * sizeof *z);
     }
   }
   return cg_within(z, settings->z_min, settings->z_max, EKF_NX);

@@ -14,9 +14,9 @@
  * by row, a lag of half the model's ended in a limit cycle of 86 mm.
  *
  * A measurement that arrives now was taken EKF_DELAY periods ago, or as long ago as is stated with it. The filter's state
- * is of that time; `ekf_now` predicts the state now with the inputs applied since. The first step of that is the one that
- * the next call's prediction makes, unless its parameters change: it is made once, and the workspace knows what it
- * started from. Where calls were missed, or measurements are of varying age, the inputs of the time that passed move
+ * is of that time; `ekf_now` predicts the state now with the inputs applied since. The first steps of that are those
+ * that the next call's prediction makes, unless its parameters change: they are made once, and the workspace knows what
+ * they started from. Where calls were missed, or measurements are of varying age, the inputs of the time that passed move
  * the state, each for as long as it acted. A measurement that is no younger than the one before is not used.
  *
  * Adapted parameters are disturbances that a plant has once and for all. Their noise is in proportion to what is known
@@ -28,10 +28,10 @@
  *
  * Dimensions are set before this file is read: EKF_NZ, EKF_NX (states without the disturbances), EKF_NU, EKF_NP, EKF_NY
  * (compared quantities), EKF_NS (sensors), EKF_NM (measurements), EKF_DELAY, EKF_AHEAD (steps from the measurement to now),
- * EKF_NF (friction states), EKF_NA (adapted
- * parameters); and `real`, with CG_SINGLE defined if that is float. The generated functions estimator_step, estimator_outputs and, for more steps than
- * one, estimator_flow stand before ekf.c. Nothing is
- * allocated or static; matrices of generated functions are stored by columns.
+ * EKF_STEPS (steps that the workspace remembers), EKF_NF (friction states), EKF_NA (adapted parameters); and `real`, with
+ * CG_SINGLE defined if that is float. The generated functions estimator_step, estimator_outputs and, where EKF_AHEAD is
+ * above EKF_STEPS, estimator_flow stand before ekf.c. Nothing is allocated or static; matrices of generated functions are
+ * stored by columns.
  */
 #ifndef EKF_H
 #define EKF_H
@@ -108,10 +108,14 @@ typedef struct {
 } ekf_state;
 
 typedef struct {
+  real from[EKF_FROM];        /* z, u, p and h */
+  real next[EKF_NZ], F[EKF_NZ * EKF_NZ], G[EKF_NZ * EKF_NZ];
+} ekf_transition;             /* a step of the model: from where, to where, and its derivatives */
+
+typedef struct {
   real W[EKF_NZ][4 * EKF_NZ], weight[4 * EKF_NZ];
-  real F[EKF_NZ * EKF_NZ], G[EKF_NZ * EKF_NZ], H[EKF_NY * EKF_NZ], y[EKF_NY];
-  real next[EKF_NZ];
-  real from[EKF_FROM];        /* z, u, p and h of the step that next, F and G are of */
+  real H[EKF_NY * EKF_NZ], y[EKF_NY];
+  ekf_transition steps[EKF_STEPS];
 } ekf_work;
 
 typedef struct {

@@ -245,7 +245,7 @@ class Loop(ControlParts):
                 e.step,
                 e.outputs,
                 *([e.parameters] if controls else []),
-                *([e.flow] if self.ahead > 1 else []),
+                *([e.flow] if self.ahead > self.shared else []),
             ]
         if e is not None and e.contact_forces is not None and self.phases is not None:
             symbols = [ca.SX.sym(name, e.contact_forces.size1_in(k)) for k, name in enumerate("zup")]
