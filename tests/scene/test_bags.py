@@ -224,7 +224,7 @@ def test_a_file_that_is_cut_off_says_what_was_read(tmp_path):
         DataTable.read(bag)
     text = tmp_path / "points.csv"
     text.write_text("t,x\n0,1\n")
-    with pytest.raises(InputError, match="missing.mcap: no such file"):
+    with pytest.raises(InputError, match=r"missing\.mcap: no such file"):
         DataTable.read(tmp_path / "missing.mcap", stamps="log")
     with pytest.raises(InputError, match="max_age: is for bags"):
         DataTable.read(text, max_age=0.1)
