@@ -82,8 +82,7 @@ class ModelFields:
             elif k < 2 * model.n:
                 fields.append(field.around(_USUAL_RATE * reach[k - model.n]))
             elif field.name in states:
-                # 1.5: a friction state of a tendon that slides
-                fields.append(field.around(1.5))
+                fields.append(field.around(model.structure.stiffest_friction[-1]))  # of a tendon that slides
             else:
                 rate = field.name.endswith("_rate")
                 size = _usual_drive(model, field.name.removesuffix("_rate")) or usual_moment
@@ -105,7 +104,8 @@ class ModelFields:
                 fields.append(field.within(min(least, 0.0), max(greatest, 0.0), size))
             else:
                 high = model.structure.winches[int(drive[2]) - 1].drive.limit
-                fields.append(field.within(-high, high, size) if math.isfinite(high) else field.around(size))
+                limited = math.isfinite(high)
+                fields.append(field.within(-high, high, size) if limited else field.around(size))
         return tuple(fields)
 
     def forces(self) -> tuple[Field, ...]:
@@ -126,7 +126,10 @@ _HEIGHT = 1e-3
 def _object_fields(model: FingerModel, labels: Sequence[str], reach: float) -> Iterator[Field]:
     """Entries of an object and its contacts around usual sizes; lengths are usually up to ``reach`` [m]."""
     for field in _fields(model, labels):
-        yield field.around(_HEIGHT if field.name == "object_z" else _USUAL_OBJECT.get(field.unit, reach))
+        usual = _USUAL_OBJECT.get(field.unit, reach)
+        if field.name == "object_z":
+            usual = _HEIGHT
+        yield field.around(usual)
 
 
 def _usual_drive(model: FingerModel, name: str) -> float | None:

@@ -27,7 +27,7 @@ from continuum_grasp.export.ranges import (
     contact_depth,
 )
 from continuum_grasp.model import Equations, FingerModel, System
-from continuum_grasp.scene import Surroundings
+from continuum_grasp.scene import INTEGRATORS, Surroundings
 
 T = TypeVar("T")
 _NO_STATE, _NO_INPUT = Struct("state", "", ()), Struct("input", "", ())
@@ -283,7 +283,7 @@ def _struct(name: str, text: str, fields: tuple[Field, ...]) -> Struct | None:
 STABLE = 2.5
 """Greatest product of step and spectral radius that is taken; the method is stable up to about 2.7, and the radius of
 shapes between those that are looked at may be some percent greater."""
-_ACCURATE = 1.0
+_ACCURATE = INTEGRATORS["rk4"].target
 """Product of step and spectral radius up to which the motion is followed as well as it is resolved."""
 MOST_SUBSTEPS = 1000
 """Most sub-steps within one step [1]."""

@@ -11,9 +11,9 @@ from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.parts import OffsetPolygon
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Angle, Distance, Friction, Position, Value
+from continuum_grasp.scene.value import WRITTEN, Angle, Distance, Friction, Position, Value
 
-TOUCHING = 1e-6
+TOUCHING = WRITTEN
 """Gap, per size of the object, up to which an object at rest lies against a support [1]."""
 # Names become parts of contact names, as in left.middle_1, and of columns in tables.
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")

@@ -53,8 +53,9 @@ Signs = tuple[float, ...]
 
 _ACTIVE = 1e-4
 """Distance from a limit, and of a case's cost from the worst, as a part of it, from which on it acts [1]."""
-_AT_BOUND = 1e-6
-"""Distance of a coordinate from its bound at which it counts as there [1]."""
+HOLDS = 1e-6
+"""Violation up to which a limit holds, as a part of it, and distance of a coordinate from its bound at which it counts
+as there [1]."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,7 @@ class Evaluation:
         columns = np.array([row.slope for row in costs] + [-row.slope for row in limits]).T
         n = u.size
         # At a bound, the cost may grow into the region.
-        walls = np.diag(np.where(u < _AT_BOUND, -1.0, np.where(u > 1.0 - _AT_BOUND, 1.0, 0.0)))
+        walls = np.diag(np.where(u < HOLDS, -1.0, np.where(u > 1.0 - HOLDS, 1.0, 0.0)))
         weight = 1e3 * max(float(np.abs(columns[:n]).max(initial=0.0)), 1e-9)
         total = weight * np.array([1.0] * len(costs) + [0.0] * (len(limits) + n))
         shares = nnls(np.vstack([np.hstack([columns[:n], walls]), total]), np.append(np.zeros(n), weight))[0]
@@ -147,7 +148,7 @@ class Evaluation:
     def left(self) -> float:
         """Greatest slope of the least cost along a variable between its bounds."""
         u = self.coordinates
-        between = (u > _AT_BOUND) & (u < 1.0 - _AT_BOUND)
+        between = (u > HOLDS) & (u < 1.0 - HOLDS)
         return float(np.abs(self.slope[: u.size][between]).max(initial=0.0))
 
     @property

@@ -165,4 +165,8 @@ def _with_mass(scene: GraspScene, mass: float) -> GraspScene:
 def fingers_mass(scene: GraspScene) -> float:
     """Mass of all fingers with everything fastened to them [kg]."""
     fingers: Sequence[Any] = tuple(scene.named_fingers.values())
-    return float(sum(finger.rod.mass + sum(fastened.mass for fastened in finger.masses) for finger in fingers))
+    mass = 0.0
+    for finger in fingers:
+        fastened = sum(each.mass for each in finger.masses)
+        mass += finger.rod.mass + fastened
+    return float(mass)

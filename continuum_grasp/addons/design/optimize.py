@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import Bounds, minimize
 from scipy.stats.qmc import Halton
 
-from continuum_grasp.addons.design.evaluation import DesignProblem, Evaluation, Signs
+from continuum_grasp.addons.design.evaluation import HOLDS, DesignProblem, Evaluation, Signs
 from continuum_grasp.addons.design.grasps import LostGrasp
 from continuum_grasp.addons.design.result import DesignResult, DesignStatus, WorstCase
 from continuum_grasp.addons.design.scene import Design
@@ -28,10 +28,10 @@ from continuum_grasp.base import Array, SolverError, check_arguments, interrupti
 from continuum_grasp.grasp import SAME, GraspResult
 from continuum_grasp.scene import ConfigurationData, Overrides
 
-HOLDS = 1e-6
-"""Violation up to which a limit holds, as a part of it."""
-
-
+_FINE = 0.02
+"""Accuracy of an optimum, as a part [1]: of the cost, its slope over the range of a variable; of a range, half the
+width of the box where the search ends; of what errors change in the cost, the excess of a worse combination of errors.
+"""
 _LOST = 1e2
 """Cost of a design without a grasp, in units of the first one: any other is better."""
 
@@ -210,8 +210,7 @@ class _DesignSearch:
             return self._result(DesignStatus.LIMITS_VIOLATED, message, worst)
         status = DesignStatus.OPTIMAL if settled and self._converged else DesignStatus.FEASIBLE
         message = f"cost {best.cost:.6g}, from {(self._first or best).cost:.6g} at the start"
-        # 0.02: slope that is left at an optimum over the range of a variable, as a part of the cost
-        if status is DesignStatus.OPTIMAL and best.left > 0.02 * self._scale:
+        if status is DesignStatus.OPTIMAL and best.left > _FINE * self._scale:
             # As at a kink, beside which other grasps are best.
             status = DesignStatus.FEASIBLE
             self._ended = f"with a slope of {best.left:.3g} over the range of a variable"
@@ -280,8 +279,7 @@ class _DesignSearch:
         while self._descend(half):
             # 0.25: part of the box around the best design that is searched next where a step lost the grasp
             half *= 0.25
-            # 0.02: half width of that box, in coordinates, below which the search ends
-            if half < 0.02:
+            if half < _FINE:
                 self._ended = "beside this design grasps are lost"
                 self._converged = False
                 return
@@ -376,8 +374,7 @@ class _DesignSearch:
         costly = max(bad, key=lambda case: case.cost)
         broken = max(bad, key=lambda case: case.violation)
         change = max(abs(case.cost - best.cost) for case in bad)
-        # 0.02: cost by which a combination of errors must exceed those at hand, as a part of what errors change
-        add = [costly.signs] if costly.cost > best.cost + max(0.02 * change, SAME * self._scale) else []
+        add = [costly.signs] if costly.cost > best.cost + max(_FINE * change, SAME * self._scale) else []
         add += [broken.signs] if broken.violation > max(best.violation, 0.0) + HOLDS else []
         if add:
             self.problem.scenarios = list(dict.fromkeys([*known, *add]))

@@ -26,7 +26,7 @@ from continuum_grasp.scene import Scene
 
 IMPLAUSIBLE = "implausible"
 """Status of a fit whose measurements this finger cannot have."""
-_PART = 0.05
+PART = 0.05
 """Misfit, r.m.s., and distance beyond the reach, per size of the finger [1], from which data are refused where their
 noise is not stated: measured rods and robots are met to 0.02, and noise of 0.02 does not reach it in 12 numbers."""
 _BEYOND = 5.0
@@ -159,10 +159,10 @@ def _limit(kind: str, measured: Array, length: float) -> float:
     """Misfit from which measurements without a stated deviation are refused."""
     size = float(np.sqrt(np.mean(measured**2)))
     sizes = {
-        "positions": _PART * length,
+        "positions": PART * length,
         # 2.0: bend of an arc whose tip is moved by the finger's length, L bend / 2, for small ones [rad]
-        "angles": _PART * max(2.0, float(np.ptp(measured))),
-        "frequency": _PART * size,
+        "angles": PART * max(2.0, float(np.ptp(measured))),
+        "frequency": PART * size,
         "decay_rate": math.inf,
     }
     # of drives: a model that is off by as much as it is to explain; friction and lags are large parts of these
@@ -171,7 +171,8 @@ def _limit(kind: str, measured: Array, length: float) -> float:
 
 def too_far(problem: FitProblem, values: Array, sigma: Array) -> str:
     """Measurements beyond the reach of the finger: farther from the base than the finger is long up to there."""
-    message, farthest = "", 0.0
+    message = ""
+    farthest = 0.0
     for (block, part, mix), of in zip(problem.parts, problem.sets, strict=True):
         finger = block.scene.finger
         noise = sigma[part].reshape(of.values.shape)
@@ -187,7 +188,7 @@ def too_far(problem: FitProblem, values: Array, sigma: Array) -> str:
             distance = np.linalg.norm(away, axis=1)
             reach = place + float(np.abs(offsets[:, here]).max())
             beyond = distance - reach
-            beyond -= np.maximum(_PART * finger.rod.length, _BEYOND * noise[:, here].max(axis=1))
+            beyond -= np.maximum(PART * finger.rod.length, _BEYOND * noise[:, here].max(axis=1))
             if beyond.max() > farthest:
                 row = int(np.argmax(beyond))
                 farthest = float(beyond.max())

@@ -371,8 +371,8 @@ class Timetable:
         """Share (T,) by which friction of contacts has fallen on a plant at instants (T,) of the mission [s]."""
         span = self._plan("hold")
         return variation.friction_fall * _smooth(
-            # 0.02: time in which friction falls [s]: two periods
-            (self._along(self._pieces, t) - 0.5 * (span.start + span.end)) / 0.02
+            # Within two periods.
+            0.5 * (self._along(self._pieces, t) - 0.5 * (span.start + span.end)) / self.of.control.controller.step
         )
 
     def _table(self, t: Array) -> Array:

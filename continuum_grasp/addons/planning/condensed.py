@@ -35,8 +35,8 @@ from continuum_grasp.nlp import (
     Settings,
 )
 
-_FIRST_RADIUS, _LARGEST, _SMALLEST = 1.0, 1e3, 1e-9
-"""Radius of the trust region [units of the problem]: at first inputs change by as much as their range."""
+_LARGEST, _SMALLEST = 1e3, 1e-9
+"""Greatest and least radius of the trust region [units of the problem]."""
 _FIRST_PENALTY, _GREATEST_PENALTY = 3e3, 1e8
 """Penalty per violation: raised until the QP lowers the violation [units of the objective]."""
 _ACCEPTED, _GOOD, _POOR = 1e-3, 0.75, 0.25
@@ -89,8 +89,9 @@ class Condensed:
         start = assembly.start_within(*assembly.limits, w)
         self._start = start
         w = np.clip(w, start.low, start.high)
-        point = self._resolved(w, None if self.problem.outpaced(w) else self._moved(w))
-        radius = _FIRST_RADIUS
+        outpaced = self.problem.outpaced(w)
+        point = self._resolved(w, None if outpaced else self._moved(w))
+        radius = 1.0  # inputs change by as much as their range
         penalty = _FIRST_PENALTY
         count = 0
         outcome = "Maximum_Iterations_Exceeded"

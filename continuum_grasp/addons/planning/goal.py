@@ -86,9 +86,8 @@ class GoalPart:
         """(z, d) -> what the error costs."""
         z, d, error = self._error(motion)
         if relaxed:
-            # 1e4: weight of rest against the distance from a goal that cannot be reached: the nearest plan ends at rest
-            # too
-            factor = ca.DM(np.sqrt(1e4 if self.at_rest else 1.0))
+            # The nearest plan to a goal that cannot be reached ends at rest too.
+            factor = ca.DM(np.sqrt(_SETTLED if self.at_rest else 1.0))
         else:
             factor = ca.DM(self.scale * np.sqrt((self.weight or 0.0) / motion.scales.objective))
         scaled = error * factor
@@ -185,7 +184,8 @@ def _stiffness(motion: PlannedMotion) -> Array:
 
     Accelerations that a micrometer of a stiff cable brings would count for more than all else.
     """
-    model, (of_x, of_u) = motion.prediction, (motion.scales.x, motion.scales.u)
+    model = motion.prediction
+    of_x, of_u = motion.scales.x, motion.scales.u
     u = np.array(motion.scene.initial_input)
     point = model.at_rest(np.zeros(model.system.n), u), u, model.p_nominal
     rate = model.dynamics(model.x, model.u, model.p)

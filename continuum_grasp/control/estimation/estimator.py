@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp.base import Array, CheckedArgument, InputError, Summarized, check_arguments
 from continuum_grasp.control.compiled import Compiled, estimator_source
 from continuum_grasp.control.estimation.adaptation import AdaptedState
+from continuum_grasp.control.ocp.cost_terms import UNLIMITED
 from continuum_grasp.control.parts import ControlParts
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.status import Anomaly, MeasurementVerdict, texts
@@ -19,8 +20,6 @@ from continuum_grasp.scene import ControlScene, scene_of
 
 _RESTARTED = 1
 """``EKF_RESTARTED`` of ``c/ekf.h``."""
-_LONGEST = 1e6
-"""Longest time between steps, and greatest age [s]: eleven days are a wrong unit."""
 
 
 class Filtered(Summarized):
@@ -233,9 +232,9 @@ class Estimator(Remade, Summarized):
         self._u[:] = CheckedArgument("u", u).vector(self._u.size)
         self._p[:] = self._nominal if p is None else CheckedArgument("p", p).vector(self._p.size)
         self._passed[0] = (
-            1.0 if elapsed is None else CheckedArgument("elapsed", elapsed).number(0.0, _LONGEST) / self.period
+            1.0 if elapsed is None else CheckedArgument("elapsed", elapsed).number(0.0, UNLIMITED) / self.period
         )
-        self._age[0] = self.delay if age is None else CheckedArgument("age", age).number(0.0, _LONGEST) / self.period
+        self._age[0] = self.delay if age is None else CheckedArgument("age", age).number(0.0, UNLIMITED) / self.period
         status, found = self._c.step()
         if status < 0:
             raise InputError("u or p is beyond what the precision can hold")

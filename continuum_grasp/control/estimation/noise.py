@@ -10,7 +10,7 @@ import numpy as np
 
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.estimation.model import Estimation
-from continuum_grasp.control.ocp.cost_terms import UNLIMITED, Outputs
+from continuum_grasp.control.ocp.cost_terms import REACH, UNLIMITED, Outputs
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.quantities import OBJECT_POSE
@@ -32,9 +32,6 @@ _OBJECT_ACCELERATION = 0.01174
 _MARGIN = 1.5
 """Limits of estimates and measurements as multiples of the model's limits [1]: an estimate may overshoot by noise, but
 the model's series are accurate within its range only."""
-_SEEN = 10.0
-"""Greatest distance of an object from the base that a camera may show, in finger lengths [1]: far out of reach, but not
-in millimeters."""
 _SEEN_OFF = 0.1
 """Greatest error of a measured tip across its path, in finger lengths [1]: a camera that is turned by 6 degrees."""
 _FORCES = 100.0
@@ -95,7 +92,9 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
     initial[n : 2 * n] = (swinging * asked.initial_std * per_angle) ** 2
     for drive in model.driven:
         # Under white noise s a lag of time T has the variance s^2 T / 2, a critically damped one s^2 T^3 / 4.
-        wanted, rate, lag = (_DRIVE * drive.most) ** 2, [*drive.rate], drive.lag
+        wanted = (_DRIVE * drive.most) ** 2
+        rate = [*drive.rate]
+        lag = drive.lag
         process[rate or drive.state] = 4.0 * wanted / lag**3 if rate else 2.0 * wanted / lag
         initial[drive.state], initial[rate] = (
             (_DRIVE_AT_START * drive.most) ** 2,
@@ -127,7 +126,8 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
 
 def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation | None) -> Ranges:
     """Compute the limits of states, disturbances, measurements, setpoints and parameters of a scene."""
-    cost, x = scene.controller.cost, _state_range(model, stages)
+    cost = scene.controller.cost
+    x = _state_range(model, stages)
     unknown = estimation.z_names[estimation.nx :] if estimation is not None else ()
     measured = estimation.measurement_names if estimation is not None else ()
     applied = np.array([_applicable(scene, model, name) for name in stages.u_names])
@@ -149,7 +149,8 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
 
 def _state_range(model: Prediction, stages: Stages) -> Array:
     """Coordinates well beyond the bending range, and rates of the fastest mode at that amplitude."""
-    finger, n = model.system.finger_model, model.system.finger_model.n
+    finger = model.system.finger_model
+    n = model.system.finger_model.n
     bend = max(map(finger.structure.family.coordinate_size, finger.ranges, finger.lengths))
     limits = np.full(model.nx, UNLIMITED)
     limits[:n] = _MARGIN * bend
@@ -162,7 +163,8 @@ def _state_range(model: Prediction, stages: Stages) -> Array:
 
 def _unknown_range(model: Prediction, stages: Stages, name: str) -> tuple[float, float]:
     """Range of a disturbance or of the error of an adapted parameter."""
-    rod, nominal = model.scene.finger.profile, dict(zip(model.p_names, model.p_nominal, strict=True))
+    rod = model.scene.finger.profile
+    nominal = dict(zip(model.p_names, model.p_nominal, strict=True))
     if name == "drive_time_constant_error [1]":
         # From a quarter to four times the nominal one, as far as steps of the integrator are stable.
         limit = _STABLE * nominal["drive_time_constant [s]"]
@@ -199,7 +201,8 @@ def _applicable(scene: ControlScene, model: Prediction, name: str) -> tuple[floa
 
 def measurement_range(scene: ControlScene, model: Prediction, name: str) -> tuple[float, float]:
     """Return the least and the greatest plausible measurement, by its name."""
-    finger, middle = scene.finger, 0.0
+    finger = scene.finger
+    middle = 0.0
     word, _, last = name.split(" ")[0].rpartition("_")
     number = int(last) - 1 if last.isdigit() else 0
     if word == "tension":
@@ -210,12 +213,13 @@ def measurement_range(scene: ControlScene, model: Prediction, name: str) -> tupl
         reach = chamber.max_pressure - chamber.min_pressure
         return (chamber.min_pressure - reach, chamber.max_pressure + reach)
     if word in ("tip", "object") and last in ("x", "y"):
-        reach = (_MARGIN if word == "tip" else _SEEN) * finger.rod.length
+        reach = (_MARGIN if word == "tip" else REACH) * finger.rod.length
         middle = finger.base.position["xy".index(last)]
     elif word == "object":
         reach = UNLIMITED
     elif word == "angle":
-        middle, reach = finger.base.angle, math.pi + _MARGIN * sum(model.system.finger_model.ranges)
+        middle = finger.base.angle
+        reach = math.pi + _MARGIN * sum(model.system.finger_model.ranges)
     elif word in ("length", "motor_angle"):
         reach = 2.0 * model.driven[number].most
     elif finger.winches:

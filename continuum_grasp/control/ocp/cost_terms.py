@@ -25,9 +25,10 @@ Limits = tuple[tuple[float, float], ...]
 UNLIMITED = 1e6
 """Magnitude beyond which a number without any other limit is a mistake: far above every SI value of a finger, and far
 below what overflows when squared in single precision (1e19)."""
-_REACH = 10.0
-"""Greatest distance of a position setpoint from the base, in finger lengths [1]: a setpoint out of reach is allowed
-(the cost then points the finger at it, and the call reports it), one in millimeters (1000 lengths) is not."""
+REACH = 10.0
+"""Greatest distance from the base of a position setpoint, and of an object that a camera shows, in finger lengths [1]:
+a setpoint out of reach is allowed (the cost then points the finger at it, and the call reports it), one in millimeters
+(1000 lengths) is not."""
 _TURNS = 10.0
 """Greatest angle setpoint relative to the base, in turns [1]: a finger curls up a few times at most, and an angle in
 degrees is beyond."""
@@ -47,7 +48,7 @@ class Residual(NamedTuple):
 
 
 def _near_base(finger: Finger) -> Limits:
-    reach = _REACH * finger.rod.length
+    reach = REACH * finger.rod.length
     x, y = ((base - reach, base + reach) for base in finger.base.position)
     return x, y
 
@@ -165,7 +166,8 @@ first ``nt`` outputs; the input's rate last, since the supervisor raises the las
 
 def predicted(cost: Cost, model: Prediction, input_rate: ca.SX | None = None) -> Quantities:
     """Quantities of a controller's model."""
-    inputs, names = (model.x, model.u, model.p), model.contact_names
+    inputs = (model.x, model.u, model.p)
+    names = model.contact_names
 
     def touched(key: str, values: ca.Function) -> ca.SX:
         return values(*inputs)[[names.index(name) for name in cost.tracked_contacts(key, names)]]
@@ -229,11 +231,11 @@ class Outputs:
     @property
     def weights(self) -> Array:
         """Running and terminal weight of each entry (size, 2)."""
-        each = [
-            np.tile([w or 0.0 for w in t.weights(self.cost)], (len(t.names(self.cost, self.model)), 1))
-            for t in self.terms
-        ]
-        return np.vstack([np.zeros((0, 2)), *each])
+        rows: list[list[float]] = []
+        for term in self.terms:
+            row = [weight or 0.0 for weight in term.weights(self.cost)]
+            rows += [row] * len(term.names(self.cost, self.model))
+        return np.array(rows).reshape(-1, 2)
 
     @property
     def reach(self) -> Reach:

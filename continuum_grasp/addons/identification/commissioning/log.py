@@ -20,6 +20,7 @@ from continuum_grasp.addons.identification.experiment_plan import ExperimentPlan
 from continuum_grasp.addons.identification.fit import estimates
 from continuum_grasp.addons.identification.path_block import MOST_STEPS
 from continuum_grasp.addons.identification.periods import columns_of
+from continuum_grasp.addons.identification.plausibility import PART
 from continuum_grasp.addons.identification.problem import FitProblem, Solution
 from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.base import Array, InputError, NumericalError, SolverError, check_arguments, split_unit
@@ -225,9 +226,12 @@ def _with_cells(bench: Bench, way: Mounting, cells: Mapping[str, tuple[int, int]
     ends = list[int]()
     signs = list[int]()
     for name in bench.model.u_names:
-        drive = drives.get(name)
-        ends.append(next(free) if drive is None else drive.of)
-        signs.append(1 if drive is None else cells[name][1] * drive.sign)
+        if name in cells:
+            ends.append(drives[name].of)
+            signs.append(cells[name][1] * drives[name].sign)
+        else:
+            ends.append(next(free))
+            signs.append(1)
     return way.replaced(tensions=Mounting.lines(ends, signs))
 
 
@@ -288,8 +292,7 @@ def _result(
             "a zero of the load cells"
         )
     status = "identified" if len(alike) == 1 and not idle and not missing else "undecided"
-    # 0.05: root mean square error of the tip per length of the finger from which the log is not of this finger
-    status = status if missed <= 0.05 * scene.finger.rod.length else "mismatch"
+    status = status if missed <= PART * scene.finger.rod.length else "mismatch"
     return Commissioning(
         **estimates(found.unknowns, found.values, found.inference),
         sigma=solution.sigma,

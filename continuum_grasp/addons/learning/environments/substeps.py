@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from continuum_grasp.addons.learning.environments.plants import Plants, rows_of
 from continuum_grasp.addons.learning.environments.sensing import Sensing
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.scene import INTEGRATORS
+from continuum_grasp.scene import INTEGRATORS, Timing
 
-_TOLERANCE = 1e-4
+_TOLERANCE: float = Timing.model_fields["tolerance"].default
 """Greatest error of the tip's position that steps in time may leave, per length [1], as ``time.tolerance`` has it."""
 _SUBSTEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 """Steps of RK4 per period that are tried [1]."""
