@@ -157,12 +157,15 @@ _SAID: list[str] = []
 """Warnings of add-ons that cannot be loaded, until they are printed."""
 
 
+def _by_verb(places: str) -> dict[str, str]:
+    """Functions of the command line by their verbs."""
+    return {place.partition(":")[2]: f"continuum_grasp.cli.{place}" for place in places.split()}
+
+
 def _add_verbs() -> None:
     """Give the command line its verbs."""
-    first, last = (
-        {place.partition(":")[2]: f"continuum_grasp.cli.{place}" for place in places.split()}
-        for places in (_FIRST, _LAST)
-    )
+    first = _by_verb(_FIRST)
+    last = _by_verb(_LAST)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         known = addons()

@@ -60,7 +60,9 @@ def modes(output: Output) -> None:
         "damping ratio": ["-" if math.isnan(ratio) else f"{ratio:.3g}" for ratio in spectrum.damping_ratios],
     }
     others = {"all stuck [Hz]": spectrum.stuck_frequencies_hz, "motors free [Hz]": spectrum.free_frequencies_hz}
-    columns |= {name: [f"{number:.5g}" for number in values] for name, values in others.items() if values is not None}
+    for name, values in others.items():
+        if values is not None:
+            columns[name] = [f"{number:.5g}" for number in values]
     rows = zip_longest(*columns.values(), fillvalue="-")
     output.table(("mode", *columns), *((str(k + 1), *row) for k, row in enumerate(rows)))
     if output.out is not None:

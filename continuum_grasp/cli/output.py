@@ -244,7 +244,8 @@ class Output:
         """Print the last ``pairs`` of a result, which model was chosen, where it is with which texts and further files,
         and where wanted its statistics and ``more`` of them; or its JSON object with ``values``.
         """
-        texts = [path for path in (self.folder / text.name for text in result.texts) if path.exists()]
+        paths = [self.folder / text.name for text in result.texts]
+        texts = [path for path in paths if path.exists()]
         files = [*texts, *files]
         drawn = all(file.suffix[1:] in (self.format, self.animation) for file in files)
         self.pairs(

@@ -56,7 +56,8 @@ def _lines(progress: Progress, done: threading.Event) -> None:
         now = time.monotonic() - progress.start
         share = progress.share
         if first and share is not None and share < first[1]:
-            tenth, first = -1, None
+            tenth = -1
+            first = None
         if now - last < _SILENCE and int(10.0 * (share or 0.0)) <= tenth:
             continue
         tenth = int(10.0 * (share or 0.0))

@@ -46,7 +46,8 @@ class Integration(Remade):
         model = self._model
         steady = self._model.steady
         # At the start, the middle and the end of each step, where the methods evaluate forces.
-        rows = model.forces(start + np.arange(1 if steady else 2 * count + 1) * (0.5 * step))
+        instants = 1 if steady else 2 * count + 1
+        rows = model.forces(start + np.arange(instants) * (0.5 * step))
         begin = np.ascontiguousarray(x, dtype=float)[None]
         states, valid = self.run(begin, count, 1, step, u, rows, model.p)
         why = (

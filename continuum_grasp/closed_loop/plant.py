@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -274,11 +275,17 @@ def _section_states(plant: PlantModel, prediction: Prediction) -> dict[str, ca.S
     for plant_law, other in laws:
         if not plant_law.names(1):
             continue
-        sums = (np.cumsum([0.0, *(float(port.measure) for port in law.ports)]) for law in (plant_law, other))
-        edges, known = (each / each[-1] for each in sums)
+        edges = _shares(plant_law.ports)
+        known = _shares(other.ports)
         states = [[plant.named_states[name] for name in other.names(k + 1)] for k in range(len(other.ports))]
         for k, (start, end) in enumerate(pairwise(edges.tolist()), start=1):
             shares = np.clip(np.minimum(known[1:], end) - np.maximum(known[:-1], start), 0.0, None) / (end - start)
             for name, every in zip(plant_law.names(k), zip(*states, strict=True), strict=True):
                 section_states[name] = ca.dot(ca.DM(shares), ca.vertcat(*every))
     return section_states
+
+
+def _shares(ports: Sequence[Any]) -> Array:
+    """Ends of the parts of a finger that its ports stand for, as shares of it; the first one is 0."""
+    sums = np.cumsum([0.0, *(float(port.measure) for port in ports)])
+    return np.asarray(sums / sums[-1])

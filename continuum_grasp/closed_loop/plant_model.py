@@ -276,7 +276,8 @@ class PlantModel(Remade):
         """``(x, u, w, p, part) -> k``, as `System.implicit` with the drive's own rates; of a ``touching`` system
         also the force of the finger on the object.
         """
-        (x, u, p), part = self._of_system, ca.SX.sym("part")
+        x, u, p = self._of_system
+        part = ca.SX.sym("part")
         rates = ca.vertcat(self.elements.implicit()(x, u, self._loads, p, part), self._drive_rates)
         values = {"k": rates, **({"exerted": self._exerted} if touching else {})}
         names = ["x", "u", "w", "p", "part"]
@@ -295,7 +296,8 @@ class PlantModel(Remade):
         """
         if self.scene.object is None or not self.scene.object_moves:
             return ca.SX(4, 1)
-        pose, (along, across) = self.object_pose, self.scene.object.com
+        pose = self.object_pose
+        along, across = self.scene.object.com
         c = ca.cos(pose[2])
         s = ca.sin(pose[2])
         arms = point - (pose[:2] + ca.vertcat(c * along - s * across, s * along + c * across))

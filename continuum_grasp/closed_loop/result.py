@@ -237,7 +237,8 @@ class ControlRun(MotionResult):
         error = self.tracked - self.r
         u = self.u
         names = [split_unit(name).name for name in self.r_names]
-        inputs = [names.index(name) for name in (split_unit(name).name for name in self.u_names) if name in names]
+        commanded = [split_unit(name).name for name in self.u_names]
+        inputs = [names.index(name) for name in commanded if name in names]
         away = error[:-1, inputs] if inputs else u - np.array(self.scene.rest_input)
         held = np.vstack([u[:1], u[:-1]])
         steps = self.phase_times.sum(axis=1) if self.timed_phases else np.zeros(0)

@@ -190,7 +190,8 @@ def _loop(
     progress: Callable[[float], None],
 ) -> NumericalError | Interrupted | None:
     """Run until the end, or until what stopped it."""
-    ahead = [s.stage * np.arange(s.stages + 1.0) for s in (loop.control.stages for loop in loops)]
+    problems = [loop.control.stages for loop in loops]
+    ahead = [problem.stage * np.arange(problem.stages + 1.0) for problem in problems]
     phased = [(k, loop.phases) for k, loop in enumerate(loops) if loop.phases is not None]
     for k, phases in phased:
         phases.enter(loops[k].plant.t, loops[k].control, loops[k].plant)
@@ -316,10 +317,11 @@ def _plant_errors(shared: SharedPlant, runs: Sequence[ControlRun]) -> list[float
         return [0.0] * len(runs)
     # 50: periods that are integrated again with steps half as long; their cost does not grow with the run
     chosen = np.unique(np.linspace(0, count - 1, min(count, 50)).astype(int))
-    finer = [
-        shared.moved([run.x[k] for run in runs], [run.u[k] for run in runs], float(runs[0].t[k]), finer=2)
-        for k in chosen
-    ]
+    finer = []
+    for k in chosen:
+        states = [run.x[k] for run in runs]
+        inputs = [run.u[k] for run in runs]
+        finer.append(shared.moved(states, inputs, float(runs[0].t[k]), finer=2))
     after = chosen + 1
     errors = []
     for number, run in enumerate(runs):

@@ -97,9 +97,8 @@ class Command(Summarized):
 
     def headline(self) -> str:
         """Status and health of the command."""
-        return self.quoted(
-            None, self.status.name.lower(), f"{self.health.name.lower()} ({self.suspect})" if self.health else ""
-        )
+        health = f"{self.health.name.lower()} ({self.suspect})" if self.health else ""
+        return self.quoted(None, self.status.name.lower(), health)
 
     def pairs(self) -> dict[str, str]:
         """One line: command, iterations, time, anomalies."""
@@ -177,7 +176,9 @@ class Command(Summarized):
         >>> bool(solver.step([0.8]).gaps["angle"] < 1e-6)
         True
         """
-        s, plan, p = self._control.stages, self.plan, self._part("p")
+        s = self._control.stages
+        plan = self.plan
+        p = self._part("p")
         if s.scenarios is not None:  # the plan of the first
             p = s.scenarios.scale[0] * p + s.scenarios.shift[0]
         largest = np.abs(s.ends(plan.x[:-1], plan.u, p) - plan.x[1:]).max(axis=0).tolist()
@@ -192,7 +193,9 @@ class Command(Summarized):
     @property
     def estimate(self) -> StateEstimate:
         """State and parameters."""
-        x, p, then = self._part("x")[: self._control.stages.nd], self._part("p"), self._part("then")
+        x = self._part("x")[: self._control.stages.nd]
+        p = self._part("p")
+        then = self._part("then")
         if not then.size:
             return StateEstimate(x, p)
         root = self._part("upper").reshape(then.size, -1) * np.sqrt(np.maximum(self._part("diagonal"), 0.0))
@@ -202,7 +205,8 @@ class Command(Summarized):
     @property
     def adapted(self) -> dict[str, Adapted]:
         """Parameters of ``estimator.adapt`` by name: value, standard deviation, and whether measurements tell it."""
-        estimate, filtered = self.estimate, self._control.estimation
+        estimate = self.estimate
+        filtered = self._control.estimation
         if filtered is None or estimate.std is None:
             return {}
         return {each.name: each.read(estimate.p, self._part("then"), estimate.std) for each in filtered.adapted}
@@ -210,7 +214,8 @@ class Command(Summarized):
     @property
     def contact_forces(self) -> ContactForces | None:
         """Normal forces on the object and how well they are known; None without an object or an estimator."""
-        estimate, filtered = self.estimate, self._control.estimation
+        estimate = self.estimate
+        filtered = self._control.estimation
         if filtered is None or filtered.contact_forces is None or estimate.covariance is None:
             return None
         # Disturbances are constant from the measurement on.

@@ -58,8 +58,13 @@ class CompiledController(Remade, Summarized):
 
     def _compile(self, parts: ControlParts, precision: str, deadline: float, steps: float = math.inf) -> None:
         """Compile from parts, whose commands are late after ``deadline`` [s], for so many steps."""
-        s, n, estimation = parts.stages, parts.stages.stages, parts.estimation
-        self.parts, self.stages, self.period, self.precision = parts, s, parts.calls.period, CReal.named(precision).name
+        s = parts.stages
+        n = parts.stages.stages
+        estimation = parts.estimation
+        self.parts = parts
+        self.stages = s
+        self.period = parts.calls.period
+        self.precision = CReal.named(precision).name
         self.measurement_names = parts.measurement_names
         # With an infinite deadline no command is late.
         self._deadline_ns = 1e9 * (deadline if deadline == math.inf else CheckedArgument("deadline", deadline).number())
@@ -93,7 +98,10 @@ class CompiledController(Remade, Summarized):
         z = np.zeros(self._nz)
         z[: x.size] = x
         self._c.give("cg_start", z, u, self.stages.p_nominal)
-        self._step, self._late, self._time, self._believed = 0, False, math.nan, True
+        self._step = 0
+        self._late = False
+        self._time = math.nan
+        self._believed = True
         self._own = {key: (value, 0.0) for key, (value, _) in self._own.items()}
         self._targets = None
         self._counts = Statistics()
@@ -208,12 +216,14 @@ class CompiledController(Remade, Summarized):
         >>> controller = cg.Controller("configs/mpc/steady_tip.yaml", deadline=np.inf)
         >>> controller.change(weights={"tip": 4e3, "effort": 0.1}, u_max={"tension_2": 30.0})
         """
-        changed, of = dict(self._settings), {member.name: member.of for member in CHANGEABLE}
+        changed = dict(self._settings)
+        of = {member.name: member.of for member in CHANGEABLE}
         for name, setting in settings.items():
             if name not in of:
                 raise InputError(f"expected some of {', '.join(of)}, got {name!r:.60}", key=name)
             if isinstance(setting, Mapping):
-                names, groups = getattr(self.stages, f"{of[name]}_names"), self.cost_terms if of[name] == "r" else {}
+                names = getattr(self.stages, f"{of[name]}_names")
+                groups = self.cost_terms if of[name] == "r" else {}
                 setting = named(name, setting, names, changed[f"rti.{name}"], groups)
             value = CheckedArgument(name, setting).vector(getattr(self.stages, name).size)
             if name[:2] not in ("u_", "c_") and np.any(value < 0.0):
@@ -258,7 +268,9 @@ class CompiledController(Remade, Summarized):
     def restore(self, saved: bytes) -> None:
         """Continue from a saved state, which must be of the same problem, version and precision."""
         self._step, late = self._c.restore(saved)
-        self._late, self._time, self._believed = bool(late), math.nan, True
+        self._late = bool(late)
+        self._time = math.nan
+        self._believed = True
 
     def __reduce_ex__(self, protocol: SupportsIndex) -> Any:
         for key, (value, _) in self._own.items():
@@ -329,7 +341,8 @@ class CompiledController(Remade, Summarized):
         if not set(unknown) <= set(self.nominal_setpoints.parts):
             self._replaced(unknown)  # raises
         moved = self._replaced({**others, **requested})
-        self._own, self._targets = {**others, **requested}, moved
+        self._own = {**others, **requested}
+        self._targets = moved
 
     @property
     def current_setpoints(self) -> dict[str, Array]:
@@ -345,11 +358,13 @@ class CompiledController(Remade, Summarized):
 
     def _following(self) -> Setpoints:
         if self._targets is None:
-            self._targets, self._chunk = self._replaced(self._own), -1
+            self._targets = self._replaced(self._own)
+            self._chunk = -1
         return self._targets
 
     def _replaced(self, replacements: Mapping[str, tuple[Any, float]]) -> Setpoints:
-        setpoints, self._chunk = self.nominal_setpoints, -1
+        setpoints = self.nominal_setpoints
+        self._chunk = -1
         for key, (value, since) in replacements.items():
             setpoints = setpoints.replaced({key: value}, since, self.stages.stage)
         return setpoints
@@ -383,7 +398,8 @@ class CompiledController(Remade, Summarized):
         }
         messages = []
         for name, value in arguments.items():
-            shape, expected = _shape(value), shapes[name]
+            shape = _shape(value)
+            expected = shapes[name]
             if value is None or isinstance(value, Mapping) or shape in expected:
                 continue
             got = CheckedArgument(name, value).shown(80) if shape in (None, ()) else str(shape)

@@ -75,5 +75,10 @@ class ControlLog:
         """The log as CSV: ``t [s]``, a column per command, its name behind ``commanded_``, and one per measurement."""
         headings = ["t [s]", *(self.COMMANDED + name for name in self.u_names), *self.y_names]
         rows = np.column_stack([self.t, self.u, self.y])
-        lines = [",".join("" if np.isnan(value) else f"{value:.7g}" for value in row) for row in rows]
+        lines = [",".join(map(_cell, row)) for row in rows]
         return "\n".join([",".join(headings), *lines, ""])
+
+
+def _cell(value: float) -> str:
+    """A number in the table of a log; empty where it is missing."""
+    return "" if np.isnan(value) else f"{value:.7g}"

@@ -104,7 +104,9 @@ class ControlParts:
     @staticmethod
     def of_scene(scene: ControlScene, model: Prediction) -> ControlParts:
         """Parts of a scene, whose model exists already."""
-        asked, stages, estimation = scene.controller, stages_of(scene, model), None
+        asked = scene.controller
+        stages = stages_of(scene, model)
+        estimation = None
         _check_period(asked.step, stages, "controller.period")
         if scene.estimator is not None:
             estimation = estimation_of(scene, model, stages.method)
@@ -189,7 +191,9 @@ class ControlParts:
 
         ``iterations`` is the type in which the real-time iterations compute; empty: they have theirs already.
         """
-        s, e, sizes = self.stages, self.estimation, dict[str, int]()
+        s = self.stages
+        e = self.estimation
+        sizes = dict[str, int]()
         if controls:
             dimensions = {"ND": s.nd, "NM": len(self.measurement_names), "NS": len(self.sensor_names)}
             dimensions |= {"ESTIMATES": int(e is not None)}
@@ -322,7 +326,8 @@ def _unsupervised(stages: Stages) -> Settings:
 
 def _supervised(scene: ControlScene, stages: Stages, estimation: Estimation | None, touches: bool) -> Settings:
     """Members of ``supervisor_settings`` of a scene."""
-    asked, period = scene.controller, scene.controller.step
+    asked = scene.controller
+    period = scene.controller.step
     names = estimation.measurement_names if estimation is not None else tuple("x" * stages.nd)
     devices = estimation.sensor_names if estimation is not None else ()
     sensor = [devices.index(estimation.device(name)) for name in names] if estimation is not None else [0] * len(names)
@@ -331,7 +336,8 @@ def _supervised(scene: ControlScene, stages: Stages, estimation: Estimation | No
     checks_frozen = scene.estimator is not None and scene.estimator.frozen and scene.plant.noise > 0.0
     crossing = _CROSSING * scene.finger.rod.natural_time
     rate = np.minimum(asked.input.rate_max or math.inf, (stages.u_max - stages.u_min) / crossing)
-    tip, length = _first("tip_x [m]", names), scene.finger.rod.length
+    tip = _first("tip_x [m]", names)
+    length = scene.finger.rod.length
     return {
         "window": _window(scene) if asked.supervisor else 0,
         "delay": scene.delay_periods + _SETTLING,

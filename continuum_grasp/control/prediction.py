@@ -137,7 +137,8 @@ class Prediction(Remade):
         )
         # Those of lags come first; of winches there are no others before them.
         states = [k for k, name in enumerate(self.x_names) if re.fullmatch(driven, name)]
-        winches, limits = self.system.finger_model.structure.winches, self.scene.input_limits
+        winches = self.system.finger_model.structure.winches
+        limits = self.scene.input_limits
         drives = [(arms, lag) for arms, lag in _drives(self.scene) if lag is not None]
         drive_states = [
             DriveState(
@@ -248,7 +249,8 @@ class Prediction(Remade):
     @cached_property
     def contact_force(self) -> ca.Function:
         """Normal force at each place where the finger may touch the object, known forces included [N]."""
-        touch, known = self.system.touch(*self.arguments), self.arguments[2]
+        touch = self.system.touch(*self.arguments)
+        known = self.arguments[2]
         forces = [touch[1][k] for k in range(len(self.contact_names))]
         if known.numel():
             # A force known at the same place stands for contact too: its part along the object's outward normal adds.
@@ -275,7 +277,8 @@ class Prediction(Remade):
         drives = self.scene.finger.winches
         for k, (drive, at) in enumerate(zip(drives, self.driven, strict=False)):
             if isinstance(drive, MotorDrive) and drive.position_gain is not None:
-                angle, rate = self.x[at.state], self.x[at.state + 1]
+                angle = self.x[at.state]
+                rate = self.x[at.state + 1]
                 asked = drive.position_gain * (self.u[k] - angle) - drive.rate_gain * rate
                 shares.append(asked / drive.torque_max)
         return ca.vertcat(ca.SX(0, 1), *shares)
@@ -324,7 +327,8 @@ class Prediction(Remade):
 
         Errors are as in ``initial_state``.
         """
-        finger, scene = self.system.finger_model, self.scene
+        finger = self.system.finger_model
+        scene = self.scene
         # Equilibria are of the finger alone, as in simulated scenes.
         alone = Scene(
             finger=scene.finger,
@@ -366,7 +370,8 @@ class Prediction(Remade):
             gap = self.system.touch(*self.arguments)[0]
             pressed = gap + (touch_law.rounding + self.system.greatest_press / touch_law.law.stiffness)
             jacobian = self.system.pressed_linearization(*self.arguments, pressed)
-        linearized, n = ca.Function("jacobian", symbols, [jacobian]), self.system.n
+        linearized = ca.Function("jacobian", symbols, [jacobian])
+        n = self.system.n
         of_system = ca.Function("of_system", symbols, [*self._of_system])
         # The seed is fixed: the number of steps follows, and with it the generated C, which must repeat.
         rng = np.random.default_rng(0)

@@ -127,8 +127,12 @@ class Struct:
     @property
     def numbered(self) -> list[tuple[int, str]]:
         """Members and entries of arrays, the last index fastest, as in C, counted from zero."""
-        shapes = [(field.name, itertools.product(*map(range, field.shape))) for field in self.fields]
-        return list(enumerate(name + "".join(f"[{k}]" for k in at) for name, indices in shapes for at in indices))
+        names = []
+        for field in self.fields:
+            for place in itertools.product(*map(range, field.shape)):
+                indices = "".join(f"[{k}]" for k in place)
+                names.append(field.name + indices)
+        return list(enumerate(names))
 
 
 def to_digits(value: float, digits: int, rounding: Callable[[float], float]) -> float:
@@ -164,7 +168,8 @@ def identifiers(labels: Iterable[str]) -> list[str]:
         name = re.sub(r"\W+", "_", split_unit(label).name, flags=re.ASCII).strip("_")
         name = f"_{name}" if name[:1].isdigit() else name or "unnamed"
         further = (f"{name}_{count}" for count in itertools.count(2))
-        names.append(name if name not in names else next(candidate for candidate in further if candidate not in names))
+        candidates = itertools.chain([name], further)
+        names.append(next(candidate for candidate in candidates if candidate not in names))
     return names
 
 

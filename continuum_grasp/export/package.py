@@ -203,7 +203,8 @@ def _package(
     vectors, files, errors = _checked(contents, limit, lambda share, text: report(0.3 + 0.6 * share, text))
     report(0.9, "writing the files")
     files |= _further_files(contents, target, vectors)
-    checked = Report({v.name: v.count for v in vectors}, errors, measure(files, target) if options.measured else None)
+    measured = measure(files, target) if options.measured else None
+    checked = Report({v.name: v.count for v in vectors}, errors, measured)
     files["README.md"] = readme(
         contents,
         checked,

@@ -103,7 +103,8 @@ def example_files(contents: Contents, target: str) -> dict[str, str]:
     subject = contents.subject
     names = {part.name for part in contents.parts}
     core = _core(target) or ("cortex-m4f" if subject.real.name == "float" else "cortex-m7")
-    files = {name: contents.fill(name, core=core) for name in (f"examples/baremetal/{name}" for name in _BARE_METAL)}
+    templates = [f"examples/baremetal/{name}" for name in _BARE_METAL]
+    files = {template: contents.fill(template, core=core) for template in templates}
     if "step" in names:
         words = _step_words(subject)
         files |= {name: contents.fill(name, **words) for name in ("examples/loop.c", "examples/cuda/batch.cu")}

@@ -243,7 +243,8 @@ def _finger(chain: HandFingerChain, armature: float, damping: float, edge: float
         capsule = max(radius - edge, _THIN)
         touch = {"margin": numbers(radius - capsule + edge)} if edge > 0.0 else {}
         touch |= {"condim": "4"} if torsional > 0.0 else {}
-        place = {"name": f"{name}_{k + 1}", "pos": numbers(0.0, begin - links.span(k - 1)[0] if k > -1 else 0.0, 0.0)}
+        along = begin - links.span(k - 1)[0] if k > -1 else 0.0
+        place = {"name": f"{name}_{k + 1}", "pos": numbers(0.0, along, 0.0)}
         if k < 0:
             place |= {"pos": numbers(*chain.frame.base), "quat": numbers(*quaternion(chain.frame.axes))}
         geom = {

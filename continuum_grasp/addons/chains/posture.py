@@ -115,7 +115,8 @@ class HandFingerChain:
 
 def _turned(axis: int, angle: float) -> Array:
     """Matrix (3, 3) of a turn about an axis of coordinates."""
-    matrix, (j, k) = np.eye(3), ((axis + 1) % 3, (axis + 2) % 3)
+    matrix = np.eye(3)
+    j, k = (axis + 1) % 3, (axis + 2) % 3
     matrix[j, j] = matrix[k, k] = np.cos(angle)
     matrix[k, j] = np.sin(angle)
     matrix[j, k] = -matrix[k, j]

@@ -78,7 +78,8 @@ class HandInMujoco:
     @property
     def moved(self) -> Array:
         """Displacement of the object's center of mass [m] and its turn as a vector [rad] since the start (6,)."""
-        (place, axes), (first, before) = self._pose(), self.start
+        place, axes = self._pose()
+        first, before = self.start
         turn = axes @ before.T
         most = float(self.away[1])
         about = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
@@ -87,7 +88,8 @@ class HandInMujoco:
     @property
     def away(self) -> Array:
         """Displacement of the object's center of mass [m] and its turn [rad] since the start (2,)."""
-        (place, axes), (first, before) = self._pose(), self.start
+        place, axes = self._pose()
+        first, before = self.start
         cosine = 0.5 * (float(np.sum(axes * before)) - 1.0)
         return np.array([np.linalg.norm(place - first), math.acos(min(max(cosine, -1.0), 1.0))])
 

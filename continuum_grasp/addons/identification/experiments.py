@@ -177,8 +177,12 @@ def _measured(
     paths, arrays = sources_of(data)
     if not (paths or arrays):
         return None, ()
-    sets = sets_of(scene, paths) if paths else ()
-    problem = posed(scene.model_copy(update={"data": sets}) if paths else scene, data, scene.estimate).problem
+    sets: tuple[DataSet, ...] = ()
+    measured = scene
+    if paths:
+        sets = sets_of(scene, paths)
+        measured = scene.model_copy(update={"data": sets})
+    problem = posed(measured, data, scene.estimate).problem
     return (problem, problem.solve(report)), sets
 
 

@@ -230,7 +230,8 @@ def posed(
     """
     scene, note = resolved(scene)
     unknowns = [] if sought is None else read_unknowns(scene, sought)
-    (paths, arrays), blocks = sources_of(data), list[MeasuredBlock]()
+    paths, arrays = sources_of(data)
+    blocks = list[MeasuredBlock]()
     # those in files come first; the files that the scene names where nothing is given
     pairs = arrays if arrays and not paths else [*read_data(scene, paths, beside=beside), *arrays]
     if not pairs:

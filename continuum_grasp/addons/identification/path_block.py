@@ -98,7 +98,8 @@ class PathBlock(MeasuredBlock):
         names = [split_unit(label)[0] for label in model.p_names]
         self._passed = list[Array]()
         if data.start == "estimated":
-            at, (shares, slopes) = self._t[:1], set_by(unknowns, names)
+            at = self._t[:1]
+            shares, slopes = set_by(unknowns, names)
             p = shares * model.p_nominal + slopes @ np.array([unknown.start for unknown in unknowns])
             acting = np.concatenate([self._signals.u(at)[0], self._signals.w(at)[0], p])
             measured = MeasuredStart(model, readings, self._t, acting, data.name)
@@ -288,7 +289,8 @@ class _Grid:
     """Equal steps on which the instants lie, or between which they are interpolated by cubics."""
 
     def __init__(self, t: Array, rate: float) -> None:
-        gap = float(np.diff(np.append(0.0, t) if t[0] > 0.0 else t).min())
+        instants = np.append(0.0, t) if t[0] > 0.0 else t
+        gap = float(np.diff(instants).min())
         shares = t / gap
         # instants as they stand in files, rounded
         self._even = bool(np.all(np.abs(shares - np.round(shares)) < 1e-6))

@@ -156,7 +156,8 @@ class Periods:
         noises = []
         scene = self.controller.scene
         for name in self._names:
-            (t, values), std = self._columns[name], math.nan
+            t, values = self._columns[name]
+            std = math.nan
             if len(t) > 8:
                 at, y = (np.lib.stride_tricks.sliding_window_view(v, 4) for v in (t, values))
                 apart = at[:, :, None] - at[:, None, :] + np.eye(4)
@@ -308,7 +309,8 @@ def columns_of(
     else:
         called = {} if scene is None else scene.log.columns
         table = _table(str(log), [split_unit(label).name for label in wanted], called, scene)
-        heading, unit = split_unit(called.get("t", "t" if "t" in table.headings else "time"))
+        usual = "t" if "t" in table.headings else "time"
+        heading, unit = split_unit(called.get("t", usual))
         named = table.named()
         columns = {}
         t = table.in_si(heading, "s", unit or None)

@@ -69,7 +69,8 @@ def plot_shapes(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
     names = [name for name in sets if len(drawn[name][0].at)][:_PANELS]
     panels = _panels(len(names), ax, 5.6, 4.4)
     for axes, name in zip(panels, names, strict=False):
-        rows, (lines, over_time) = np.array(sets[name]), drawn[name]
+        rows = np.array(sets[name])
+        lines, over_time = drawn[name]
         index = rows[:, 2:].astype(int)
         measured, predicted = result.measured[index], result.predictions[index]
         shown = np.isin(rows[:, 0], lines.at)
@@ -194,7 +195,8 @@ def plot_innovations(replay: Replay, *, ax: Sequence[Axes] | None = None) -> lis
     panels = _panels(len(names), ax, 4.6, 3.0)
     for k, (axes, name) in enumerate(zip(panels, names, strict=False)):
         j = k - len(replay.compared_names)
-        factor, unit = _shown_in(split_unit(name).unit, replay.innovation[:, k] if j < 0 else replay.logged[:, j])
+        values = replay.innovation[:, k] if j < 0 else replay.logged[:, j]
+        factor, unit = _shown_in(split_unit(name).unit, values)
         if k < len(replay.compared_names):
             band = 3.0 * factor * replay.innovation_std[:, k]
             axes.fill_between(

@@ -129,7 +129,8 @@ class RestShapes:
         for row, own in enumerate(last):
             # Of a sequence the first row has the scene's own history, each of the others that of the one before.
             carried = self._sequence and row > 0
-            rows.append(self.row(row, values, rows[-1] if carried else own, carried=carried))
+            before = rows[-1] if carried else own
+            rows.append(self.row(row, values, before, carried=carried))
         return rows
 
     def row(self, row: int, values: Array, before: Resting, *, carried: bool = False) -> Resting:

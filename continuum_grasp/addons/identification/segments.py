@@ -150,7 +150,8 @@ class CommandDesign:
 
     def _reach(self, pattern: DrivePattern) -> float:
         """Greatest factor of a pattern at rest."""
-        low, high = 0.0, pattern.most
+        low = 0.0
+        high = pattern.most
         # 12: bisections of the greatest command: to a part in 4000
         for _ in range(12):
             middle = 0.5 * (low + high)

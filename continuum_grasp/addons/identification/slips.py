@@ -108,7 +108,8 @@ def late(motions: Sequence[tuple[Array, Array, Array]]) -> PossibleMistake | Non
 
 def _missed(motions: Sequence[tuple[Array, Array, Array]], shift: float) -> float:
     """Mean square of what motions are off, each column per its range, if their rows are late by a ``shift`` [s]."""
-    total, count = 0.0, 0
+    total = 0.0
+    count = 0
     for t, measured, predicted in motions:
         inside = (t + shift >= t[0]) & (t + shift <= t[-1])
         moved = np.column_stack([np.interp(t[inside] + shift, t, column) for column in measured.T])
@@ -165,9 +166,11 @@ def _undone_data(slip: PossibleMistake, data: Data) -> Data:
     def read(readings: Sequence[Reading]) -> tuple[Reading, ...]:
         corrected = []
         for reading in readings:
-            quantity, _, of = slip.columns.get(_column(reading), (_column(reading), 1.0))[0].partition(" ")
-            values = scaled(_column(reading), reading.values)
-            corrected.append(replace(reading, quantity=quantity, of=int(of) if of else reading.of, values=values))
+            column = _column(reading)
+            meant = slip.columns.get(column, (column, 1.0))[0]
+            quantity, _, of = meant.partition(" ")
+            number = int(of) if of else reading.of
+            corrected.append(replace(reading, quantity=quantity, of=number, values=scaled(column, reading.values)))
         return tuple(corrected)
 
     if isinstance(data, TipPath):

@@ -94,10 +94,13 @@ def find_drop(record: MissionRecord, sunk: Array) -> Drop | None:
             continue  # firm until the end, or nothing that had to hold
         at = max(begin, int(np.searchsorted(t, lift)))
         pressed = float(normal[at].sum())
+        how: Literal["slipped", "parted", "absent"] = "slipped" if pressed > 0.0 else "parted"
+        if at > begin:
+            how = "absent"
         slips.append(
             SlippedContact(
                 contact=name,
-                how="absent" if at > begin else "slipped" if pressed > 0.0 else "parted",
+                how=how,
                 time=float(t[at]),
                 friction=float(friction[at, rows[0]]),
                 normal_force=pressed,

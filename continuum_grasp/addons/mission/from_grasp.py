@@ -316,7 +316,8 @@ class _Task:
                 overlaps = share == 0.0 and min(gaps) < 0.0
                 nearest = float(places[int(np.argmin(gaps))]) * (-1.0 if overlaps else 1.0)
                 break
-            before, q = u, shape.q
+            before = u
+            q = shape.q
         angles = [float(free.orientation(q, before, edge, free.p_nominal)) for edge in self.edges]
         return before, np.array(angles), nearest
 

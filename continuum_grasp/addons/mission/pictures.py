@@ -84,7 +84,8 @@ def mission_frames(mission: MissionRun, indices: NDArray[Any], width: int) -> It
     arrows = held.arrows(_forces_at(mission, unique), _least_force(mission))
     film = held.film(shapes, poses, 0.09 * mission.length, width)
     ax = film.ax
-    ahead = [film.prediction("" if k else "predicted tip") for k in range(len(mission.runs))]
+    labels = ["predicted tip"] + [""] * (len(mission.runs) - 1)
+    ahead = [film.prediction(label) for label in labels]
     clock = film.clock()
     StyledAxes(ax).head(mission.name)
 
@@ -209,7 +210,9 @@ def _draw_phases(ax: Axes, mission: MissionRun, end: float) -> None:
 
 
 def _draw_inputs(ax: Axes, mission: MissionRun) -> None:
-    curves = [(finger, run, k) for finger, run in mission.fingers.items() for k in range(len(run.u_names))]
+    curves = []
+    for finger, run in mission.fingers.items():
+        curves += [(finger, run, k) for k in range(len(run.u_names))]
     for (finger, run, k), color in zip(curves, Color.distinct(len(curves)), strict=True):
         name = run.u_names[k]
         what = run.scene.finger.inputs[k].name.replace("_", " ")
@@ -218,7 +221,8 @@ def _draw_inputs(ax: Axes, mission: MissionRun) -> None:
         if name in run.r_names:
             ax.plot(run.t, run.r[:, run.r_names.index(name)], color=color, linewidth=0.9, linestyle="--")
     ax.plot([], [], color=Color.GRAY, linewidth=0.9, linestyle="--", label="setpoint")
-    for limit in np.unique([limit for run in mission.runs for limit in (*run.u_min, *run.u_max)]):
+    limits = [(*run.u_min, *run.u_max) for run in mission.runs]
+    for limit in np.unique(np.concatenate(limits)):
         ax.axhline(limit, color=Color.GRAY, linewidth=0.9, linestyle=":", zorder=1)
     ax.plot([], [], color=Color.GRAY, linewidth=0.9, linestyle=":", label="limit")
 
@@ -299,7 +303,9 @@ def plot_trials(outcomes: Sequence[Outcome]) -> list[Axes]:
     good = np.array([outcome.succeeded for outcome, _ in judged], dtype=bool)
     varied = [outcome.variation for outcome, _ in judged]
     scales = ("stiffness", "damping", "mass", "friction")
-    abscissas = {f"{name} [1]": [getattr(variation, name) for variation in varied] for name in scales}
+    abscissas = {}
+    for name in scales:
+        abscissas[f"{name} [1]"] = [getattr(variation, name) for variation in varied]
     abscissas["shift x [mm]"] = [1e3 * variation.shift[0] for variation in varied]
     abscissas["shift y [mm]"] = [1e3 * variation.shift[1] for variation in varied]
     ordinates = {

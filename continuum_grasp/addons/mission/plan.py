@@ -96,14 +96,16 @@ def mission_settings(
     period = of.control.controller.step
     patience = of.mission.phases.squeeze
     last = f"leave {table.strokes[-1]}" if table.strokes else ""
-    begins = [_BEGINS.get("leave last" if name == last else name.partition(" ")[0]) for name in names]
+    kinds = ["leave last" if name == last else name.partition(" ")[0] for name in names]
+    begins = [_BEGINS.get(kind) for kind in kinds]
     follows = list(_FOLLOWED)
     # One drive follows one of them. Rates stay weighted, since they damp all.
     every = tuple(prefix for prefixes in _FOLLOWED.values() for prefix in prefixes)
     weights = []
     for prefixes in _FOLLOWED.values():
         off = tuple(prefix for prefix in every if prefix not in prefixes)
-        weights.append(np.where([not n.startswith(off) or "rate" in n for n in stages.r_names], stages.weights, 0.0))
+        followed = [not name.startswith(off) or "rate" in name for name in stages.r_names]
+        weights.append(np.where(followed, stages.weights, 0.0))
     low, high = (np.clip(limit, -Stages.ABSENT, Stages.ABSENT) for limit in of.holding)
     # A controller, to which contacts are smooth and the object stays, may expect less force of more tension up to some
     # way short of the grasp, and settles there, or lets the other tendon pull against the one that closes: fingers that
@@ -259,7 +261,8 @@ class PhasePlan:
 
     def release(self, t: float, controller: Any, plant: Any, *, at_once: bool = False) -> None:
         """Let the object go: lowered first where it may hang, or ``at_once``."""
-        self._step(t, controller, plant.command, PhaseCall.ABORT if at_once else PhaseCall.RELEASE)
+        call = PhaseCall.ABORT if at_once else PhaseCall.RELEASE
+        self._step(t, controller, plant.command, call)
 
     def _step(
         self,

@@ -286,7 +286,8 @@ def _deviation(name: str, model: Prediction, plan: MotionPlan, planned: Array, s
     off = distances(places(model, at_nodes, plan.u), planned)
     rates = np.array(model.bending_rate(states[-1], plan.u[-1], p)).ravel()
     force = np.array(model.contact_force(states[-1], plan.u[-1], p)).ravel() if model.contact_names else ()
-    (tip, body), (final_tip, final_body) = off.max(axis=0).tolist(), off[-1].tolist()
+    tip, body = off.max(axis=0).tolist()
+    final_tip, final_body = off[-1].tolist()
     return Deviation(name, tip, final_tip, float(np.abs(rates).max()), tuple(map(float, force)), body, final_body)
 
 

@@ -92,11 +92,13 @@ def add_shooting(
     ``resolution`` is the number of steps per interval, and of stages per step. Returns the motion over an interval, and
     the numbers that it reads in each.
     """
-    intervals, (steps, stages) = len(grid.v), resolution
+    intervals = len(grid.v)
+    steps, stages = resolution
     term = shooting_interval(flow, motion.ns, intervals, steps, stages)
     rows = _defects(assembly, motion, intervals)
     into = np.hstack([rows, np.full((intervals, 1), OBJECTIVE)])
-    data = motion.numbers((np.arange(intervals)[:, None] + np.linspace(0.0, 1.0, steps + 1)) / intervals)
+    times = np.arange(intervals)[:, None] + np.linspace(0.0, 1.0, steps + 1)
+    data = motion.numbers(times / intervals)
     assembly.add(term, grid.reads(grid.s[:-1]), into, data, np.append(np.ones(motion.ns), weight))
     assembly.add_linear(rows, grid.s[1:], -1.0)
     return term, [ca.DM(each.T) for each in data]
@@ -118,7 +120,8 @@ def add_collocation(assembly: Assembly, motion: PlannedMotion, grid: PlanGrid, w
         for columns, rate in zip(grid.basis.swapaxes(0, 1), rates[:, j], strict=True):
             assembly.add_linear(rows, columns, rate)
     rows = _defects(assembly, motion, intervals)
-    for columns, end in zip(grid.basis[np.cumsum(grid.counts) - 1].swapaxes(0, 1), ends.ravel(), strict=True):
+    last = grid.basis[np.cumsum(grid.counts) - 1]
+    for columns, end in zip(last.swapaxes(0, 1), ends.ravel(), strict=True):
         assembly.add_linear(rows, columns, end)
     assembly.add_linear(rows, grid.s[1:], -1.0)
 
@@ -180,10 +183,12 @@ class StateBounds:
         x, u, _, p, _ = motion.physical
         basis = ca.SX.sym("basis", motion.ns, size)
         share = ca.SX.sym("share", size)
-        value = ca.substitute(motion.rows(x, u, p)[entries], z[: motion.ns], ca.mtimes(basis, share))
+        rows = motion.rows(x, u, p)[entries]
+        value = ca.substitute(rows, z[: motion.ns], ca.mtimes(basis, share))
         z = ca.vertcat(ca.vec(basis), z[motion.ns :])
         term = derived("rows", z, ca.vertcat(numbers, share), value, exact=motion.exact)
-        data = np.hstack([np.tile(motion.numbers([0.0]), (count, 1)), weights])
+        same = np.tile(motion.numbers([0.0]), (count, 1))
+        data = np.hstack([same, weights])
         return term, np.hstack([states.reshape(count, -1), held]), data
 
     def _soften(self, rows: Indices, linear: Array, quadratic: Array, share: Array | float) -> None:

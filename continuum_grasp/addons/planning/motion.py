@@ -84,7 +84,9 @@ class PlannedMotion:
     def scaled_state(self, x: ArrayLike, u: ArrayLike) -> Array:
         """States (..., ns) of the problem."""
         parts = [np.asarray(x) / self.scales.x]
-        return np.concatenate([*parts, np.asarray(u) / self.scales.u] if self.linear else parts, axis=-1)
+        if self.linear:
+            parts.append(np.asarray(u) / self.scales.u)
+        return np.concatenate(parts, axis=-1)
 
     @cached_property
     def _rates(self) -> Array:

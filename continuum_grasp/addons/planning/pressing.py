@@ -55,7 +55,8 @@ class PressingPostures:
 
     def ramps(self, postures: list[Posture]) -> Iterator[Path]:
         """Inputs that rise to their limits, each alone and towards postures, without states."""
-        u, (low, high) = self.first.u, (np.array(limit) for limit in self.motion.scene.input_limits)
+        u = self.first.u
+        low, high = (np.array(limit) for limit in self.motion.scene.input_limits)
         alone = [np.diag(limit - u) for limit in (high, low)]
         ways = np.vstack([*alone, *(posture.u - u for posture in postures)])
         rise = np.linspace(0.0, 1.0, _RAMP_NODES + 1)[:, None]

@@ -100,14 +100,17 @@ class PlanProblem:
 
     def rates(self, w: Array) -> Array:
         """Eigenvalues [1/s] of the motion at the nodes of a plan by single shooting."""
-        (_, data), size, grid = self.interval, self.motion.ns, self.grid
+        _, data = self.interval
+        size = self.motion.ns
+        grid = self.grid
         places = zip(grid.reads(grid.s[:-1]), data, strict=True)
         slopes = [np.array(self.motion.flow.jacobian(w[columns], d[:, 0]))[:size, :size] for columns, d in places]
         return np.asarray(np.linalg.eigvals(np.array(slopes)).ravel()) / self.path(w).duration
 
     def outpaced(self, w: Array) -> bool:
         """Whether a motion is faster somewhere than the steps of single shooting are stable for."""
-        (steps, stages), rates = self.steps, self.rates(w)
+        steps, stages = self.steps
+        rates = self.rates(w)
         step = self.path(w).duration / (len(self.grid.v) * steps)
         return bool((np.abs(amplification(stages, rates[rates.real < 0.0] * step)) > 1.0).any())
 
@@ -271,7 +274,8 @@ class PlanProblem:
         if motion.tracked is not None:
             # Half the weighted squared errors at the end, of what the state has, under the input that is held there.
             x, u, _, p, r = motion.physical
-            count, (z, d) = motion.tracked.of_state, motion.node
+            count = motion.tracked.of_state
+            z, d = motion.node
             errors = (motion.outputs(x, u, p) - r)[:count]
             weighted = ca.DM(np.sqrt(motion.tracked.weights[:count, 1])) * errors
             half = 0.5 * ca.dot(weighted, weighted)

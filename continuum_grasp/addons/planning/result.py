@@ -224,7 +224,8 @@ class MotionPlan(MotionResult):
 
     def pairs(self) -> dict[str, str]:
         """Objective, duration, where the tip ends, active constraints, effort, and how it fares in a simulation."""
-        (x, y), aim = self.tip[-1], self.scene.goal.contact_force
+        x, y = self.tip[-1]
+        aim = self.scene.goal.contact_force
         asked = f"; asked {_listed(aim.value)}" if aim else ""
         rows = {
             "objective": f"{self.objective:.6g} {self.objective_unit} ({self.scene.objective})",
@@ -401,10 +402,10 @@ class MotionPlan(MotionResult):
         """
         run = cls.read(folder)
         meta, data = run.meta, run.arrays
-        constraints = {
-            name: Constraint(name, about["key"], about["unit"], *(data[f"constraint {name} {part}"] for part in _PARTS))
-            for name, about in meta["constraints"].items()
-        }
+        constraints = {}
+        for name, about in meta["constraints"].items():
+            parts = [data[f"constraint {name} {part}"] for part in _PARTS]
+            constraints[name] = Constraint(name, about["key"], about["unit"], *parts)
         state = {name.removeprefix("solver "): data[name] for name in data if name.startswith("solver ")}
         deviation, finer = (
             None if entries is None else Deviation(**{**entries, "contact_forces": tuple(entries["contact_forces"])})

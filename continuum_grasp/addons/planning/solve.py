@@ -111,7 +111,9 @@ def _result(search: PlanSearch) -> MotionPlan:
         if search.diagnosis is not None and not search.budget.stopped:
             problem, attempt = search.nearest
     else:
-        (status, message), advice, violated = _success(search, attempt), "", ()
+        status, message = _success(search, attempt)
+        advice = ""
+        violated = ()
     path = problem.path(attempt.x)
     multipliers = attempt.multipliers
     lead = "" if violated else _lead(scene, path.u, path.duration, motion.input_unit)

@@ -90,7 +90,8 @@ class SweepPlan:
     def point(self, index: int) -> SweepPoint:
         """The scene of a number: draws change fastest, then the last key of the grid."""
         # Every place of the grid meets the same draws: differences between places are not those of samples.
-        place, draw = divmod(index, 1 if self.sweep.sample is None else self.sweep.sample.count)
+        draws = 1 if self.sweep.sample is None else self.sweep.sample.count
+        place, draw = divmod(index, draws)
         values: list[Any] = []
         labels: list[Any] = []
         for axis, k in zip(self.variation.axes, np.unravel_index(place, self._counts), strict=True):

@@ -335,7 +335,8 @@ def _zones(scene: ControlScene) -> dict[str, Any]:
 
 def _tendon(tendon: Tendon, at: Array, length: float) -> dict[str, Any]:
     """Distances of a tendon from the backbone [m] at the sections up to its end, and its greatest tension [N]."""
-    (first, last), end = tendon.offsets, tendon.end(length)
+    first, last = tendon.offsets
+    end = tendon.end(length)
     sections = at[at <= end * (1.0 + 1e-9)]
     return {
         "offset": [round(float(v), _DIGITS) for v in first + (last - first) * sections / end],

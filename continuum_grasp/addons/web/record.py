@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -51,8 +51,8 @@ class RecordedStates:
         return {"dt": self.dt, "u": self._at(self.u, at), "w": self._at(self.w, at)}
 
     def _at(self, rows: list[Any], at: Array) -> list[Any]:
-        columns = np.array(rows).T
-        return rounded(np.array([np.interp(at, self.t, column) for column in columns]).T.reshape(len(at), -1))
+        columns = [np.interp(at, self.t, column) for column in np.array(rows).T]
+        return rounded(np.array(columns).T.reshape(len(at), -1))
 
 
 def rounded(rows: ArrayLike) -> list[Any]:
@@ -110,8 +110,13 @@ def loop_record(run: ControlRun, plant: WebPlant, changes: Sequence[Any] = ()) -
         z=rounded(np.vstack([z, z[-1:]])[chosen]),
         known=rounded(np.vstack([known, known[-1:]])[chosen]),
         reference=rounded(np.array([np.interp(at, run.t, column) for column in run.r.T]).T),
-        changes=[{k: v if k == "t" else rounded([v])[0] for k, v in change.items()} for change in changes],
+        changes=[_rounded_change(change) for change in changes],
     )
+
+
+def _rounded_change(change: Mapping[str, Any]) -> dict[str, Any]:
+    """A change with rounded numbers, at its exact instant."""
+    return {name: value if name == "t" else rounded([value])[0] for name, value in change.items()}
 
 
 def _columns(names: Any, rows: Array) -> dict[str, Array]:

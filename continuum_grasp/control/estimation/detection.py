@@ -69,7 +69,8 @@ def _tells_at_one(
     states = [k for k, name in enumerate(model.x_names) if "friction_" not in name]
     columns = [*states, *(model.nx + k for k in shown)]
     least, most = (np.array(limit) for limit in model.scene.input_limits)
-    u, p = 0.7 * least + 0.3 * most, np.array(model.p_nominal)
+    u = 0.7 * least + 0.3 * most
+    p = np.array(model.p_nominal)
     for shape in model.shapes(_SHAPES):
         z = np.concatenate([model.at_rest(shape, u), np.zeros(count)])
         rows = np.vstack([np.array(slope(z, u, p, p)[1]), np.array(outputs(z, u, p)[1])])[:, columns]

@@ -44,8 +44,11 @@ def quiet_sensitivities(scene: ControlScene, model: Prediction, estimation: Esti
     stationary gain with disturbances known, straight and bent, whose covariances add.
     """
     _, initial, measured = noise_of(scene, model, estimation)
-    period, p, nx = scene.controller.step, np.array(model.p_nominal), estimation.nx
-    scale, columns = np.sqrt(initial[:nx]), [adapted_state.state for adapted_state in estimation.adapted]
+    period = scene.controller.step
+    p = np.array(model.p_nominal)
+    nx = estimation.nx
+    scale = np.sqrt(initial[:nx])
+    columns = [adapted_state.state for adapted_state in estimation.adapted]
     share = period / (memory_of(scene.finger) + period)
     covariances = np.zeros((len(columns), nx, nx))
     for rest, u in _rests(scene, model):
@@ -84,10 +87,14 @@ def _stationary(
 ) -> tuple[Array, Array]:
     """Error transition of the filter over a period, and its gain, with disturbances known."""
     process, initial, measured = noise_of(scene, model, estimation)
-    nx, step, p = estimation.nx, scene.controller.step / substeps, np.array(model.p_nominal)
+    nx = estimation.nx
+    step = scene.controller.step / substeps
+    p = np.array(model.p_nominal)
     f, g = (np.array(part)[:nx, :nx] for part in estimation.step(z, u, p, step)[1:])
-    h, q = np.array(estimation.outputs(z, u, p)[1])[:, :nx], np.diag(process[:nx])
-    covariance, added = np.diag(initial[:nx]), step / 6.0 * (f @ q @ f.T + 4.0 * g @ q @ g.T + q)
+    h = np.array(estimation.outputs(z, u, p)[1])[:, :nx]
+    q = np.diag(process[:nx])
+    covariance = np.diag(initial[:nx])
+    added = step / 6.0 * (f @ q @ f.T + 4.0 * g @ q @ g.T + q)
     for _ in range(_SETTLED):
         for _ in range(substeps):
             covariance = f @ covariance @ f.T + added

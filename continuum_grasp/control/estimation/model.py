@@ -108,7 +108,9 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
         raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
     disturbances = _disturbances(scene.estimator, model, scene)
     d = ca.SX.sym("d", len(disturbances))
-    z, u, p = ca.vertcat(model.x, d), model.u, model.p
+    z = ca.vertcat(model.x, d)
+    u = model.u
+    p = model.p
     full = ca.SX(p)
     for k, disturbance in enumerate(disturbances):
         # A relative error of the stiffness needs no scale of its own; forces and moments add to the known ones.
@@ -128,7 +130,8 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     def by_z(value: ca.SX) -> ca.SX:
         return ca.horzcat(ca.jacobian(value, model.x), ca.mtimes(ca.jacobian(value, p), full_by_d))
 
-    rate, seen = model.dynamics(model.x, u, p), ca.vertcat(*[row.value for row in compared])
+    rate = model.dynamics(model.x, u, p)
+    seen = ca.vertcat(*[row.value for row in compared])
     at = inputs | {"nominal": nominal}
     slope = straight_function("estimator_slope", at, {"rate": rate, "jacobian": by_z(rate)})
     outputs_of = _outputs(function("estimator_values", at, y=seen, H=by_z(seen)), parameters)
@@ -206,7 +209,8 @@ def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca
     z, x = ca.SX.sym("z", nz), ca.SX.sym("x", nx)
     parts = {name: ca.SX.sym(name, by.sparsity()) for name, by in zip(("whole", "half"), reached[1:], strict=True)}
     # Disturbances are constant but for their drift, which the noise contains.
-    moved, below = {"zn": ca.vertcat(x, z[nx:])}, ca.horzcat(ca.SX(nz - nx, nx), ca.SX.eye(nz - nx))
+    moved = {"zn": ca.vertcat(x, z[nx:])}
+    below = ca.horzcat(ca.SX(nz - nx, nx), ca.SX.eye(nz - nx))
     derivatives = {f: ca.densify(ca.vertcat(part, below)) for f, part in zip("FG", parts.values(), strict=True)}
     ends = {"z": z, "x": x}
     collect = straight_function("estimator_derivatives", ends | parts, moved | derivatives)
@@ -225,7 +229,9 @@ def _disturbances(asked: EstimatorSettings, model: Prediction, scene: ControlSce
     """List the disturbances that are estimated."""
     root = math.sqrt(_DRIFTING * scene.controller.step)  # [s^0.5]
     relative = ("bending_stiffness", "tendon_friction", "drive_time_constant")
-    drifts, spreads, adapted = dict(asked.disturbances), dict(asked.spread), {}
+    drifts = dict(asked.disturbances)
+    spreads = dict(asked.spread)
+    adapted = {}
     if asked.adapt is not None:
         adapted = asked.adapt.spreads
         # The variance grows by that of the start in the time that is given, less as it approaches it.

@@ -100,7 +100,8 @@ def iteration_source(
     _check(stages)
     stage_functions = [stages.step, stages.cost, stages.terminal]
     source = CSource(stage_functions, real)
-    vector, shared = source.lanes() if lanes else "", ""
+    vector = source.lanes() if lanes else ""
+    shared = ""
     if vector and filtered is not None:
         slopes = {f.name(): f for f in CSource([stages.step, filtered]).straight}
         shared_slope = SharedSlope.of(slopes.get("stage_slope"), slopes.get("estimator_slope"))
@@ -251,7 +252,8 @@ def _stores(stages: Stages) -> str:
 
 def _vector_products(stages: Stages, lanes: bool) -> str:
     """Write q += H z, q += M' p and next += M z over structural nonzeros, in vector lanes by blocks that have some."""
-    hessian, reached = _nonzeros(stages.cost, 2), _reached(stages)
+    hessian = _nonzeros(stages.cost, 2)
+    reached = _reached(stages)
     hessian[: stages.nx, : stages.nx] |= _nonzeros(stages.terminal, 2)
 
     def rows(matrix: str, pattern: Pattern, by: str) -> list[str]:
@@ -304,7 +306,8 @@ def jacobian_products(stages: Stages) -> str:
     """
     rate, driven = (_nonzeros(stages.step, output) for output in (1, 2))
     reached = _reached(stages)
-    hessian, inputs = _nonzeros(stages.cost, 2), range(stages.nx, stages.nx + stages.nu)
+    hessian = _nonzeros(stages.cost, 2)
+    inputs = range(stages.nx, stages.nx + stages.nu)
     hessian[inputs, inputs] = True  # by the regularization
     return _chain(rate, driven, reached) + _carry(reached, hessian)
 
@@ -352,7 +355,8 @@ def _reached(stages: Stages) -> Pattern:
 def _chain(rate: Pattern, driven: Pattern, reached: Pattern) -> str:
     """M = A M + [0 B], all by columns: the derivatives after one more step."""
     lines: list[str] = []
-    count, nx = 0, len(rate)
+    count = 0
+    nx = len(rate)
     for j, column in enumerate(reached.T):
         sums = {}
         for r in range(nx):
@@ -372,7 +376,8 @@ def _chain(rate: Pattern, driven: Pattern, reached: Pattern) -> str:
 def _carry(reached: Pattern, hessian: Pattern) -> str:
     """G = H + M' P M, its lower triangle."""
     lines: list[str] = []
-    count, rows = 0, [np.flatnonzero(column) for column in reached.T]
+    count = 0
+    rows = [np.flatnonzero(column) for column in reached.T]
     for j, nonzeros in enumerate(rows):
         needed = sorted({i for row in rows[: j + 1] for i in row}) if len(nonzeros) else []
         lines.append("  {")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from operator import attrgetter
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -49,10 +48,11 @@ class BoundedRows:
         self.groups = {row.key: list(range(*ends[k : k + 2])) for k, row in enumerate(rows)}
         self.names = [name for row in rows for name in row.names]
         self.column = ca.vertcat(ca.SX(0, 1), *(row.value for row in rows))
-        self.least, self.most, self.linear, self.quadratic = (
-            np.array([of(row) for row in rows for _ in row.names], dtype=float)
-            for of in map(attrgetter, ("least", "most", "penalty.linear", "penalty.quadratic"))
-        )
+        by_entry = [row for row in rows for _ in row.names]
+        self.least = np.array([row.least for row in by_entry], dtype=float)
+        self.most = np.array([row.most for row in by_entry], dtype=float)
+        self.linear = np.array([row.penalty.linear for row in by_entry], dtype=float)
+        self.quadratic = np.array([row.penalty.quadratic for row in by_entry], dtype=float)
 
     @staticmethod
     def of_state(bounds: Bounds, model: Prediction) -> BoundedRows:
@@ -62,9 +62,12 @@ class BoundedRows:
     @staticmethod
     def curvature_limits(bounds: Bounds, model: FingerModel) -> tuple[Array, Array]:
         """Greatest absolute values [1/m] of what ``System.curvature`` gives: asked for, and of the bending ranges."""
-        family, lengths = model.structure.family, model.lengths
+        family = model.structure.family
+        lengths = model.lengths
         edges = np.minimum(np.cumsum([0.0, *lengths]), model.finger.rod.length).tolist()
-        count, asked, ranges = len(family.places), [], []
+        count = len(family.places)
+        asked = []
+        ranges = []
         # Each entry is read at one place of one element.
         numbers = [[float(count * k + j) for j in range(count)] for k in range(len(lengths))]
         for number in family.curvature_at_coordinates(numbers):

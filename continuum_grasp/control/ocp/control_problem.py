@@ -114,10 +114,12 @@ class ControlProblem(Summarized):
         substeps: int = 1,
         name: str = "",
     ) -> None:
-        self.name, read = name, _Reader(states, inputs, parameters, previous)
+        self.name = name
+        read = _Reader(states, inputs, parameters, previous)
         tracked = read.cost(cost)
         u_min, u_max, bounded, ns = read.limits(dict(bounds or {}), dict(rows or {}))
-        nx, size = read.held.numel() + read.x.numel(), {key: len(term.names) for key, term in tracked.items()}
+        nx = read.held.numel() + read.x.numel()
+        size = {key: len(term.names) for key, term in tracked.items()}
         nt = sum(size[key] for key, term in tracked.items() if term.final is not None)
         arguments = {"x": ca.vertcat(read.x, read.held), "u": read.u, "p": read.p}
         functions = {
@@ -246,7 +248,8 @@ class _Reader:
         """Least and greatest inputs; bounds of states and rows, relative to these, bounds of states alone first, and
         how many those are.
         """
-        names, free = [split_unit(label).name for label in _names(self.u)], (-math.inf, math.inf)
+        names = [split_unit(label).name for label in _names(self.u)]
+        free = (-math.inf, math.inf)
         inputs = np.array([_pair(f"bounds.{name}", bounds.pop(name, free)) for name in names])
         states = {}
         for k, label in enumerate(_names(self.x)):

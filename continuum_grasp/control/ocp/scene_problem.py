@@ -134,11 +134,13 @@ def _integration(
     """Choose method and steps per stage; where the scene has ``auto`` from the stiffness, the greatest of all
     parameters (np). Rounding adds no step.
     """
-    asked, horizon = scene.controller, scene.controller.horizon
+    asked = scene.controller
+    horizon = scene.controller.horizon
     # An implicit step per control period: what its user takes as short beside the finger's motion.
     per_stage = math.ceil(horizon.stage / asked.step - 1e-9)
     # Longest implicit step in which no contact closes, from touching to a firm press, within one stage of it.
-    longest, touch_law = math.inf, model.system.touch_law
+    longest = math.inf
+    touch_law = model.system.touch_law
     if touch_law is not None:
         approach = _APPROACH * touch_law.rod.length / asked.step
         pressed = touch_law.rounding + model.system.greatest_press / touch_law.law.stiffness

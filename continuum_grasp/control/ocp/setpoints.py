@@ -96,12 +96,14 @@ class Setpoints:
             references[name] = function
         blocks: list[tuple[int, _Given | None]] = []
         for term in outputs.terms:
-            value, width = references.get(term.reference), len(term.names(outputs.cost, outputs.model))
+            value = references.get(term.reference)
+            width = len(term.names(outputs.cost, outputs.model))
             size = value.width if isinstance(value, RowSamples) else len(value) if isinstance(value, tuple) else width
             if size != width:
                 raise InputError(f"expected {width} entries, got {size}", key=f"reference.{term.reference}")
             blocks.append((width, value))
-        keys, check = tuple(term.reference for term in outputs.terms), outputs.reach.check
+        keys = tuple(term.reference for term in outputs.terms)
+        check = outputs.reach.check
         check("reference", {key: value for key, (_, value) in zip(keys, blocks, strict=True)})
         return Setpoints(outputs.names, blocks, keys, check)
 

@@ -117,7 +117,8 @@ class Stages:
 
     def ends(self, x: Array, u: Array, p: Array) -> Array:
         """Integrate stages, each from a state (count, nx) with an input (count, nu); return their ends (count, nx)."""
-        count, h = len(u), self.stage / self.substeps
+        count = len(u)
+        h = self.stage / self.substeps
         for _ in range(self.substeps):
             x = np.array(self.step.map(count)(x.T, u.T, np.tile(p[:, None], count), np.full(count, h))[0]).T
         return x
@@ -165,7 +166,8 @@ def step_function(dynamics: ca.Function, nx: int, method: str = "rk4") -> ca.Fun
     slope = straight_function("stage_slope", symbols, {"rate": rate, "jacobian": jacobian})
     at = [ca.MX.sym(name, size) for name, size in (sizes | {"h": 1}).items()]
     reached = differentiated_step(method, "stage", slope, at[0], (at[1], at[2]), at[3])
-    end, by = ca.SX.sym("end", nd), ca.SX.sym("by", reached[1].sparsity())
+    end = ca.SX.sym("end", nd)
+    by = ca.SX.sym("by", reached[1].sparsity())
     outputs = {
         "xn": ca.vertcat(end, u[: nx - nd, :]),
         "A": ca.diagcat(by[:, :nd], ca.SX(nx - nd, nx - nd)),
@@ -191,7 +193,9 @@ def cost_functions(
     nr, nc = outputs.numel_out(0), rows.numel_out(0)
     sizes = {name: outputs.size1_in(k) for k, name in enumerate("xup")}
     s = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
-    y, c, z = outputs(*s.values()), rows(*s.values()), ca.vertcat(s["x"], s["u"])
+    y = outputs(*s.values())
+    c = rows(*s.values())
+    z = ca.vertcat(s["x"], s["u"])
     expressions = {"y": y, "Y": ca.jacobian(y, z), "c": c, "C": ca.jacobian(c, z)}
     values = last = straight_function("stage_values", s, expressions)
     if expressions["Y"][:nt, sizes["x"] :].nnz():
@@ -219,7 +223,8 @@ def _expanded(name: str, values: ca.Function, nr: int, nz: int, nc: int, scale: 
     """
     symbols = {key: ca.SX.sym(key, values.sparsity_out(k)) for k, key in enumerate(values.name_out())}
     symbols |= {key: ca.SX.sym(key, values.size1_out(0)) for key in ("r", "W")}
-    error, slope = symbols["y"][:nr, :] - symbols["r"][:nr, :], symbols["Y"][:nr, :nz]
+    error = symbols["y"][:nr, :] - symbols["r"][:nr, :]
+    slope = symbols["Y"][:nr, :nz]
     scaled = scale * symbols["W"][:nr, :]
     weighted = scaled * error
     expressions = [

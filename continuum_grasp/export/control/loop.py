@@ -209,7 +209,8 @@ class Loop(ControlParts):
             labels = getattr(s, f"{member.of}_names")
             for k, (name, label) in enumerate(zip(identifiers(labels), labels, strict=True)):
                 unit = unit_of(label)
-                low, high = 0.0, np.inf
+                low = 0.0
+                high = np.inf
                 if member.of == "u":
                     low = float(s.u_min[k])
                     high = float(s.u_max[k])

@@ -127,7 +127,8 @@ def explain(
     texts = ax.get_legend_handles_labels()[1]
     # 6, 40: letters that an entry's sign and its distance take, and that fit over a picture that is taller than wide
     fits = sum(6 + len(text.replace(r"$\leq$", "<")) for text in texts) <= 40
-    StyledAxes(ax).head(name, columns=4 if fits or np.ptp(ax.get_xlim()) > 1.3 * np.ptp(ax.get_ylim()) else 2)
+    wide = np.ptp(ax.get_xlim()) > 1.3 * np.ptp(ax.get_ylim())
+    StyledAxes(ax).head(name, columns=4 if fits or wide else 2)
 
 
 def _kinds(forces: Sequence[Force]) -> list[str]:

@@ -88,7 +88,8 @@ class StyledAxes:
         low, high = self._axis(axis).get_view_interval()
         factor, shown = prefixed(unit, max(abs(low), abs(high)))
         if unit == "m" and high - low < 1.0:
-            factor, shown = 1e3, "mm"
+            factor = 1e3
+            shown = "mm"
         if factor != 1.0:
             self._count_parts(factor, axis)
         return f"{name} [{shown}]"

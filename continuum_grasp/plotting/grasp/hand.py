@@ -189,7 +189,8 @@ def _fill(ax: Axes, lines: list[Array]) -> None:
         around = sum(Path(other).contains_points(line).mean() > 0.5 for other in lines if other is not line)
         # Matplotlib leaves out what lines of both directions go around.
         turns = float(line[:-1, 0] @ line[1:, 1] - line[:-1, 1] @ line[1:, 0]) > 0.0
-        paths.append(Path(line if turns == (around % 2 == 0) else line[::-1], closed=True))
+        goes_right = turns == (around % 2 == 0)
+        paths.append(Path(line if goes_right else line[::-1], closed=True))
     patch = PathPatch(Path.make_compound_path(*paths), facecolor=Color.OBJECT, edgecolor=Color.EDGE, zorder=Z.OBJECT)
     ax.add_patch(patch)
 

@@ -49,7 +49,9 @@ def guided_tendons(finger: Finger, at: Array, axial_stiffness: float | None) -> 
         free = 0.0 if tendon.series_stiffness is None else 1.0 / tendon.series_stiffness
         pieces = np.diff([0.0, *at[at < to], to]) / stiffness
         conduit = tendon.conduit_bend > 0.0
-        gives = np.array([free, *pieces] if conduit else [free + pieces[0], *pieces[1:]])
+        # Without a conduit the first piece is one with what gives beyond it.
+        parts = [free, *pieces] if conduit else [free + pieces[0], *pieces[1:]]
+        gives = np.array(parts)
         gear = gears.get(k, (0.0, 0.0))
         tendons.append(Guided(arms, gives, tendon.friction, tendon.conduit_bend, tendon.drive is not None, gear))
     return tendons

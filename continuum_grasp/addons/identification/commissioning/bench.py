@@ -133,7 +133,8 @@ class Bench:
         # each step has the mean of the commands that are held in it
         knots = np.append(t, max(t[-1], ends[-1]) + step)
         sums = np.cumsum(np.vstack([0.0 * u[:1], np.diff(knots)[:, None] * u]), axis=0)
-        means = np.diff([np.interp(ends, knots, column) for column in sums.T]).T / step
+        at_ends = [np.interp(ends, knots, column) for column in sums.T]
+        means = np.diff(at_ends).T / step
         rows = np.vstack([np.repeat(means, 2, axis=0), means[-1:]])  # at half steps
         w = self.model.forces(0.0)
         begin = self._at_rest(rows[0], w[0], p)
@@ -149,8 +150,11 @@ class Bench:
         names = self.model.x_names
         n = self.model.system.finger_model.n
         x[n : 2 * n] = 0.0
-        exerted = {names.index(name): value for name, value in zip(self.model.u_names, u, strict=True) if name in names}
-        x[[*exerted]] = [*exerted.values()]
+        exerted = []
+        for name, value in zip(self.model.u_names, u, strict=True):
+            if name in names:
+                exerted.append(names.index(name))
+                x[exerted[-1]] = value
         # Coordinates, with what materials and friction remember, by which accelerations and the rates of these vanish.
         others = [k for k in range(2 * n, self.model.system.nx) if k not in exerted]
         sought = [*range(n), *others]
@@ -167,7 +171,8 @@ class Bench:
         ends = {"ftol": 1e-15, "xtol": 1e-15, "gtol": None}
         solution = least_squares(lambda moved: rate(moved)[0], none, lambda moved: rate(moved)[1], **ends)
         # 1e-6: rate that counts as none, beside the greatest one before
-        if not np.abs(solution.fun).max() <= 1e-6 * (1.0 + np.abs(rate(none)[0]).max()):
+        before = np.abs(rate(none)[0]).max()
+        if not np.abs(solution.fun).max() <= 1e-6 * (1.0 + before):
             raise NumericalError("the finger has no state at rest under the first command", time=0.0)
         x[sought] = first[sought] + solution.x
         return x
@@ -184,7 +189,8 @@ class Bench:
             w = np.repeat(self.model.forces(0.0), len(x), axis=0)
             if len(x) not in self._maps:
                 self._maps[len(x)] = self._shown.map(len(x))
-            seen = self._maps[len(x)](x.T, u.T, w.T, np.repeat(p[:, None], len(x), axis=1))
+            same = np.repeat(p[:, None], len(x), axis=1)
+            seen = self._maps[len(x)](x.T, u.T, w.T, same)
             self._shown_last = key, (t, np.array(seen).T)
         return self._shown_last[1]
 
@@ -219,9 +225,13 @@ class BenchBlock(MeasuredBlock):
         biases = [Unknown(bias_of(name), split_unit(name).unit, BIAS, typical=0.05 * greatest) for name in cells]
         self.unknowns = [*bench.unknowns, *camera, *biases]
         columns = []
-        for name, unit in map(split_unit, log.names):
-            group, place = ("tip", length) if f"{name} [{unit}]" in Wiring.TIP else ("tension", None)
-            columns.append(MeasuredColumn(name, group, unit, None, name.removeprefix("tip_"), place))
+        for label in log.names:
+            name, unit = split_unit(label)
+            quantity = name.removeprefix("tip_")
+            if label in Wiring.TIP:
+                columns.append(MeasuredColumn(name, "tip", unit, None, quantity, length))
+            else:
+                columns.append(MeasuredColumn(name, "tension", unit, None, quantity, None))
         fitted = np.ones(log.at.size, dtype=bool)
         self.measured = MeasuredSet("bench", tuple(columns), log.at, log.readings, fitted, moves=True, ordered=True)
 
@@ -232,8 +242,13 @@ class BenchBlock(MeasuredBlock):
         x, y, angle, scale, *biases = values[count:].tolist()
         shifts = values[count - len(of_bench) : count] @ np.array(of_bench)
         zeros = dict(zip(self._cells, biases, strict=True))
-        cells = [of.model_copy(update={"zero": zeros.get(k, 0.0)}) for k, of in enumerate(self.way.tensions)]
-        drives = [of.model_copy(update={"zero": -of.sign * float(shifts[of.of - 1])}) for of in self.way.drives]
+        cells = []
+        for k, line in enumerate(self.way.tensions):
+            cells.append(line.model_copy(update={"zero": zeros.get(k, 0.0)}))
+        drives = []
+        for line in self.way.drives:
+            shift = float(shifts[line.of - 1])
+            drives.append(line.model_copy(update={"zero": -line.sign * shift}))
         camera = self.way.camera.model_copy(update={"position": (x, y), "angle": angle, "scale": scale})
         return self.way.model_copy(update={"camera": camera, "drives": tuple(drives), "tensions": tuple(cells)})
 
@@ -267,7 +282,8 @@ class BenchBlock(MeasuredBlock):
         then = log.at - values[self._delay]
         moved = np.column_stack([np.interp(then, t, column) for column in base.T])
         readings = Wiring.of(mounting, bench.names, bench.model.u_names, "mounting").readings(moved)
-        return np.asarray(readings[:, [bench.names.index(name) for name in log.names]]).ravel()
+        logged = [bench.names.index(name) for name in log.names]
+        return np.asarray(readings[:, logged]).ravel()
 
 
 def bias_of(name: str) -> str:

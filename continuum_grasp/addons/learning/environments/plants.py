@@ -179,8 +179,11 @@ def _of_contact(scene: ControlScene) -> tuple[Any, ...]:
     """The part of a scene's object and contacts that no parameter or state has."""
     body, law = scene.object, scene.contact_law
     if body is not None:
-        body = body.replaced(mass=1.0, position=(0.0, 0.0), angle=0.0 if scene.object_moves else body.angle)
-    return body, law if law is None else law.replaced(friction=1.0), scene.supports, scene.table, scene.object_moves
+        angle = 0.0 if scene.object_moves else body.angle
+        body = body.replaced(mass=1.0, position=(0.0, 0.0), angle=angle)
+    if law is not None:
+        law = law.replaced(friction=1.0)
+    return body, law, scene.supports, scene.table, scene.object_moves
 
 
 _OF_PLANT = "plant.fidelity plant.drive_order plant.noise plant.delay plant.seed"
@@ -204,8 +207,11 @@ def _check_fixed(first: ControlScene, scene: ControlScene, keys: Sequence[str]) 
 def _finger_parameters(around: Sequence[Scene]) -> dict[str, Array]:
     """The finger's parameters that differ between scenes, by name: values (scenes, size)."""
     by_scene = [_values(scene) for scene in around]
-    names = [name for name, value in by_scene[0].items() if any(values.get(name) != value for values in by_scene)]
-    return {name: np.array([values.get(name, by_scene[0][name]) for values in by_scene]) for name in names}
+    parameters = {}
+    for name, first in by_scene[0].items():
+        if any(values.get(name) != first for values in by_scene):
+            parameters[name] = np.array([values.get(name, first) for values in by_scene])
+    return parameters
 
 
 def _values(scene: Scene) -> dict[str, list[float]]:

@@ -212,7 +212,8 @@ def held_step(model: Any, method: str) -> ca.Function:
     dynamics = model.forward_dynamics
     sizes = {"x": model.nx, "u": model.nu, "w": model.nw, "p": model.np}
     symbols = {name: ca.MX.sym(name, size) for name, size in sizes.items()}
-    (x, u, w, p), h = symbols.values(), ca.MX.sym("h")
+    x, u, w, p = symbols.values()
+    h = ca.MX.sym("h")
     if INTEGRATORS[method].differentiates and dynamics.is_a("SXFunction"):
         inputs = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
         rate = dynamics(*inputs.values())
