@@ -11,7 +11,6 @@ LEFT = {
     ("simulation/accuracy/motion.py", "1.0"): "motions of users, whose durations are theirs",
     ("simulation/stepping.py", "_BESIDE"): "rounding of instants",
     ("simulation/replay.py", "_AFTER"): "rounding of instants",
-    ("control/estimation/estimator.py", "_LONGEST"): "a time in another unit, whatever the finger",
 }
 
 
