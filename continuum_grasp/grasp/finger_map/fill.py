@@ -52,7 +52,12 @@ def _use(finger: MapFinger, touches: Touches) -> tuple[Array, Array]:
     normal, along = (force.value for force in touches.force)
     # 0.05: normal force [E I / L^2] that is as good as none
     size = np.abs(normal) + 0.05
-    return along / (max(finger.friction, 1e-9) * size), size
+    return along * _per_friction(finger) / size, size
+
+
+def _per_friction(finger: MapFinger) -> float:
+    """Inverse of the coefficient of friction; 0 where that is so small that its use makes no difference."""
+    return 1.0 / finger.friction if finger.friction > WITHIN else 0.0
 
 
 def features(at: Traced) -> Array:
@@ -78,7 +83,7 @@ def _feature_slopes(at: Traced) -> Array:
     share, size = _use(finger, touches)
     normal, along = touches.force
     turned = (share * finger.friction * np.sign(normal.value))[..., None] * normal.slope
-    slope = (along.slope - turned) / size[..., None] / (max(finger.friction, 1e-9) * FRICTION)
+    slope = (along.slope - turned) / size[..., None] * (_per_friction(finger) / FRICTION)
     slope = np.where((np.abs(share) < 2.0)[..., None], slope, 0.0)
     rows.append(Jet(share[:, :used], slope[:, :used]))
     steep = NORMAL * np.hypot(normal.value, LIGHT)

@@ -228,7 +228,7 @@ class GraspSolverRun:
         alike = [
             earlier for earlier in known if earlier.features == features and _parts(earlier.start) == _parts(start)
         ]
-        lower, upper = self._row_bounds(values, int(np.count_nonzero(low < high)))
+        lower, upper = self._row_bounds(values, low, high)
         first = Start(x, low, high, lower, upper, begin, option_set=options)
         first = replace(first, multipliers=None if beside is None else beside.multipliers)
         first = replace(first, patience=patience, standstill=standstill, known=[earlier.x for earlier in alike])
@@ -240,20 +240,25 @@ class GraspSolverRun:
         violations = problem.rows.violations(last.g, SATISFIED, units_of_rows(scene))
         return GraspAttempt(**vars(last), start=start, features=features, numbers=last_numbers, violations=violations)
 
-    def _row_bounds(self, values: Mapping[str, Any], free: int) -> tuple[Array, Array]:
-        """Bounds of the rows for numbers of a scene and so many free unknowns.
+    def _row_bounds(self, values: Mapping[str, Any], low: Array, high: Array) -> tuple[Array, Array]:
+        """Bounds of the rows for numbers of a scene, with unknowns between ``low`` and ``high``.
 
         A planar cone without friction has no inside, next to which IPOPT ends early or late: it is an equation, unless
         equations then outnumber the unknowns.
         """
         lower, upper = self.problem.rows.bounds()
+        at = self.problem.x.at
+        eased = [at[name] for name in ("reserve", "relaxed friction") if name in at]
+        if any((low[unknown] < high[unknown]).any() for unknown in eased):
+            return lower, upper
         without = (lower.copy(), upper.copy())
         for block in self.problem.rows.blocks:
             contact = block.name.removeprefix("friction cone, ")
             if contact != block.name and block.rows.size == 2 and not np.any(values[f"{contact}.friction"]):
                 one, other = block.rows.ravel()
                 without[1][one], without[0][other] = 0.0, -np.inf
-        return without if np.count_nonzero(without[0] == without[1]) <= free else (lower, upper)
+        fixed = np.count_nonzero(without[0] == without[1])
+        return without if fixed <= np.count_nonzero(low < high) else (lower, upper)
 
     def _solved(self, solver: Solver, start: Start, until: Budget) -> Attempt:
         # IPOPT may not come back from more equations than unknowns, as of a finger that lifts without a support.
