@@ -135,8 +135,12 @@ class Kernel:
     @property
     def operations(self) -> Counter[str]:
         """Number of operations of each kind."""
-        names = (_NAMES[o].removeprefix("OP_") for o in self._operations)
-        return Counter(_SHOWN.get(n, n.lower()) for n in names if n not in ("INPUT", "OUTPUT", "CONST", "ASSIGN"))
+        found = Counter[str]()
+        for operation, count in Counter(self._operations).items():
+            name = _NAMES[operation].removeprefix("OP_")
+            if name not in ("INPUT", "OUTPUT", "CONST", "ASSIGN"):
+                found[_SHOWN.get(name, name.lower())] += count
+        return found
 
     def prototype(self, prefix: str) -> str:
         """The C declaration, without the semicolon."""

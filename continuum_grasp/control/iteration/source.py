@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 from importlib.resources import files
 from itertools import product
 from typing import NamedTuple
@@ -193,11 +194,20 @@ def _check(stages: Stages) -> None:
 
 def _nonzeros(function: ca.Function, output: int) -> Pattern:
     """Structural nonzeros of an output."""
+    return _patterns(function)[output].copy()
+
+
+@lru_cache(maxsize=3)  # the functions of stages: each is asked for again and again, and calling one takes 30 ms
+def _patterns(function: ca.Function) -> list[Pattern]:
+    """Structural nonzeros of the outputs."""
     symbols = [ca.SX.sym(name, function.size1_in(k)) for k, name in enumerate(function.name_in())]
-    sparsity = ca.sparsify(function.call(symbols)[output]).sparsity()
-    pattern = np.zeros(sparsity.shape, dtype=bool)
-    pattern[tuple(np.array(sparsity.get_triplet(), dtype=int))] = True
-    return pattern
+    patterns = list[Pattern]()
+    for value in function.call(symbols):
+        sparsity = ca.sparsify(value).sparsity()
+        pattern = np.zeros(sparsity.shape, dtype=bool)
+        pattern[tuple(np.array(sparsity.get_triplet(), dtype=int))] = True
+        patterns.append(pattern)
+    return patterns
 
 
 def _row_functions(stages: Stages) -> str:
