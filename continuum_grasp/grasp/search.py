@@ -33,10 +33,10 @@ from continuum_grasp.grasp.starts.rough import rough_starts
 from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.tried import Candidate, Exploration, Tried, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
-from continuum_grasp.nlp import Budget
+from continuum_grasp.nlp import Budget, SolverStatus
 from continuum_grasp.scene import GraspScene
 
-ALIKE = "like one that was solved before"
+ALIKE = "like one that was tried before"
 """Reason why a start is not solved again."""
 
 
@@ -272,7 +272,14 @@ class GraspSearch:
     # -- attempts ----------------------------------------------------------------------------------------------
 
     def _converge(self) -> None:
-        """Go on from the best grasp, where its solver was stopped before its optimum."""
+        """Go on from the best grasp, where its solver was stopped before its optimum; without a grasp from what came
+        nearest to one when its iterations were used up.
+        """
+        cut = [tried.attempt for tried in self.tried if tried.attempt.spent and self.best is None]
+        for attempt in sorted(cut, key=lambda attempt: attempt.badness)[: self._effort.settled]:
+            if self.budget.over:
+                return
+            self.attempt(attempt.start, features=attempt.features, x0=attempt.x, standstill=STANDSTILL)
         for options_at in range(1, len(OPTION_SETS)):
             best = self.best
             if best is None or best.attempt.optimal or self.budget.over:
@@ -292,7 +299,8 @@ class GraspSearch:
         own = solver is None
         solver = solver or self.solver(start)
         fresh = "x0" not in options
-        known = {t.attempt: t for t in self.tried if t.solver is solver and t.attempt.converged and fresh}
+        ended = (t for t in self.tried if t.attempt.converged or t.attempt.status is SolverStatus.INFEASIBLE)
+        known = {t.attempt: t for t in ended if t.solver is solver and fresh}
         attempt = solver.run(self.scene, start, self.budget, options_at=options_at, known=list(known), **options)
         if not np.isfinite(attempt.x).all():
             return None

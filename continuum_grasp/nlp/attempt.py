@@ -226,6 +226,11 @@ class Attempt:
         return self.outcome == STALLED
 
     @property
+    def spent(self) -> bool:
+        """Whether its iterations were used up."""
+        return self.outcome == SPENT
+
+    @property
     def known(self) -> bool:
         """Whether the run came to a known solution; see `Start.known`."""
         return self.outcome == KNOWN

@@ -16,6 +16,7 @@ from continuum_grasp.base import InputError
 from continuum_grasp.closed_loop import SimulatedBench
 from continuum_grasp.control import Anomaly, Controller, Estimator, Health
 from continuum_grasp.core import Compiler
+from continuum_grasp.model import FingerModel
 from tests.control_cases import hand_scene
 
 pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
@@ -56,6 +57,26 @@ TIMES = (1.0, 1.0, 4.0, 1.0, 3.4, 0.3, 1.0, 12.0, 1.0)
 """Periods between calls."""
 AGES = (2.0, 1.0, 0.0, 3.0, 1.7)
 """Of samples, in periods."""
+
+
+def test_a_controller_knows_where_the_finger_went_in_a_stall():
+    """Truth: the plant, which goes on with the last command for eight calls, and is not seen then."""
+    control = Controller(SCENE, deadline=math.inf)
+    bench, model = SimulatedBench(control.scene), FingerModel(control.scene)
+    control.reference(tip=(-0.06, 0.15))
+    now = 0.0
+    for calls in (1, 1, 1, 1, 1, 9, 1):
+        seen = np.array(bench.read())
+        known = seen if now < 9 * control.period else np.full(seen.size, np.nan)
+        command = control.step(known, time=now)
+        bench.write(command)
+        for _ in range(calls):
+            bench.idle()
+        now += calls * control.period
+    assert command.missed == pytest.approx(8.0)
+    tip = np.array(model.tip(command.estimate.x[: model.n], command.u, model.p_nominal)).ravel()
+    # A camera shows where the tip was 10 ms before, which moves by 60 mm in the stall.
+    assert np.hypot(*(tip - seen[:2])) < 0.015
 
 
 def test_a_sample_that_is_no_younger_than_the_last_is_not_used():
