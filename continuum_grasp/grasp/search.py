@@ -275,7 +275,7 @@ class GraspSearch:
         """Go on from the best grasp, where its solver was stopped before its optimum; without a grasp from what came
         nearest to one when its iterations were used up.
         """
-        cut = [tried.attempt for tried in self.tried if tried.attempt.spent and self.best is None]
+        cut = [tried.attempt for tried in self.tried if tried.attempt.spent and not self.good]
         for attempt in sorted(cut, key=lambda attempt: attempt.badness)[: self._effort.settled]:
             if self.budget.over:
                 return

@@ -74,7 +74,7 @@ FOUND_BY_MORE_WORK = [
 
 @pytest.mark.parametrize(("kind", "seed", "elements", "tension"), [*FOUND, *few(FOUND_BY_MORE_WORK, 0)])
 def test_the_least_tension_is_that_of_more_work(kind, seed, elements, tension):
-    assert least(scene_of(drawn(kind, seed), elements)) == pytest.approx(tension, rel=1e-6, abs=NONE)
+    assert least(scene_of(drawn(kind, seed), elements)) == pytest.approx(tension, rel=1e-6, abs=1e-6)
 
 
 def test_poses_that_are_tried_have_their_mirror_images():
@@ -126,8 +126,10 @@ def test_three_fingers_take_no_more_than_from_many_starts_of_few_elements(seed, 
 
 @pytest.mark.deep
 def test_more_elements_take_up_all_that_few_lead_to():
-    """Four elements hold with 4.184 N, from the last of 28 starts; where each is continued at once, eight take 28 N."""
-    assert least(scene_of(drawn("three", 8), 8)) < 1.03 * 4.184
+    """Of 28 starts of four elements one led to 4.184 N, and eight once took 28 N; sixteen take 0.49 N."""
+    eight, sixteen = (least(scene_of(drawn("three", 8), count)) for count in (8, 16))
+    assert eight == pytest.approx(sixteen, rel=0.03)
+    assert eight < 4.184
 
 
 @pytest.mark.deep

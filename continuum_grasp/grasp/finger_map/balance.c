@@ -10,9 +10,11 @@
 #define SLIGHT 1e-8
 /* Penalty of a residual of one where combinations are refined, and what holds a step that nothing else fixes. */
 #define STIFF 1e6
-/* How often that penalty makes multipliers, and how wrong a combination may be that needs none. */
+/* How often that penalty makes multipliers, how wrong a combination may be that needs none, and with how much it holds the
+   object, as `BALANCED` of Python. */
 #define TURNS 6
 #define RIGHT 1e-7
+#define ENOUGH 1e-5
 #define SLACK 1e-4
 
 typedef struct {
@@ -442,23 +444,32 @@ static void refined(const Balance *b, int rounds, Held *here, Held *there, Held 
 }
 
 /* The optimum itself, where nothing is wrong: what a penalty leaves wrong becomes multipliers (M. J. D. Powell, 1969;
-   J. Nocedal, S. J. Wright, Numerical Optimization, 2006, chapter 17), as long as less is wrong then. */
+   J. Nocedal, S. J. Wright, Numerical Optimization, 2006, chapter 17). Where more is wrong then, and too much before,
+   they went too far: from there on they go half as far. */
 static void converged(const Balance *b, int rounds, Held *here, Held *there, Held *back, double *multiplier, double *work)
 {
-    const int n = b->numbers;
-    double *before = work, wrong = INFINITY;
+    const int n = b->numbers, rows = b->rows;
+    double *before = work, *known = before + n, *rest = known + rows, wrong = INFINITY, share = 1.0;
     for (int turn = 0; turn <= TURNS; ++turn) {
         memcpy(before, here->x, n * sizeof(double));
-        refined(b, rounds, here, there, back, work + n);
+        refined(b, rounds, here, there, back, rest);
         const double now = most_wrong(b, here);
-        if (now >= wrong)
-            memcpy(here->x, before, n * sizeof(double)), reach(b, here);
-        if (now >= wrong || now <= RIGHT)
-            return;
-        wrong = now;
-        for (int k = 0; k < b->rows; ++k) {
-            const double left = wrong_by(b, here->value, k);
-            here->value[k] += left - multiplier[k], multiplier[k] = left;
+        if (now < wrong) {
+            memcpy(known, multiplier, rows * sizeof(double));
+            wrong = now;
+            if (wrong <= RIGHT)
+                return;
+        } else {
+            memcpy(here->x, before, n * sizeof(double));
+            memcpy(multiplier, known, rows * sizeof(double));
+            reach(b, here);
+            share *= 0.5;
+            if (wrong <= ENOUGH)
+                return;
+        }
+        for (int k = 0; k < rows; ++k) {
+            const double change = share * (wrong_by(b, here->value, k) - multiplier[k]);
+            here->value[k] += change, multiplier[k] += change;
         }
     }
 }
@@ -468,7 +479,7 @@ static void converged(const Balance *b, int rounds, Held *here, Held *there, Hel
 int refine(const Balance *b, int count, int rounds, double *x, double *off)
 {
     const int n = b->numbers;
-    double *memory = malloc((3 * (b->rows + 2) * (n + 1) + 2 * n * (n + 4) + n + 3 * b->rows) * sizeof(double));
+    double *memory = malloc((3 * (b->rows + 2) * (n + 1) + 2 * n * (n + 4) + n + 4 * b->rows) * sizeof(double));
     Held here, there, back;
     if (!memory)
         return 0;

@@ -228,8 +228,7 @@ class GraspSolverRun:
         alike = [
             earlier for earlier in known if earlier.features == features and _parts(earlier.start) == _parts(start)
         ]
-        lower, upper = self._row_bounds(values, low, high)
-        first = Start(x, low, high, lower, upper, begin, option_set=options)
+        first = Start(x, low, high, *problem.rows.bounds(), begin, option_set=options)
         first = replace(first, multipliers=None if beside is None else beside.multipliers)
         first = replace(first, patience=patience, standstill=standstill, known=[earlier.x for earlier in alike])
         with budget.share(iterations) as part:
@@ -240,34 +239,53 @@ class GraspSolverRun:
         violations = problem.rows.violations(last.g, SATISFIED, units_of_rows(scene))
         return GraspAttempt(**vars(last), start=start, features=features, numbers=last_numbers, violations=violations)
 
-    def _row_bounds(self, values: Mapping[str, Any], low: Array, high: Array) -> tuple[Array, Array]:
-        """Bounds of the rows for numbers of a scene, with unknowns between ``low`` and ``high``.
-
-        A planar cone without friction has no inside, next to which IPOPT ends early or late: it is an equation, unless
-        equations then outnumber the unknowns.
-        """
-        lower, upper = self.problem.rows.bounds()
-        at = self.problem.x.at
-        eased = [at[name] for name in ("reserve", "relaxed friction") if name in at]
-        if any((low[unknown] < high[unknown]).any() for unknown in eased):
-            return lower, upper
-        without = (lower.copy(), upper.copy())
-        for block in self.problem.rows.blocks:
-            contact = block.name.removeprefix("friction cone, ")
-            if contact != block.name and block.rows.size == 2 and not np.any(values[f"{contact}.friction"]):
-                one, other = block.rows.ravel()
-                without[1][one], without[0][other] = 0.0, -np.inf
-        fixed = np.count_nonzero(without[0] == without[1])
-        return without if fixed <= np.count_nonzero(low < high) else (lower, upper)
-
     def _solved(self, solver: Solver, start: Start, until: Budget) -> Attempt:
         # IPOPT may not come back from more equations than unknowns, as of a finger that lifts without a support.
         if np.count_nonzero(start.lower == start.upper) <= np.count_nonzero(start.low < start.high):
-            return solver.solve(self.nlp, start, until)
+            return self._with_lines(solver, start, until)
         g = np.array(self.nlp.functions["jac_g"](start.x, start.p)[0]).ravel()
         none = Multipliers(np.zeros(start.x.size), np.zeros(g.size))
         violation = start.violation(start.x, g)
         return Attempt(SolverStatus.FAILED, OVERDETERMINED, start.x, g, 0.0, none, 0, 0.0, violation, np.inf)
+
+    def _with_lines(self, solver: Solver, start: Start, until: Budget) -> Attempt:
+        """Solve with an equation in place of both rows of each cone that is a line; a cone without an inside would end
+        IPOPT early or late.
+        """
+        one, other = self._lines(start).T
+        lower, upper = start.lower.copy(), start.upper.copy()
+        upper[one], lower[other] = 0.0, -np.inf
+        multipliers = start.multipliers
+        if multipliers is not None:
+            forces = multipliers.constraints.copy()
+            forces[one] -= forces[other]
+            forces[other] = 0.0
+            multipliers = replace(multipliers, constraints=forces)
+        attempt = solver.solve(self.nlp, replace(start, lower=lower, upper=upper, multipliers=multipliers), until)
+        # The sign of the equation's multiplier says which row it belongs to: what friction saves follows from that.
+        forces = attempt.multipliers.constraints.copy()
+        forces[other] = -np.maximum(forces[one], 0.0)
+        forces[one] = np.minimum(forces[one], 0.0)
+        return replace(attempt, multipliers=replace(attempt.multipliers, constraints=forces))
+
+    def _lines(self, start: Start) -> NDArray[np.int64]:
+        """Rows (K, 2) of the planar cones without friction that nothing eases; none where equations in their place
+        would outnumber the unknowns.
+        """
+        problem = self.problem
+        at = problem.x.at
+        free = start.low < start.high
+        rows = list[NDArray[np.int64]]()
+        for block in problem.rows.blocks:
+            contact = block.name.removeprefix("friction cone, ")
+            if contact == block.name or block.rows.size != 2:
+                continue
+            if not start.p[problem.numbers.at[f"{contact}.friction"]].any():
+                rows.append(block.rows.ravel())
+        eased = any(free[at[name]].any() for name in ("reserve", "relaxed friction") if name in at)
+        if eased or np.count_nonzero(start.lower == start.upper) + len(rows) > np.count_nonzero(free):
+            rows.clear()
+        return np.array(rows, np.int64).reshape(-1, 2)
 
     def _probes(self, attempt: GraspAttempt) -> dict[str, Array]:
         """The guarded places of an attempt, by finger."""
