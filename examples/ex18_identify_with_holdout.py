@@ -43,7 +43,7 @@ def main(out=None):
     plt.plot(*(1e3 * tips[:-1]).T, "o", label="fitted")
     plt.plot(*(1e3 * tips[-1:]).T, "s", label="hold-out")
     plt.plot(*(1e3 * predicted).T, "k+", ms=12, label="predicted")
-    plt.legend(ncols=3)
+    plt.legend(loc="upper left")
     plt.gca().set(xlabel="x [mm]", ylabel="y [mm]")
     if out:
         plt.savefig(out)

@@ -197,6 +197,7 @@ def plot_object(body: GraspObject, *, ax: Axes | None = None) -> Axes:
     ax.plot(*body.com, "+", color=Color.INK, markersize=9, zorder=9)
     wide, high = 1e3 * np.ptp(points, axis=0)
     count = sum(len(corner) for corner in corners)
-    title = f"{count} corners, {len(pieces)} convex pieces, {wide:.4g} mm x {high:.4g} mm"
+    shape = "convex" if len(pieces) == 1 else f"{len(pieces)} convex pieces"
+    title = f"{count} corners, {shape}, {wide:.4g} mm x {high:.4g} mm"
     ax.set_title(wrapped(title, ax.figure.bbox.width / ax.figure.dpi), fontsize=9)
     return ax
