@@ -55,7 +55,7 @@ class GraspSearch:
         self._effort = EFFORTS[scene.solver.effort]
         self._pruned = Counter[str]()  # starts that were not tried, by the reason
         self._solvers: dict[tuple[tuple[str, int], ...], GraspSolverRun] = {}  # by names and parts of contacts
-        self._maps = SceneMaps(scene)
+        self.maps = SceneMaps(scene)
         self._sampled = False  # whether postures were tried that maps do not lead to
         # Fingers that passed through each other in an attempt, or of the same name through themselves.
         self.apart = frozenset[tuple[str, str]]()
@@ -104,17 +104,18 @@ class GraspSearch:
         from spare ones, and from those that come nearest to it.
         """
         if not self.budget.over:
-            self.settled = self.settle(self._maps)
+            self.settled = self.settle(self.maps)
         most = self._effort.settled
         solved = 0
-        for candidate in [each for each in self.settled if each.holds]:
-            if solved == most:
-                break
+        while (candidate := self._next_settled) is not None and solved < most:
             if self.budget.over or self.proven or self._promised(candidate) > SURE:
                 return
             candidate.tried = True
             alike = self._pruned[ALIKE]
+            maps = self.maps
             self._attempt_twice(candidate.start)
+            if self.maps is not maps:
+                self.settled = self.settle(self.maps)
             # Starts that lead to the same grasp tell nothing of the others.
             solved += self._pruned[ALIKE] == alike
         for start in self._others(most):
@@ -123,6 +124,11 @@ class GraspSearch:
             self._sampled |= start.is_rough
             # Few of these lead to a grasp: a run that stands still does not.
             self._attempt_twice(start, standstill=STANDSTILL)
+
+    @property
+    def _next_settled(self) -> Candidate | None:
+        """The best fingers that hold the object and were not tried."""
+        return next((each for each in self.settled if each.holds and not each.tried), None)
 
     def _attempt_twice(self, start: GraspStart, standstill: int | None = None) -> None:
         """Solve from a start boldly, since it is nearly exact, then carefully."""
@@ -214,7 +220,7 @@ class GraspSearch:
     def _settled_exactly(self) -> list[Candidate]:
         if not self.settled or all(setup.elements > FEW for setup in self.scene.setups):
             return self.settled
-        return self.settle(self._maps, exact=True)
+        return self.settle(self.maps, exact=True)
 
     # -- what is known -----------------------------------------------------------------------------------------
 
@@ -321,6 +327,9 @@ class GraspSearch:
         crossed = certificate.crossed - self.apart
         # Few grasps cross: what keeps fingers apart costs nothing before one does.
         self._keep_apart(crossed)
+        if crossed:
+            self.maps = SceneMaps(self.scene, self.maps, crossed)
+            self.__dict__.pop("_settled_exactly", None)
         return bool(crossed)
 
     def keep_all_apart(self) -> None:

@@ -11,6 +11,7 @@ import re
 
 import numpy as np
 import pytest
+import shapely
 from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
@@ -134,6 +135,37 @@ def test_rods_side_by_side_are_those_one_by_one(name):
     assert together == pytest.approx(alone[:, : together.shape[1]], abs=1e-10)
 
 
+def curled(curvatures):
+    """A finger that keeps clear of itself, and rods without forces, which are arcs; middle contacts are wherever."""
+    scene = grasp_scene("mug").changed({"finger.half_thickness": 1e-3, "finger.tendons.offset": 8e-4})
+    (setup,) = scene.setups
+    given = setup.finger.base.pose, scene.object.pose, frozenset(setup.switches)
+    finger = rod.MapFinger(scene, setup, rod.ObjectTable(scene), *given, exact=True, itself=True)
+    z = np.zeros((len(curvatures), finger.numbers))
+    z[:, 0] = z[:, 3] = curvatures
+    z[:, 4] = 0.45
+    return finger, z
+
+
+def test_an_arc_is_clear_of_itself_by_the_chord_between_its_ends():
+    curvatures = np.array([6.2, -6.23, 6.25])
+    finger, z = curled(curvatures)
+    chord = 2.0 / np.abs(curvatures) * np.sin(np.abs(curvatures) / 2.0)
+    thickness = 2.0 * float(finger.setup.finger.profile.half_thickness(0.0)) / finger.length
+    clear = -finger.traced(z, slopes=False).shape_limits.value[:, -1]
+    assert clear == pytest.approx(chord - thickness, abs=1e-4)
+
+
+def test_slopes_of_how_clear_it_is_of_itself_are_those_of_differences():
+    finger, z = curled(np.array([6.1, -6.2, 6.0]))
+    z[:, 1:3] = [[0.3, -0.2], [-0.4, 0.1], [0.2, 0.3]]
+    slope = finger.traced(z).shape_limits.slope[:, -1]
+    for k in range(4):
+        off = 1e-6 * np.eye(finger.numbers)[k]
+        ends = (finger.traced(each, slopes=False).shape_limits.value[:, -1] for each in (z + off, z - off))
+        assert slope[:, k] == pytest.approx(np.subtract(*ends) / 2e-6, abs=1e-5)
+
+
 def test_samples_touch_as_they_should():
     finger = finger_of(grasp_scene("oval_flask"))
     samples = fill.FingerMap.of(finger).samples
@@ -150,6 +182,26 @@ def balance_of(scene):
     held = SceneMaps(scene)
     maps = [held.map_of(setup.name, base, pose, mode) for setup, base in zip(scene.setups, bases, strict=True)]
     return balance.ObjectBalance(scene, mode, [one.finger for one in maps], pose), maps
+
+
+def distances(scene, held, settled):
+    """How far the surfaces of two fingers are apart in combinations that hold the object, by shapely [L]."""
+    thick = sum(float(setup.finger.profile.half_thickness(0.0)) for setup in scene.setups)
+    for row in settled.holding(scene.object.size):
+        ends = zip(held.fingers, held.at[:-1], held.at[1:], strict=True)
+        curves = [finger.length * finger.curve(settled.x[row, a:b])[:, 2:] for finger, a, b in ends]
+        away = shapely.LineString(curves[0]).distance(shapely.LineString(curves[1]))
+        yield (away - thick) / held.fingers[0].length
+
+
+def test_fingers_that_keep_apart_settle_beside_each_other():
+    scene = images.scene_of(document("two", 6), 8)
+    crossing, maps = balance_of(scene)
+    assert min(distances(scene, crossing, crossing.settle(crossing.candidates(maps)))) < -0.02
+    apart = balance.ObjectBalance(scene, crossing.on, crossing.fingers, crossing.pose, scene.pairs)
+    settled = apart.settle(apart.candidates(maps))
+    assert len(settled.holding(scene.object.size)) > 0
+    assert min(distances(scene, apart, settled)) > -SETTLED - 1e-3
 
 
 def wrench_of(contacts, center):

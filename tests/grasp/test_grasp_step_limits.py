@@ -17,6 +17,7 @@ from continuum_grasp import nlp
 from continuum_grasp.grasp import GraspResult, Reason, certify, changes, stations
 from continuum_grasp.grasp.certificate.model_error import ModelError
 from continuum_grasp.grasp.certificate.out_of_plane import stability_out_of_plane
+from continuum_grasp.grasp.finger_map import SceneMaps
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.reasons import diagnosis
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, is_clear, is_rare, ordered
@@ -57,7 +58,7 @@ def reason(name="tension", limit=1.0, needed=1.0):
 
 def searching(scene=SCENE, **more):
     known = {"scene": scene, "budget": Budget(), "settled": [], "tried": [], "good": [], "best": None}
-    return Some(**{**known, "impossible": False, **more})
+    return Some(**{**known, "impossible": False, "maps": SceneMaps(scene), **more})
 
 
 # -- reasons ---------------------------------------------------------------------------------------------------

@@ -18,13 +18,14 @@
 #define SLACK 1e-4
 
 typedef struct {
-    int fingers, supports, contacts, lifted, tilts, numbers, equal, rows;
+    int fingers, supports, contacts, lifted, tilts, pairs, numbers, equal, rows;
     double center[2], size, weight[2], lift, force;
     const Rod *const *rod;
     const double *finger;  /* (fingers, 3): length, unit of force, greatest tension per that of all */
     const double *support; /* (supports, 4): point, normal */
     const double *cone;    /* (contacts, 2): friction coefficient, greatest normal force */
     const double *step;    /* (numbers,): what changes a combination alike */
+    const int *pair;       /* (pairs, 2): fingers that must keep clear of each other */
 } Balance;
 
 #if LANES > 0
@@ -85,10 +86,22 @@ static Contact support_contact(const Balance *b, int k, const Held *at, int firs
     return (Contact){constant(s[0]), constant(s[1]), constant(s[2]), constant(s[3]), force[0], force[1], first, 2};
 }
 
+/* How far two fingers are in each other, in lengths of the first of them. */
+static void add_pair(const Balance *b, const int *pair, const Line *line, const Contact *of_finger, Held *to, int row)
+{
+    const int i = pair[0], j = pair[1];
+    const double unit = b->finger[3 * i];
+    const Meeting at = meeting_of(b->rod[i], line + i, unit, b->rod[j], line + j, b->finger[3 * j]);
+    add_row(b, number(-1.0 / unit), (dual){at.gap, at.one.d}, of_finger + i, to, row);
+    add_row(b, number(-1.0 / unit), (dual){number(0.0), at.other.d}, of_finger + j, to, row);
+}
+
 /* The fingers' own constraints and tension; their contacts. */
 static void add_fingers(const Balance *b, Held *to, Contact *contact, int *equal, int *below)
 {
     const real one = number(1.0);
+    Line line[b->pairs ? b->fingers : 1];
+    Contact of_finger[b->fingers];
     int first = 0;
     for (int f = 0; f < b->fingers; ++f) {
         const Rod *rod = b->rod[f];
@@ -100,14 +113,14 @@ static void add_fingers(const Balance *b, Held *to, Contact *contact, int *equal
             for (int lane = 0; lane < WIDE; ++lane)
                 ((double *)&z[k].d)[WIDE * k + lane] = 1.0;
         }
-        integrate(rod, z, 1, &at);
+        integrate(rod, z, 1, &at, b->pairs ? line + f : NULL);
         for (int k = 0; k < rod->contacts + rod->tip; ++k)
             *contact++ = finger_contact(rod, b->finger + 3 * f, &at, z, k, first);
-        const Contact of_all = {.at = first, .count = size};
+        of_finger[f] = (Contact){.at = first, .count = size};
         for (int n = conditions(rod, z, &at, row), k = 0; k < n; ++k)
-            add_row(b, one, row[k], &of_all, to, (*equal)++);
+            add_row(b, one, row[k], of_finger + f, to, (*equal)++);
         for (int n = shape_limits(rod, z, &at, 0.0, row), k = 0; k < n; ++k)
-            add_row(b, one, row[k], &of_all, to, (*below)++);
+            add_row(b, one, row[k], of_finger + f, to, (*below)++);
         const dual pull = scaled(1.0 / rod->moment, z[3]);
         const real size_of_pull = root(pull.v * pull.v + STRAIGHT * STRAIGHT);
         const dual rounded = with(pull, size_of_pull, pull.v / size_of_pull);
@@ -115,6 +128,8 @@ static void add_fingers(const Balance *b, Held *to, Contact *contact, int *equal
             add(b, number(b->finger[3 * f + 2]), rounded, first, size, lane, &to[lane].tension, to[lane].pull);
         first += size;
     }
+    for (int k = 0; k < b->pairs; ++k)
+        add_pair(b, b->pair + 2 * k, line, of_finger, to, (*below)++);
     for (int k = 0; k < b->supports; ++k, first += 2)
         *contact++ = support_contact(b, k, to, first);
 }

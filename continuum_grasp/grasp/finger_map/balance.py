@@ -44,14 +44,14 @@ class _BalanceStruct(ctypes.Structure):
     """The structure of `balance.c`."""
 
     _fields_ = (
-        *((name, ctypes.c_int) for name in ("fingers", "supports", "contacts", "lifted", "tilts")),
+        *((name, ctypes.c_int) for name in ("fingers", "supports", "contacts", "lifted", "tilts", "pairs")),
         *((name, ctypes.c_int) for name in ("numbers", "equal", "rows")),
         ("center", ctypes.c_double * 2),
         ("size", ctypes.c_double),
         ("weight", ctypes.c_double * 2),
         ("lift", ctypes.c_double),
         ("force", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("rod", "finger", "support", "cone", "step")),
+        *((name, ctypes.c_void_p) for name in ("rod", "finger", "support", "cone", "step", "pair")),
     )
 
 
@@ -93,9 +93,18 @@ class Settled:
 
 
 class ObjectBalance:
-    """The balance of a scene's object with a set of contacts, its fingers as they are in their maps."""
+    """The balance of a scene's object with a set of contacts, its fingers as they are in their maps; those of ``pairs``
+    keep clear of each other.
+    """
 
-    def __init__(self, scene: GraspScene, on: frozenset[str], fingers: Sequence[MapFinger], pose: Pose) -> None:
+    def __init__(
+        self,
+        scene: GraspScene,
+        on: frozenset[str],
+        fingers: Sequence[MapFinger],
+        pose: Pose,
+        pairs: Sequence[tuple[int, int]] = (),
+    ) -> None:
         self.scene = scene
         self.on = on
         self.fingers = fingers
@@ -130,6 +139,7 @@ class ObjectBalance:
             "support": np.array([[p.real, p.imag, n.real, n.imag] for p, n in self.places.values()] or [[0.0] * 4]),
             "cone": np.column_stack([list(chain(*frictions)), list(chain(*forces))]),
             "step": self._steps(),
+            "pair": np.array(pairs or [(0, 0)], np.int32),
         }
         equal = sum(f.conditions for f in fingers) + len(scene.balances)
         self.struct = _BalanceStruct(
@@ -138,9 +148,10 @@ class ObjectBalance:
             contacts=contacts,
             lifted=2 in scene.balances,
             tilts=3 in scene.balances,
+            pairs=len(pairs),
             numbers=self.numbers,
             equal=equal,
-            rows=equal + sum(f.shape_limits for f in fingers) + 3 * contacts,
+            rows=equal + sum(f.shape_limits for f in fingers) + len(pairs) + 3 * contacts,
             center=(self.center.real, self.center.imag),
             size=self.size,
             weight=tuple(self.weight),

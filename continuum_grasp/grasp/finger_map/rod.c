@@ -78,9 +78,10 @@ typedef struct { char none; } slopes;
 #endif
 typedef struct { real v; slopes d; } dual;
 
-/* Most middle contacts, coordinates, numbers, and nodes of a segment; what is farther than all that matters, in lengths of the
-   finger. */
-enum { MOST_CONTACTS = 4, MOST_COORDINATES = 5, NUMBERS = 4 + 3 * MOST_CONTACTS + MOST_COORDINATES, STEPS = 64 };
+/* Most middle contacts, coordinates, numbers, nodes of a segment and of all segments, of which several have 24 steps each;
+   what is farther than all that matters, in lengths of the finger. */
+enum { MOST_CONTACTS = 4, MOST_COORDINATES = 5, NUMBERS = 4 + 3 * MOST_CONTACTS + MOST_COORDINATES };
+enum { STEPS = 64, NODES = 24 * (MOST_CONTACTS + 1) + 1 };
 #define FAR 9.0
 #define PI 3.14159265358979323846
 
@@ -90,6 +91,7 @@ enum { STIFFNESS, REST, TENDON, HALF, WEIGHT, COLUMNS };
 typedef struct {
     int steps, contacts, tip; /* tip: whether it touches */
     int nodes, masses, walls, pegs, width, height, coordinates, matched;
+    int itself; /* whether it must keep clear of itself */
     double base[3], gravity[2], tip_load[2], tendon_friction;
     double pose[4], corner[2], per_cell; /* of the object: place, cosine and sine of its angle; of the table */
     /* Limits; bend: greatest length times curvature per segment. */
@@ -562,6 +564,99 @@ static dual greatest_bend(const Rod *rod, const Segment *seg, int from_rest)
     return size_of(from_rest ? minus(bent, along(rod, REST, place_of(seg, at))) : bent);
 }
 
+/* The backbone of a finger where its steps end, from the base on, and these places along it. */
+typedef struct { int count; dual x[NODES], y[NODES], s[NODES]; } Line;
+
+static void lengthen(Line *line, const Segment *seg)
+{
+    for (int k = line->count ? 1 : 0; k <= seg->steps; ++k, ++line->count) {
+        line->x[line->count] = seg->x[k], line->y[line->count] = seg->y[k];
+        line->s[line->count] = place_of(seg, k + (real){0});
+    }
+}
+
+/* A point of a line: on the chord from a node to one beside it, and its share of the chord. */
+typedef struct { real node, beside, share; } On;
+
+static inline dual number_on(const dual *row, const On *at)
+{
+    return plus(by(1.0 - at->share, taken(row, at->node)), by(at->share, taken(row, at->beside)));
+}
+
+static real share_of_chord(const Line *line, real from, real to, real x, real y)
+{
+    const real x0 = taken(line->x, from).v, y0 = taken(line->y, from).v;
+    const real dx = taken(line->x, to).v - x0, dy = taken(line->y, to).v - y0;
+    const real share = ((x - x0) * dx + (y - y0) * dy) / (dx * dx + dy * dy + 1e-30);
+    return least_of(most_of(share, (real){0}), 1.0 + (real){0});
+}
+
+/* Move a point of a line along the chords of its node to where it is nearest to another point. */
+static void approach(const Line *line, real x, real y, On *at)
+{
+    const real before = most_of(at->node - 1.0, (real){0}), after = least_of(at->node + 1.0, line->count - 1.0 + (real){0});
+    const real back = share_of_chord(line, at->node, before, x, y), on = share_of_chord(line, at->node, after, x, y);
+    at->beside = CHOSEN(MASK(on > back), after, before), at->share = most_of(on, back);
+}
+
+/* The nodes at which the surfaces of two lines are closest, by values alone; whether there are any. Parts of one line are
+   apart along it by more than half a circle of its own half thickness, as in the certificate. */
+static whole closest_nodes(const Rod *rod, const Line *line, double unit, const Rod *rod_b, const Line *line_b, double unit_b,
+                           On *a, On *b)
+{
+    const int itself = line == line_b;
+    const real none = FAR * unit + (real){0};
+    real x[NODES], y[NODES], half[NODES], closest = none;
+    for (int j = 0; j < line_b->count; ++j) {
+        x[j] = unit_b * line_b->x[j].v, y[j] = unit_b * line_b->y[j].v;
+        half[j] = unit_b * along(rod_b, HALF, constant_of(line_b->s[j].v)).v;
+    }
+    for (int i = 0; i < line->count; ++i) {
+        const real xi = unit * line->x[i].v, yi = unit * line->y[i].v;
+        const real half_i = unit * along(rod, HALF, constant_of(line->s[i].v)).v;
+        for (int j = itself ? i + 1 : 0; j < line_b->count; ++j) {
+            const real dx = xi - x[j], dy = yi - y[j], gap = root(dx * dx + dy * dy) - half_i - half[j];
+            const real between = unit * (line_b->s[j].v - line->s[i].v), least = PI * most_of(half_i, half[j]);
+            whole lower = MASK(gap < closest);
+            if (itself)
+                lower &= MASK(between > least);
+            closest = CHOSEN(lower, gap, closest);
+            a->node = CHOSEN(lower, i + (real){0}, a->node), b->node = CHOSEN(lower, j + (real){0}, b->node);
+        }
+    }
+    return MASK(closest < none);
+}
+
+/* Where two fingers come closest: how far their surfaces are apart, and the changes of that by the numbers of either. */
+typedef struct { real gap; dual one, other; } Meeting;
+
+/* The meeting of two lines, in their units; of one line with itself. */
+static Meeting meeting_of(const Rod *rod, const Line *line, double unit, const Rod *rod_b, const Line *line_b, double unit_b)
+{
+    On a = {0}, b = {0};
+    const whole some = closest_nodes(rod, line, unit, rod_b, line_b, unit_b, &a, &b);
+    a.beside = a.node, b.beside = b.node;
+    for (int round = 0; round < 3; ++round) {
+        const double ratio = unit / unit_b;
+        approach(line_b, ratio * number_on(line->x, &a).v, ratio * number_on(line->y, &a).v, &b);
+        approach(line, number_on(line_b->x, &b).v / ratio, number_on(line_b->y, &b).v / ratio, &a);
+    }
+    if (line == line_b) { /* not on to parts that follow each other */
+        const real half = along(rod, HALF, number_on(line->s, &a)).v, half_b = along(rod, HALF, number_on(line->s, &b)).v;
+        const whole parts = MASK(number_on(line->s, &b).v - number_on(line->s, &a).v > PI * most_of(half, half_b));
+        a.share = CHOSEN(parts, a.share, (real){0}), b.share = CHOSEN(parts, b.share, (real){0});
+    }
+    const dual ax = scaled(unit, number_on(line->x, &a)), ay = scaled(unit, number_on(line->y, &a));
+    const dual bx = scaled(unit_b, number_on(line_b->x, &b)), by_b = scaled(unit_b, number_on(line_b->y, &b));
+    const dual half = scaled(unit, along(rod, HALF, number_on(line->s, &a)));
+    const dual half_b = scaled(unit_b, along(rod_b, HALF, number_on(line_b->s, &b)));
+    const real dx = ax.v - bx.v, dy = ay.v - by_b.v, away = root(dx * dx + dy * dy + 1e-30);
+    const real gap = CHOSEN(some, away - half.v - half_b.v, FAR * unit + (real){0});
+    const dual one = minus(plus(by(dx / away, ax), by(dy / away, ay)), half);
+    const dual other = minus(scaled(-1.0, plus(by(dx / away, bx), by(dy / away, by_b))), half_b);
+    return (Meeting){gap, one, other};
+}
+
 /* A section that touches, or the tip. */
 typedef struct { dual gap, lean, x, y, nx, ny, half; } Touch;
 
@@ -591,16 +686,22 @@ static inline int steps_of(const Rod *rod)
 }
 
 /* A finger as integrated: its middle contacts and its tip, the force there, the moment missing there; and, where they are
-   asked for, its extremes, of which those per segment come with bends as lengths times greatest curvatures; what each
-   coordinate feels. */
+   asked for, its extremes, of which those per segment come with bends as lengths times greatest curvatures, and how far it
+   is clear of itself; what each coordinate feels. */
 typedef struct {
     Touch touch[MOST_CONTACTS + 1];
-    dual normal, friction, missing, supports, strain, bend[MOST_CONTACTS + 1], clear[MOST_CONTACTS + 1];
+    dual normal, friction, missing, supports, strain, bend[MOST_CONTACTS + 1], clear[MOST_CONTACTS + 1], itself;
     dual feel[MOST_COORDINATES];
 } Finger;
 
-static void integrate(const Rod *rod, const dual *z, int extremes, Finger *out)
+/* Integrate a finger; its backbone goes to `line`, where that is given. */
+static void integrate(const Rod *rod, const dual *z, int extremes, Finger *out, Line *line)
 {
+    Line own;
+    if (!line && extremes && rod->itself)
+        line = &own;
+    if (line)
+        line->count = 0;
     State q = clamped(rod, z);
     Segment seg;
     seg.begin = constant(0.0), seg.steps = steps_of(rod);
@@ -623,10 +724,16 @@ static void integrate(const Rod *rod, const dual *z, int extremes, Finger *out)
             if (rod->walls + rod->pegs)
                 out->supports = least(out->supports, segment_clear_of_supports(rod, &seg, segment == 0));
         }
+        if (line)
+            lengthen(line, &seg);
         out->touch[segment] = touch_of(rod, &q);
         if (segment < rod->contacts)
             pass(rod, &q, out->touch + segment, z + 4 + 3 * segment, z[3]);
         seg.begin = end;
+    }
+    if (extremes && rod->itself) {
+        const Meeting meeting = meeting_of(rod, line, 1.0, rod, line, 1.0);
+        out->itself = (dual){meeting.gap, plus(meeting.one, meeting.other).d};
     }
     const Touch *tip = out->touch + rod->contacts;
     q.fx.v -= rod->tip_load[0], q.fy.v -= rod->tip_load[1];

@@ -113,7 +113,7 @@ class _Rod(ctypes.Structure):
         *((name, ctypes.c_int) for name in ("steps", "contacts", "tip")),
         *(
             (name, ctypes.c_int)
-            for name in ("nodes", "masses", "walls", "pegs", "width", "height", "coordinates", "matched")
+            for name in ("nodes", "masses", "walls", "pegs", "width", "height", "coordinates", "matched", "itself")
         ),
         ("base", ctypes.c_double * 3),
         ("gravity", ctypes.c_double * 2),
@@ -134,7 +134,9 @@ class _Rod(ctypes.Structure):
 
 
 class MapFinger:
-    """A finger with so many middle contacts at one pose of its base and of the object, in units of its own."""
+    """A finger with so many middle contacts at one pose of its base and of the object, in units of its own; it may have
+    to keep clear of ``itself``.
+    """
 
     def __init__(
         self,
@@ -146,8 +148,10 @@ class MapFinger:
         on: Collection[str],
         *,
         exact: bool = False,
+        itself: bool = False,
     ) -> None:
         self._given = scene, setup, table, base, pose
+        self.itself = itself
         self.is_exact = exact or setup.elements > FEW
         self.names = tuple(name for name in setup.middle_names if name in on)
         self.tip = setup.tip_name in on
@@ -204,6 +208,7 @@ class MapFinger:
             height=_CELLS,
             coordinates=self.coordinates,
             matched=int(not self.is_exact and FAMILIES[setup.family].matches_tip),
+            itself=int(itself),
             base=(base[0] / length, base[1] / length, base[2]),
             gravity=tuple(gravity),
             tip_load=tuple(sum((mass.mass for mass in ends), 0.0) * gravity),
@@ -245,7 +250,7 @@ class MapFinger:
     @property
     def shape_limits(self) -> int:
         """Number of limits of tension and shape."""
-        return 6 + 4 * self.middles + self.tip
+        return 6 + 4 * self.middles + self.tip + self.itself
 
     @property
     def lanes(self) -> int:

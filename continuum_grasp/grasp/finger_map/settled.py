@@ -50,11 +50,15 @@ def places_of(scene: GraspScene, on: frozenset[str]) -> list[Place]:
 
 class SceneMaps:
     """The maps of a scene's fingers, made when they are first needed; as parts of the maps of a ``wider`` scene, which
-    has the same fingers with greater limits, where that is given.
+    has the same fingers with greater limits, where that is given. Fingers that are ``apart``, two by name, keep clear
+    of each other, or one of itself; all others may cross, which few do.
     """
 
-    def __init__(self, scene: GraspScene, wider: SceneMaps | None = None) -> None:
+    def __init__(
+        self, scene: GraspScene, wider: SceneMaps | None = None, apart: frozenset[tuple[str, str]] = frozenset()
+    ) -> None:
         self.scene = scene
+        self.apart: frozenset[tuple[str, str]] = apart if wider is None else apart | wider.apart
         self._wider = wider
         self._maps: dict[tuple[str, Pose, Pose, frozenset[str], bool], FingerMap] = {}
 
@@ -70,14 +74,22 @@ class SceneMaps:
         mine = frozenset(on & setup.switches.keys())
         key = name, base, pose, mine, exact or setup.elements > FEW
         if key not in self._maps:
-            finger = MapFinger(self.scene, setup, self._table, base, pose, mine, exact=exact)
+            itself = (name, name) in self.apart
+            finger = MapFinger(self.scene, setup, self._table, base, pose, mine, exact=exact, itself=itself)
             if self._wider is not None:
-                self._maps[key] = self._wider.map_of(name, base, pose, on, exact=exact).within(finger)
+                wider = self._wider.map_of(name, base, pose, on, exact=exact)
+                same = self._wider.scene is self.scene and wider.finger.itself == itself
+                self._maps[key] = wider if same else wider.within(finger)
             elif finger.is_exact:
                 self._maps[key] = FingerMap.of(finger)
             else:
                 self._maps[key] = self.map_of(name, base, pose, on).followed_by(finger)
         return self._maps[key]
+
+    @property
+    def _pairs(self) -> list[tuple[int, int]]:
+        names = [setup.name for setup in self.scene.setups]
+        return [(k, m) for k, m in self.scene.pairs if (names[k], names[m]) in self.apart]
 
     def settled(self, on: frozenset[str], place: Place, *, exact: bool = True) -> list[GraspStart]:
         """Starts with the contacts ``on`` by name that hold the object at a place, as ``exact`` rods or as fingers bend
@@ -89,7 +101,7 @@ class SceneMaps:
             return rough_starts(scene, on, pose, bases, ROUGH)
         pairs = zip(scene.setups, bases, strict=True)
         maps = [self.map_of(setup.name, base, pose, on, exact=exact) for setup, base in pairs]
-        balance = ObjectBalance(scene, on, [one.finger for one in maps], pose)
+        balance = ObjectBalance(scene, on, [one.finger for one in maps], pose, self._pairs)
         x = balance.candidates(maps)
         if not len(x):
             return []

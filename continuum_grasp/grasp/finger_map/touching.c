@@ -72,7 +72,7 @@ void touches(const Rod *rod, int count, const double *given, double *out)
     dual z[NUMBERS], row[ROWS];
     for (; count > 0; count -= WIDE, given += WIDE * numbers_of(rod)) {
         read_numbers(rod, count, given, z);
-        integrate(rod, z, 0, &at);
+        integrate(rod, z, 0, &at, NULL);
         const int rows = conditions(rod, z, &at, row);
         for (int lane = 0; lane < WIDE && lane < count; ++lane) {
             out = write_touches(out, rod, &at, lane);
@@ -93,7 +93,7 @@ void corrected(const Rod *rod, int count, int rounds, const double *back, const 
         int rows = 0;
         for (int round = 0; round < rounds; ++round) {
             read_numbers(rod, count, z, numbers);
-            integrate(rod, numbers, 0, &at);
+            integrate(rod, numbers, 0, &at, NULL);
             rows = conditions(rod, numbers, &at, row);
             for (int lane = 0; lane < WIDE && lane < count; ++lane)
                 for (int k = lane * size; k < (lane + 1) * size; ++k) {
@@ -129,6 +129,8 @@ static int shape_limits(const Rod *rod, const dual *z, const Finger *at, double 
     }
     if (rod->tip)
         row[n++] = scaled(LEAN, at->touch[rod->contacts].lean);
+    if (rod->itself)
+        row[n++] = beyond(entered, scaled(-1.0, at->itself));
     return n;
 }
 
@@ -166,7 +168,7 @@ void trace(const Rod *rod, int count, const double *given, double entered, doubl
     dual z[NUMBERS], row[ROWS];
     for (; count > 0; count -= WIDE, given += WIDE * numbers_of(rod)) {
         read_numbers(rod, count, given, z);
-        integrate(rod, z, 1, &at);
+        integrate(rod, z, 1, &at, NULL);
         int rows = conditions(rod, z, &at, row);
         rows += shape_limits(rod, z, &at, entered, row + rows);
         rows += force_limits(rod, z, &at, row + rows);
@@ -242,7 +244,7 @@ static void residual_of(const Rod *rod, const real *given, double entered, Resid
         for (int lane = 0; lane < WIDE; ++lane)
             ((double *)&z[k].d)[WIDE * k + lane] = 1.0;
     }
-    integrate(rod, z, 1, &at);
+    integrate(rod, z, 1, &at, NULL);
     out->equal = out->rows = conditions(rod, z, &at, out->row);
     out->rows += shape_limits(rod, z, &at, entered, out->row + out->rows);
     out->rows += force_limits(rod, z, &at, out->row + out->rows);

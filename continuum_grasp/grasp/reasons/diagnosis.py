@@ -246,8 +246,11 @@ class Repairs(Elastic):
             self.totals.setdefault(limits, [])
             if search.impossible and cannot_balance(eased(self.scene, limits, FAR)):
                 continue
-            starts[limits] = self.starts.of(limits)
-            self._from(limits, starts[limits], CLOSEST)
+            maps = None
+            while limits not in self.found and maps is not search.maps:  # until no more fingers cross
+                maps = search.maps
+                starts[limits] = self.starts.of(limits)
+                self._from(limits, starts[limits], CLOSEST)
             if starts[limits] and limits not in self.found:
                 self._from(limits, [*starts[limits], *self.starts.near], CLOSEST)
         for limits in starts:

@@ -37,6 +37,7 @@ class Starts:
     def __init__(self, scene: GraspScene, search: GraspSearch) -> None:
         self._scene = scene
         self._search = search
+        self._maps: SceneMaps | None = None
 
     @cached_property
     def near(self) -> list[GraspStart]:
@@ -96,10 +97,15 @@ class Starts:
     def _limits(self) -> list[RelaxedLimit]:
         return [limit for limit in RELAXATIONS if limit.applies(self._scene)]
 
-    @cached_property
+    @property
     def _wide(self) -> SceneMaps:
-        """Maps of the scene with all limits relaxed."""
-        return SceneMaps(eased(self._scene, self._limits, WIDE))
+        """Maps of the scene with all limits relaxed, in which fingers keep apart that crossed so far."""
+        apart = self._search.maps.apart
+        if self._maps is None:
+            self._maps = SceneMaps(eased(self._scene, self._limits, WIDE), apart=apart)
+        elif not apart <= self._maps.apart:
+            self._maps = SceneMaps(self._maps.scene, self._maps, apart)
+        return self._maps
 
     def _settled(self, relaxed: GraspScene) -> list[GraspStart]:
         """Fingers that hold the object of a scene with limits relaxed, of least tension first, then those that nearly
