@@ -134,9 +134,8 @@ class SearchVerdict:
         elif self.search.exact:
             message = self._too_coarse(min(candidate.start.estimate for candidate in self.search.held_exactly))
             advice = "Raise fidelity.elements, or omit it: the program then uses as many as it needs."
-        elif curled := sorted(finger for finger, other in self.search.apart if finger == other):
-            message = f"no grasp was found in which {', '.join(curled)} does not pass through itself"
-            advice = "Use a shorter finger, or a base where it need not curl up: base_free lets the search find one."
+        elif crossed := sorted(self.search.maps.apart):
+            message, advice = _overlapping(crossed)
         elif closest is not None and closest.attempt.optimal:
             names = ", ".join(check.name for check in closest.certificate.failed)
             message = f"the solver converged, but the independent check rejects: {names}"
@@ -236,6 +235,20 @@ class SearchVerdict:
                 for a in attempts
             ],
         }
+
+
+def _overlapping(crossed: Sequence[tuple[str, str]]) -> tuple[str, str]:
+    """Say that fingers of all grasps found pass through each other, or of the same name through themselves, and what to
+    do.
+    """
+    curled = [f"{finger} passes through itself" for finger, other in crossed if finger == other]
+    met = [f"{finger} and {other} pass through each other" for finger, other in crossed if finger != other]
+    advice = []
+    if curled:
+        advice.append("Use a shorter finger, or a base where it need not curl up: base_free lets the search find one.")
+    if met:
+        advice.append("Move the bases apart, or state overlap: allow where the fingers lie at different heights.")
+    return f"every grasp that was found overlaps: {', '.join([*curled, *met])}", " ".join(advice)
 
 
 def _broken(violations: Sequence[Violation]) -> tuple[str, ...]:
