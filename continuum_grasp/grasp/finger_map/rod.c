@@ -78,6 +78,9 @@ typedef struct { char none; } slopes;
 #endif
 typedef struct { real v; slopes d; } dual;
 
+/* Of functions that few scenes call: for size, which compiles in less time. */
+#define SELDOM __attribute__((noinline, cold))
+
 /* Most middle contacts, coordinates, numbers, nodes of a segment and of all segments, of which several have 24 steps each;
    what is farther than all that matters, in lengths of the finger. */
 enum { MOST_CONTACTS = 4, MOST_COORDINATES = 5, NUMBERS = 4 + 3 * MOST_CONTACTS + MOST_COORDINATES };
@@ -583,7 +586,7 @@ static inline dual number_on(const dual *row, const On *at)
     return plus(by(1.0 - at->share, taken(row, at->node)), by(at->share, taken(row, at->beside)));
 }
 
-static real share_of_chord(const Line *line, real from, real to, real x, real y)
+static SELDOM real share_of_chord(const Line *line, real from, real to, real x, real y)
 {
     const real x0 = taken(line->x, from).v, y0 = taken(line->y, from).v;
     const real dx = taken(line->x, to).v - x0, dy = taken(line->y, to).v - y0;
@@ -592,7 +595,7 @@ static real share_of_chord(const Line *line, real from, real to, real x, real y)
 }
 
 /* Move a point of a line along the chords of its node to where it is nearest to another point. */
-static void approach(const Line *line, real x, real y, On *at)
+static SELDOM void approach(const Line *line, real x, real y, On *at)
 {
     const real before = most_of(at->node - 1.0, (real){0}), after = least_of(at->node + 1.0, line->count - 1.0 + (real){0});
     const real back = share_of_chord(line, at->node, before, x, y), on = share_of_chord(line, at->node, after, x, y);
@@ -631,7 +634,7 @@ static whole closest_nodes(const Rod *rod, const Line *line, double unit, const 
 typedef struct { real gap; dual one, other; } Meeting;
 
 /* The meeting of two lines, in their units; of one line with itself. */
-static Meeting meeting_of(const Rod *rod, const Line *line, double unit, const Rod *rod_b, const Line *line_b, double unit_b)
+static SELDOM Meeting meeting_of(const Rod *rod, const Line *line, double unit, const Rod *rod_b, const Line *line_b, double unit_b)
 {
     On a = {0}, b = {0};
     const whole some = closest_nodes(rod, line, unit, rod_b, line_b, unit_b, &a, &b);
