@@ -194,14 +194,33 @@ def distances(scene, held, settled):
         yield (away - thick) / held.fingers[0].length
 
 
-def test_fingers_that_keep_apart_settle_beside_each_other():
-    scene = images.scene_of(document("two", 6), 8)
+def crossing_and_apart(document):
+    """A scene of two fingers, its balance where they may cross and where they keep apart, and their maps."""
+    scene = images.scene_of(document, 8)
     crossing, maps = balance_of(scene)
-    assert min(distances(scene, crossing, crossing.settle(crossing.candidates(maps)))) < -0.02
     apart = balance.ObjectBalance(scene, crossing.on, crossing.fingers, crossing.pose, scene.pairs)
+    return scene, crossing, apart, maps
+
+
+def test_fingers_that_keep_apart_settle_beside_each_other():
+    scene, crossing, apart, maps = crossing_and_apart(document("two", 6))
+    assert min(distances(scene, crossing, crossing.settle(crossing.candidates(maps)))) < -0.02
     settled = apart.settle(apart.candidates(maps))
     assert len(settled.holding(scene.object.size)) > 0
     assert min(distances(scene, apart, settled)) > -SETTLED - 1e-3
+
+
+def test_where_the_least_tension_has_fingers_touch_each_other_they_just_touch():
+    thick = document("two", 14)
+    for finger in thick["fingers"].values():
+        finger["half_thickness"] *= 2.0
+    scene, _, apart, maps = crossing_and_apart(thick)
+    settled = apart.settle(apart.candidates(maps))
+    refined = apart.refined(settled.x[settled.holding(scene.object.size)])
+    rows = refined.holding(scene.object.size)
+    touching = np.abs(list(distances(scene, apart, refined))).argmin()
+    assert refined.off[rows[touching]] < 1e-7
+    assert list(distances(scene, apart, refined))[touching] == pytest.approx(0.0, abs=1e-6)
 
 
 def wrench_of(contacts, center):
