@@ -78,3 +78,13 @@ def test_where_the_best_postures_cross_others_are_found():
     thick = sum(float(setup.finger.profile.half_thickness(0.0)) for setup in asked.setups)
     assert far["allow"] < 0.9 * thick
     assert far["forbid"] > thick - 1e-4 * asked.setups[0].finger.rod.length
+
+
+def test_three_fingers_settle_side_by_side():
+    """A run that keeps their nearest places apart, whatever the direction, goes back and forth."""
+    asked = scene_of(document("three", 90), 8)
+    grasp = optimize_grasp(asked)
+    lines = [shapely.LineString(grasp.arrays[f"{name}.backbone"][:, 1:3]) for name in asked.named_fingers]
+    half = [float(setup.finger.profile.half_thickness(0.0)) for setup in asked.setups]
+    for k, m in asked.pairs:
+        assert lines[k].distance(lines[m]) > half[k] + half[m] - 1e-4 * asked.setups[0].finger.rod.length

@@ -52,7 +52,8 @@ def keep_apart(problem: PlanarPart, pair: tuple[UnitFinger, UnitFinger], places:
     or to what follows along it.
 
     The places are between guarded ones (2, K), with weights that the search renews; the gaps needed make up for the
-    bend between these.
+    bend between these. They are apart along the direction in which they were: fingers do not pass through each other,
+    and may slide along each other.
     """
     finger, other = pair
     name = f"{finger.spec.name}, {other.spec.name}"
@@ -62,8 +63,8 @@ def keep_apart(problem: PlanarPart, pair: tuple[UnitFinger, UnitFinger], places:
         points @ ca.reshape(number(f"{side} of {name}", count * points.shape[1]), points.shape[1], count)
         for side, points in zip(("first", "second"), places, strict=True)
     ]
-    # 1e-24 keeps the root differentiable where the fingers cross.
-    away = ca.sqrt(ca.sum1((near[0] - near[1]) ** 2).T + 1e-24)
+    direction = ca.reshape(number(f"direction of {name}", 2 * count), 2, count)
+    away = ca.sum1((near[0] - near[1]) * direction).T
     spare = away - number(f"gap of {name}", count) + number("tolerance")
     if other is finger:
         problem.rows.require(f"passes through itself, {finger.spec.name}", spare, "m", finger.spec.name, upper=ca.inf)

@@ -220,10 +220,12 @@ def _between(finger: _Traced, other: _Traced, numbers: Values) -> float:
         picks.append((int(i.ravel()[k // j.size]), int(j[k % j.size])))
     first, second = np.array(picks).T
     weights = finger.weights(first), other.weights(second)
-    chords = np.hypot(*(weights[0].T @ finger.guarded - weights[1].T @ other.guarded).T)
+    between = weights[0].T @ finger.guarded - weights[1].T @ other.guarded
+    chords = np.maximum(np.hypot(*between.T), 1e-12)  # of places on each other any direction will do
     name = f"{finger.name}, {other.name}"
     # Column after column, as CasADi has it; between guarded places a finger bends away from the line through them.
     numbers |= {f"{side} of {name}": w.ravel(order="F") for side, w in zip(("first", "second"), weights, strict=True)}
+    numbers[f"direction of {name}"] = (between / chords[:, None]).ravel()
     numbers[f"gap of {name}"] = chords - gap[first, second]
     return -float(gap.min())
 
