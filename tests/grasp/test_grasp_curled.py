@@ -81,7 +81,7 @@ def test_where_the_best_postures_cross_others_are_found():
 
 
 def test_three_fingers_settle_side_by_side():
-    """A run that keeps their nearest places apart, whatever the direction, goes back and forth."""
+    """Where runs keep the nearest places apart alone, whatever the direction, none finds this."""
     asked = scene_of(document("three", 90), 8)
     grasp = optimize_grasp(asked)
     lines = [shapely.LineString(grasp.arrays[f"{name}.backbone"][:, 1:3]) for name in asked.named_fingers]

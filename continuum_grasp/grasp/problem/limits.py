@@ -49,7 +49,7 @@ def keep_clear(problem: PlanarPart, finger: UnitFinger) -> ca.SX:
 
 def keep_apart(problem: PlanarPart, pair: tuple[UnitFinger, UnitFinger], places: tuple[ca.SX, ca.SX]) -> None:
     """Two fingers keep clear of each other, or one of itself: of each element, the place nearest to the other finger,
-    or to what follows along it.
+    or to what follows along it, and the one that was nearest before, else solutions would go back and forth.
 
     The places are between guarded ones (2, K), with weights that the search renews; the gaps needed make up for the
     bend between these. They are apart along the direction in which they were: fingers do not pass through each other,
@@ -58,7 +58,7 @@ def keep_apart(problem: PlanarPart, pair: tuple[UnitFinger, UnitFinger], places:
     finger, other = pair
     name = f"{finger.spec.name}, {other.spec.name}"
     number = problem.numbers
-    count = finger.spec.elements + (other.spec.elements if other is not finger else 0)
+    count = 2 * (finger.spec.elements + (other.spec.elements if other is not finger else 0))
     near = [
         points @ ca.reshape(number(f"{side} of {name}", count * points.shape[1]), points.shape[1], count)
         for side, points in zip(("first", "second"), places, strict=True)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -85,7 +86,9 @@ class NearbySearch:
         depths = [-np.inf, *(finger.deepest for finger in traced)]
         for finger, other in self._problem.spec.pairs:
             allowed_overlap = float(x[at["relaxed overlap"]][0]) if other != finger else 0.0
-            depths.append(_between(traced[finger], traced[other], seen) - allowed_overlap)
+            name = f"{traced[finger].name}, {traced[other].name}"
+            before = [numbers[self._problem.numbers.at[f"{side} of {name}"]] for side in ("first", "second")]
+            depths.append(_between(traced[finger], traced[other], before, seen) - allowed_overlap)
         for i, peg in enumerate(scene.pegs if self._problem.spec.free else ()):
             local = _local(np.asarray(peg.position)[None] / units.length, pose)
             for k, (circles, _) in enumerate(_beside(scene.object.pieces, self._problem.spec.obstacles, local, units)):
@@ -184,10 +187,20 @@ class _Traced:
     half: Array  # (M,) half the thickness there
     guarded: Array  # (K, 2) the guarded places
 
+    @cached_property
+    def _at(self) -> Array:
+        """Indices (K,) of the points nearest to the guarded places."""
+        off = self.points[:, None] - self.guarded
+        return np.asarray((off**2).sum(axis=2).argmin(axis=0))
+
+    def picks(self, weights: Array) -> Array:
+        """Indices (m,) of points, about, that guarded places give with weights (m K,) column by column."""
+        count = len(self.guarded)
+        return np.rint(self._at @ weights.reshape(count, -1, order="F")).astype(int)
+
     def weights(self, picks: Array) -> Array:
         """Weights (K, m) of the guarded places that give the points of indices ``picks`` (m,), about."""
-        off = self.points[:, None] - self.guarded
-        at = (off**2).sum(axis=2).argmin(axis=0)
+        at = self._at
         order = np.argsort(at, kind="stable")
         at = at[order]
         after = np.clip(np.searchsorted(at, picks), 1, at.size - 1)
@@ -200,9 +213,9 @@ class _Traced:
         return weights
 
 
-def _between(finger: _Traced, other: _Traced, numbers: Values) -> float:
+def _between(finger: _Traced, other: _Traced, earlier: Sequence[Array], numbers: Values) -> float:
     """Depth of two fingers in each other, or of one in itself; the places where each element is nearest go into the
-    numbers.
+    numbers, and those where it was in ``earlier`` weights of either finger, which vanish at first.
     """
     away = np.hypot(*(finger.points[:, None] - other.points).transpose(2, 0, 1))
     gap = away - finger.half[:, None] - other.half
@@ -219,6 +232,9 @@ def _between(finger: _Traced, other: _Traced, numbers: Values) -> float:
         k = int(gap[i, j].argmin())
         picks.append((int(i.ravel()[k // j.size]), int(j[k % j.size])))
     first, second = np.array(picks).T
+    before = [one.picks(weights)[: len(picks)] for one, weights in zip((finger, other), earlier, strict=True)]
+    known = earlier[0].any()
+    first, second = (np.append(at, was if known else at) for at, was in zip((first, second), before, strict=True))
     weights = finger.weights(first), other.weights(second)
     between = weights[0].T @ finger.guarded - weights[1].T @ other.guarded
     chords = np.maximum(np.hypot(*between.T), 1e-12)  # of places on each other any direction will do
