@@ -47,6 +47,8 @@ class GraspSearch:
         self.scene = scene
         self.budget = budget
         self.settled: list[Candidate] = []  # fingers that hold the object, least tension first
+        self._settled_before: list[Candidate] = []  # those that were, before fingers crossed in an attempt
+        self.held_before: list[Candidate] = []  # exact rods that hold it in a search with another model
         self.tried: list[Tried] = []
         self.good: list[Tried] = []  # those that the certificate confirms
         self.fallback: Tried | None = None  # a grasp with least tension, where something else is sought
@@ -104,7 +106,8 @@ class GraspSearch:
         from spare ones, and from those that come nearest to it.
         """
         if not self.budget.over:
-            self.settled = self.settle(self.maps)
+            before = [Candidate(each.start) for each in self.held_before]
+            self.settled = sorted([*self.settle(self.maps), *before], key=lambda each: _promise(each.start))
         most = self._effort.settled
         solved = 0
         while (candidate := self._next_settled) is not None and solved < most:
@@ -115,6 +118,7 @@ class GraspSearch:
             maps = self.maps
             self._attempt_twice(candidate.start)
             if self.maps is not maps:
+                self._settled_before += self.settled
                 self.settled = self.settle(self.maps)
             # Starts that lead to the same grasp tell nothing of the others.
             solved += self._pruned[ALIKE] == alike
@@ -137,12 +141,13 @@ class GraspSearch:
 
     def _others(self, most: int) -> Iterator[GraspStart]:
         """Further starts where those that hold the object lead to no grasp, at most so many of a kind: what comes
-        before an optimum, or nearest to it; postures that nearly touch, where maps are empty or none; exact rods that
-        hold though few elements do not.
+        before an optimum, or nearest to it; fingers that hold it, but may cross; postures that nearly touch, where maps
+        are empty or none; exact rods that hold though few elements do not.
         """
         others = [each.start for each in self.settled if not each.holds]
         near = [start for start in others if start.imbalance <= SETTLED or not is_mapped()]
         yield from (near or others[:1])[:most]
+        yield from [each.start for each in self._settled_before if each.holds and not each.tried][:most]
         if not self.settled:
             for mode, place in self._places:
                 yield from rough_starts(self.scene, mode, *place, ROUGH)

@@ -323,6 +323,8 @@ class _ModelSearch:
     def _again(self, scene: GraspScene, note: str) -> GraspResult:
         """The verdict with another model that the program chose."""
         other = _ModelSearch(scene, self.budget, chosen_range=self._chosen_range, chosen_elements=self._chosen_elements)
+        # Maps of the other model may miss them.
+        other.search.held_before = self.search.held_exactly
         result = other.result()
         self.search = other.search
         return replace(result, statistics={**result.statistics, "fidelity": note})

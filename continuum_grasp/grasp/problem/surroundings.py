@@ -196,7 +196,7 @@ class _Traced:
     def picks(self, weights: Array) -> Array:
         """Indices (m,) of points, about, that guarded places give with weights (m K,) column by column."""
         count = len(self.guarded)
-        return np.rint(self._at @ weights.reshape(count, -1, order="F")).astype(int)
+        return np.asarray(np.rint(self._at @ weights.reshape(count, -1, order="F")).astype(int))
 
     def weights(self, picks: Array) -> Array:
         """Weights (K, m) of the guarded places that give the points of indices ``picks`` (m,), about."""
