@@ -173,7 +173,9 @@ def _for_errors(result: GraspResult, search: GraspSearch, budget: Budget) -> Gra
 
     budget.tell(f"held with {amount_text(result.tension, 'N', '.4g')} as it is; errors and friction states are tried")
     try:
-        return with_robust(result, search, budget)
+        robust = with_robust(result, search, budget)
+        spent = result.scene.solver.max_total_iterations - budget.left
+        return replace(robust, statistics={**robust.statistics, "total_iterations": spent})
     except KeyboardInterrupt:
         message = f"{result.message}; the search was interrupted before a grasp for all errors and friction states"
         return replace(result, status=GraspStatus.FEASIBLE if result.solved else result.status, message=message)

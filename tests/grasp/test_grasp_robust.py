@@ -111,6 +111,8 @@ def test_draws_that_use_a_reserve_of_friction_are_held_and_fail_nowhere() -> Non
     nominal = found.robustness.nominal
     assert 0.0 < nominal.least < 0.2
     assert nominal.held + sum(nominal.weakest.values()) == nominal.margins.size
+    without_errors = sum(attempt["iterations"] for attempt in found.statistics["attempts"])
+    assert found.statistics["total_iterations"] > without_errors
 
 
 def test_a_robust_grasp_says_where_was_looked_and_what_may_be_missed(monkeypatch: pytest.MonkeyPatch) -> None:
