@@ -5,7 +5,7 @@ Everything here is loaded when it is first used; importing the package is quick.
 
 from lazy_loader import attach_stub
 
-__version__ = "0.8.0"
+__version__ = "1.0.0"
 
 __getattr__, __dir__, _names = attach_stub(__name__, __file__)
 __all__ = ["__version__", *_names]
