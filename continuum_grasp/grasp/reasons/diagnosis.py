@@ -191,27 +191,20 @@ class Repairs(Elastic):
         """
         seen = [limit for limit in self.limits if limit.eased(self.scene, limit.start(self.scene)) is not self.scene]
         self._relaxed((limit,) for limit in seen)
-        for limit in seen:
-            self._excused_before(limit)
-        if not (self.explained or any(candidate.holds for candidate in self.search.settled)):
+        if not (self.explained or self._overlap or any(candidate.holds for candidate in self.search.settled)):
             pairs = itertools.combinations([limit for limit in seen if (limit,) not in self.found], 2)
             self._relaxed(pair for pair in pairs if self.starts.needed <= {*pair})
-
-    def _excused_before(self, limit: RelaxedLimit) -> None:
-        """Retain the least by which a limit excuses what is wrong with grasps of the search, where nothing repairs it:
-        fingers that crossed before they were kept apart.
-        """
-        if limit.excuses is None or (limit,) in self.found:
-            return
-        tried = [tried for tried in self.search.tried if tried.attempt.converged]
-        excused = [one for one in tried if one.certificate.failed and self._excused(one.certificate, [limit])]
-        repairs = [self._deep(Repair({limit: 0.0}, one.arrays, one.attempt)) for one in excused]
-        if repairs:
-            self.found[(limit,)] = min(repairs, key=lambda repair: repair.total)
 
     def look_further(self) -> None:
         """Relax the other limits: whether fingers may pass through what the scene cannot be without."""
         self._relaxed((limit,) for limit in self.limits if (limit,) not in self.totals)
+
+    @property
+    def _overlap(self) -> bool:
+        """Whether fingers overlap in grasps of the search that have no other flaw, which its verdict then says."""
+        (overlap,) = (limit for limit in RELAXATIONS if limit.name == "overlap")
+        converged = [tried for tried in self.search.tried if tried.attempt.converged]
+        return any(one.certificate.failed and self._excused(one.certificate, [overlap]) for one in converged)
 
     @property
     def explained(self) -> bool:
