@@ -175,7 +175,8 @@ def test_both_halves_of_a_pair_are_needed(seed):
             Repair(dict(zip(limits, found.x, strict=True)), {}, SimpleNamespace(start=None)) if found.success else None
         )
 
-    search = SimpleNamespace(budget=SimpleNamespace(over=False), impossible=False, keep_clear=lambda _: False)
+    known = {"impossible": False, "keep_clear": lambda _: False, "maps": SimpleNamespace()}
+    search = SimpleNamespace(budget=SimpleNamespace(over=False), **known)
     repairs = Repairs(make_scene(gravity=PLANAR), search)
     repairs.relax, repairs.certificate = relax, lambda repair: SimpleNamespace(failed=())
     repairs.starts = SimpleNamespace(of=lambda limits: [None], closer=lambda limits, enough: [None], near=[])
