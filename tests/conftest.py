@@ -12,6 +12,7 @@ import pytest
 from continuum_grasp.base import InputError
 from tests.tiers import (  # noqa: F401 - hooks of pytest, found here by their names
     pytest_addoption,
+    pytest_collection_finish,
     pytest_collection_modifyitems,
     pytest_itemcollected,
     pytest_runtest_setup,

@@ -7,6 +7,7 @@ What costs more, or uses a fixture that does (``COSTLY_FIXTURES`` of its module)
 
 from __future__ import annotations
 
+import os
 import resource
 import time
 from collections.abc import Generator
@@ -63,6 +64,22 @@ def _dealt(item: pytest.Item) -> str:
     own = [made[-1] for made in definitions.values() if made[-1].baseid]  # not those of pytest and its plugins
     shared = any(made.scope != "function" for made in own)
     return item.nodeid.partition("[")[0] if shared else item.nodeid
+
+
+MANY = 1000
+"""Tests from which on the maps of fingers are compiled before the first of them."""
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Compile the maps of fingers, which takes 10 s once: else the first of many tests is over its limit."""
+    from continuum_grasp.core import Compiler
+    from continuum_grasp.grasp.finger_map import rod
+
+    if len(session.items) < MANY or Compiler.find() is None:
+        return
+    one_by_one = [(lanes, 1) for lanes in (0, 16, 24)]
+    for lanes, wide in [*one_by_one, *((lanes, rod.WIDE) for lanes in (0, 8, 12))]:
+        rod._library(lanes, wide, os.environ.get("CC"), os.environ.get("PATH"))
 
 
 STARTED = pytest.StashKey[float]()
