@@ -2,7 +2,8 @@
 
 1. Fingers that hold the object are the starts: of all their equilibria that touch (`finger_map`), settled to the least
    tension, the least first; many elements as exact rods, few by their own equilibria. Where none holds it, the one
-   that comes nearest is; where maps are empty, postures that nearly touch are.
+   that comes nearest is; where maps are empty, postures that nearly touch are. Once fingers crossed in an attempt,
+   those that keep apart are.
 2. Where exact rods hold with less than the best grasp and its elements do not follow, it is not called optimal.
 3. Another objective is also sought from grasps with the least tension, where those starts do not lead to its optimum.
 4. The best grasp is solved to the end.
