@@ -1,4 +1,4 @@
-"""Tiers of tests: what a quick test may cost, and the deep tests in shards.
+"""Tiers of tests, and what they share, from inside: no door compiles the maps of fingers before the first test.
 
 A test without a mark is quick: ``python3 start.py test`` runs it, and it fails by itself beyond ``--cpu-limit``.
 What costs more, or uses a fixture that does (``COSTLY_FIXTURES`` of its module), is ``deep``:

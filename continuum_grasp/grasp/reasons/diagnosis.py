@@ -2,8 +2,8 @@
 the object then, and the amounts that then suffice, verified and confirmed, are the reason.
 
 1. Each limit is relaxed alone.
-2. Where no usual amount of one is enough, each two of them are; all others together are no substitute for some, which
-   are part of every reason.
+2. Where no usual amount of one is enough, each two of them are, unless grasps were found whose only flaw is that
+   fingers overlap; all others together are no substitute for some, which are part of every reason.
 3. What repairs the scene is relaxed from more starts, closer by its amount, until several agree.
 4. The remaining repairs are verified by the certificate with just these amounts, for all errors and friction states.
 """
