@@ -5,7 +5,8 @@
     python3 start.py docs                            documentation and API reference as a site: build/docs/index.html
     python3 start.py jupyterlab notebooks            the notebooks in a browser
     python3 start.py install jax torch               extras of pyproject.toml, by their names
-    python3 start.py test                            the tests, with pytest's options
+    python3 start.py test                            a few tests of each file, then all others
+    python3 start.py test tests/model -x             tests with pytest's options, in one run
 
 On Windows: py start.py. The first run installs, later runs start at once. Nothing is installed outside of .venv.
 """
@@ -51,7 +52,14 @@ def main(arguments):
     if tool is None:
         os.environ[STARTED_BY] = json.dumps([python_as_typed(), os.path.abspath(sys.argv[0])])
         return run([PYTHON, "-m", "continuum_grasp", *arguments])
-    return run([PYTHON, "-m", *tool[1], *arguments[1:]], cwd=tool[2])
+    command = [PYTHON, "-m", *tool[1], *arguments[1:]]
+    if arguments == ["test"]:
+        # The first tier touches every package: a broken installation shows within three minutes.
+        status = run([*command, "--tier", "first"], cwd=tool[2])
+        if status > 1:  # interrupted, or pytest itself failed
+            return status
+        return max(status, run([*command, "--tier", "rest"], cwd=tool[2]))
+    return run(command, cwd=tool[2])
 
 
 def python_as_typed():

@@ -3,8 +3,9 @@
 A guide is run from its text, block by block, in a folder of its own:
 
 - ``sh``: commands, one a line; ``# status 1`` behind one names the exit status that it has, where that is not 0;
-- ``python``: code, in one namespace per page;
-- ``yaml`` that begins with ``# NAME.yaml``: that file is written; ``# in NAME.yaml``: an excerpt of a file there;
+- ``python``: code, in one namespace per page, unless it begins with ``# NAME.py``;
+- ``yaml``, ``toml``, ``python`` that begin with ``# NAME.SUFFIX``: that file is written; ``# in NAME.yaml``: an excerpt
+  of a file there;
 - ``c`` that begins with ``/* NAME.c */``: that file is written;
 - ``diff`` that begins with ``--- NAME``: lines of that file are replaced;
 - ``text``: lines of what the block before it prints, in their order.
@@ -81,6 +82,7 @@ class Run:
         self.folder = folder
         self.quoted: list[Quoted] = []
         self._output = ""
+        self._installed = folder / "installed"
         self._namespace: dict[str, Any] = {"__name__": "guide"}
 
     def page(self, text: str) -> None:
@@ -93,6 +95,10 @@ class Run:
         first, _, rest = block.text.partition("\n")
         if block.kind == "sh":
             self._output = "".join(self._command(line) for line in block.text.splitlines() if line.strip())
+        elif named := re.fullmatch(r"# ([\w/]+\.(?:py|toml|yaml))", first):
+            file = Path(named[1])
+            file.parent.mkdir(exist_ok=True)
+            file.write_text(block.text if file.suffix == ".yaml" else rest, encoding="utf-8")
         elif block.kind == "python":
             printed = io.StringIO()
             with redirect_stdout(printed):
@@ -101,14 +107,15 @@ class Run:
         elif block.kind == "text":
             lines = [line for line in block.text.splitlines() if line.strip() not in ("", "...")]
             self.quoted.append(Quoted(block.line, lines, self._output))
-        elif block.kind == "yaml":
-            self._yaml(block, first, rest)
+        elif block.kind == "yaml" and first.startswith("# in "):
+            if rest not in Path(first.removeprefix("# in ")).read_text(encoding="utf-8"):
+                raise ValueError(f"line {block.line}: {first.removeprefix('# in ')} has no such lines")
         elif block.kind == "c" and (named := re.fullmatch(r"/\* (\w+\.c) \*/", first)):
             Path(named[1]).write_text(block.text, encoding="utf-8")
         elif block.kind == "diff":
             self._change(Path(first.removeprefix("--- ")), rest)
         else:
-            raise ValueError(f"line {block.line}: no such kind of block: {block.kind!r}")
+            raise ValueError(f"line {block.line}: no such block: {block.kind!r}, {first!r}")
 
     def _command(self, line: str) -> str:
         words = shlex.split(line, comments=True)
@@ -121,24 +128,16 @@ class Run:
             words = [sys.executable, "-m", "continuum_grasp", *words[1:]]
         elif words[0] == "python":
             words = [sys.executable, *words[1:]]
-        paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+        elif words[:2] == ["pip", "install"]:  # into a folder of this run: the environment stays as it is
+            options = ["--quiet", "--no-deps", "--no-build-isolation", "--target", str(self._installed)]
+            words = [sys.executable, "-m", "pip", "install", *options, *words[2:]]
+        paths = [str(self._installed), str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
         own = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "MPLBACKEND": "Agg"}
         done = subprocess.run(words, capture_output=True, text=True, env=own, check=False)
         named = _STATUS.search(line)
         if done.returncode != (int(named[1]) if named else 0):
             raise RuntimeError(f"{line}: exit status {done.returncode}\n{done.stdout}\n{done.stderr}")
         return done.stdout + done.stderr
-
-    def _yaml(self, block: Block, first: str, rest: str) -> None:
-        name = first.removeprefix("# ")
-        if name.startswith("in "):
-            there = Path(name.removeprefix("in ")).read_text(encoding="utf-8")
-            if rest not in there:
-                raise ValueError(f"line {block.line}: {name} has no such lines")
-        elif name.endswith(".yaml"):
-            Path(name).write_text(block.text, encoding="utf-8")
-        else:
-            raise ValueError(f"line {block.line}: expected '# NAME.yaml' or '# in NAME.yaml', got {first!r}")
 
     def _change(self, file: Path, lines: str) -> None:
         text = file.read_text(encoding="utf-8")

@@ -10,6 +10,8 @@ import time
 import pytest
 
 from continuum_grasp.base import InputError
+from tests import remaining
+from tests.remaining import pytest_sessionfinish  # noqa: F401 - a hook of pytest, found here by its name
 from tests.tiers import (  # noqa: F401 - hooks of pytest, found here by their names
     pytest_addoption,
     pytest_collection_finish,
@@ -32,6 +34,7 @@ _UNUSED_DAYS = 7.0
 
 def pytest_configure(config):
     """Share compiled code between the workers of a run and from run to run; never with the user's cache."""
+    remaining.pytest_configure(config)
     folder = config.cache.mkdir("continuum_grasp")
     os.environ["CONTINUUM_GRASP_CACHE"] = str(folder)
     # Tests and the package are compiled to bytecode once, not by every worker and every process that a test starts.

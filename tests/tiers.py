@@ -1,8 +1,9 @@
 """Tiers of tests, and what they share, from inside: no door compiles the maps of fingers before the first test.
 
-A test without a mark is quick: ``python3 start.py test`` runs it, and it fails by itself beyond ``--cpu-limit``.
-What costs more, or uses a fixture that does (``COSTLY_FIXTURES`` of its module), is ``deep``:
-``-m deep --shard K/N`` runs one of N parts of those; cases of a function that share a fixture are in one part.
+A test without a mark is quick. ``python3 start.py test`` runs all quick tests in two runs: ``--tier first`` takes a
+few of each file, ``--tier rest`` takes the others. A quick test fails if it needs more CPU time than ``--cpu-limit``.
+A test that costs more, or uses a costly fixture (``COSTLY_FIXTURES`` of its module), is ``deep``:
+``-m deep --shard K/N`` runs one of N parts of these; cases of a function that share a fixture are in one part.
 """
 
 from __future__ import annotations
@@ -10,13 +11,15 @@ from __future__ import annotations
 import os
 import resource
 import time
+from collections import Counter
 from collections.abc import Generator
+from pathlib import Path
 from zlib import crc32
 
 import pytest
 
-CPU_LIMIT = 5.0
-"""CPU time of a quick test, its compilers and other children included [s], on the machine of ``REFERENCE``."""
+FIRST = 2
+"""Test functions of each file in the first tier [1], each with its first case."""
 REFERENCE = 0.03
 """CPU time of ``_reference`` [s] on a core of the AMD EPYC on which the budgets were measured."""
 
@@ -26,10 +29,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption(
         "--cpu-limit",
         type=float,
-        default=CPU_LIMIT,
         metavar="SECONDS",
-        help=f"CPU time beyond which a quick test fails, on a machine as fast as the reference ({CPU_LIMIT:g})",
+        help="CPU time, with compilers and other children, beyond which a quick test fails on a machine as fast as the "
+        "reference (default: no limit)",
     )
+    group.addoption("--tier", choices=("first", "rest"), help="run a few tests of each file, or all others")
     group.addoption("--shard", type=_shard, metavar="K/N", help="run part K (from 0) of N of the tests that -m selects")
 
 
@@ -49,13 +53,35 @@ def pytest_itemcollected(item: pytest.Item) -> None:
 
 @pytest.hookimpl(trylast=True)  # what -m deselects is not dealt
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if (shard := config.getoption("shard")) is None:
-        return
-    part, count = shard
-    # By name: another test elsewhere moves none to another part.
-    chosen = [crc32(_dealt(item).encode()) % count == part for item in items]
+    if (shard := config.getoption("shard")) is not None:
+        part, count = shard
+        # By name: another test elsewhere moves none to another part.
+        _keep(config, items, [crc32(_dealt(item).encode()) % count == part for item in items])
+    if (tier := config.getoption("tier")) is not None:
+        first = _in_first_tier(items)
+        config.stash[LEFT_OUT] = Counter(
+            item.path.parent.relative_to(config.rootpath).as_posix()
+            for item, early in zip(items, first, strict=True)
+            if not early
+        )
+        _keep(config, items, [early == (tier == "first") for early in first])
+
+
+def _keep(config: pytest.Config, items: list[pytest.Item], chosen: list[bool]) -> None:
     config.hook.pytest_deselected(items=[item for item, here in zip(items, chosen, strict=True) if not here])
     items[:] = [item for item, here in zip(items, chosen, strict=True) if here]
+
+
+def _in_first_tier(items: list[pytest.Item]) -> list[bool]:
+    """Choose the first case of the first functions of each file."""
+    functions: dict[Path, set[str]] = {}
+    chosen = []
+    for item in items:
+        known = functions.setdefault(item.path, set())
+        function = item.nodeid.partition("[")[0]
+        chosen.append(function not in known and len(known) < FIRST)
+        known.add(function)
+    return chosen
 
 
 def _dealt(item: pytest.Item) -> str:
@@ -82,6 +108,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
         rod._library(lanes, wide, os.environ.get("CC"), os.environ.get("PATH"))
 
 
+LEFT_OUT = pytest.StashKey[Counter[str]]()
 STARTED = pytest.StashKey[float]()
 
 
@@ -95,7 +122,9 @@ def pytest_runtest_setup(item: pytest.Item) -> Generator[None, None, None]:
 def pytest_runtest_teardown(item: pytest.Item) -> Generator[None, None, None]:
     result = yield
     used, limit = cpu_time() - item.stash[STARTED], item.config.getoption("cpu_limit")
-    if item.get_closest_marker("deep") is None and used > limit and used > (limit := limit * slowness()):
+    if limit is None or item.get_closest_marker("deep") is not None:
+        return result
+    if used > limit and used > (limit := limit * slowness()):
         message = f"{used:.1f} s of CPU time, {limit:.1f} s is the limit here: make it cheaper, or mark it deep"
         pytest.fail(message, pytrace=False)
     return result

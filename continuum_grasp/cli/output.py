@@ -108,8 +108,6 @@ class Output:
             CodeKind.force_optimized()
         if self.quiet and (self.as_json or self.verbose):
             raise InputError("--quiet cannot be combined with --json or --verbose")
-        if self.animation == "mp4" and shutil.which("ffmpeg") is None:
-            raise InputError("mp4 needs ffmpeg, which this machine does not have; use gif", key="--animate")
 
     @property
     def folder(self) -> Path:
@@ -128,10 +126,13 @@ class Output:
             hold_folder(self.folder)
 
     def scene(self, *kinds: type) -> Any:
-        """The scene of the configuration, of one of some kinds."""
+        """Load the scene of the configuration, of one of some kinds; check the tools of the options after that."""
         from continuum_grasp.scene import scene_of
 
-        return scene_of(self.config, kinds, self.changes or ())
+        scene = scene_of(self.config, kinds, self.changes or ())
+        if self.animation == "mp4" and shutil.which("ffmpeg") is None:
+            raise InputError("mp4 needs ffmpeg, which this machine does not have; use gif", key="--animate")
+        return scene
 
     @staticmethod
     def fail() -> NoReturn:

@@ -25,7 +25,13 @@ from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.readme import readme
 from continuum_grasp.export.source import Given, ModelSource, known_parts, parts_of, prefix_of, source_of
 from continuum_grasp.export.subject import MOST_SUBSTEPS, Subject
-from continuum_grasp.export.targets import example_files, measure, measured_core, target_of
+from continuum_grasp.export.targets import (
+    check_measuring_tools,
+    example_files,
+    measure,
+    measured_core,
+    target_of,
+)
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
 from continuum_grasp.results import check_folder
 from continuum_grasp.scene import Consumer
@@ -200,6 +206,8 @@ def _package(
     # Shares of the time that a mission takes; one with the part dynamics alone has few vectors and is done sooner.
     report(0.0, "writing the code")
     contents = contents_of(subject_of(source, names, kind, options), names, source.title, **solver)
+    if options.measured:
+        check_measuring_tools()
     vectors, files, errors = _checked(contents, limit, lambda share, text: report(0.3 + 0.6 * share, text))
     report(0.9, "writing the files")
     files |= _further_files(contents, target, vectors)

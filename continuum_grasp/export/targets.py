@@ -53,12 +53,16 @@ _SIZE = re.compile(r"^\s*(\d+)\s+(\d+)\s+(\d+)\s+\d+\s+\w+\s+(\w+)\.o$", re.MULT
 
 
 def measured_core(target: str) -> str:
-    """Core of a target's emulated board; InputError where there is none, or where its tools are missing."""
+    """Return the core of a target's emulated board; InputError if the target has none."""
     core = _core(target)
     if core is None:
         raise InputError(f"{target} has no emulated board: use cortex-m4f or cortex-m7", key="target")
-    check_tools(TOOLS, "measuring needs {}", "gcc-arm-none-eabi qemu-system-arm")
     return core
+
+
+def check_measuring_tools() -> None:
+    """Raise InputError if a program is missing that measuring needs."""
+    check_tools(TOOLS, "measuring needs {}", "gcc-arm-none-eabi qemu-system-arm")
 
 
 def measure(files: Mapping[str, str], target: str) -> dict[str, Any]:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from docs.guides import blocks, page_text
 
 ROOT = Path(__file__).parents[2]
 ADDON = ROOT / "examples" / "addon"
@@ -23,6 +26,22 @@ def installed(tmp_path_factory):
     line = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--target", folder]
     subprocess.run([*line, str(ADDON)], check=True, capture_output=True, text=True)
     return folder
+
+
+def test_the_page_on_addons_has_the_files_of_the_example():
+    """The page is run from its text by ``tests/docs/test_guides.py``."""
+    named = {
+        first.removeprefix("# "): rest
+        for first, _, rest in (block.text.partition("\n") for block in blocks(page_text("addons")))
+        if re.fullmatch(r"# [\w/]+\.(py|toml|yaml)", first) and first != "# try_bench.py"
+    }
+    files = [file for file in ADDON.rglob("*") if file.suffix in (".py", ".toml", ".yaml")]
+    for file in files:
+        text = file.read_text(encoding="utf-8").replace("../../configs", "configs")
+        text = re.sub("^# yaml-language-server.*\n", "", text)
+        assert named.pop(file.relative_to(ADDON).as_posix()) == text
+    assert files
+    assert named == {}
 
 
 def run(folder: Path, *words: object, status: int = 0) -> subprocess.CompletedProcess[str]:

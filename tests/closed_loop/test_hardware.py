@@ -321,7 +321,8 @@ def test_a_bag_has_the_log_and_the_beliefs(tmp_path):
     assert np.array_equal(read, found.log.y, equal_nan=True)
     assert np.array_equal(table.numbers("commanded_tension_1"), found.log.u[:, 0])
     assert table.numbers("reference_tip_y") == pytest.approx(0.172)
-    assert np.isfinite(table.numbers("estimated_theta_1")).all()
+    # A machine under load skips periods: these have a row in the log, and no estimate.
+    assert np.isnan(table.numbers("estimated_theta_1", gaps=True)).sum() == found.skipped
     with open(tmp_path / "run.mcap", "rb") as stream:
         summary = reader.make_reader(stream).get_summary()
     assert before < summary.statistics.message_start_time < time.time_ns()

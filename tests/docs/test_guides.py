@@ -20,7 +20,7 @@ BUILD = ("first_finger", "identified_fingers", "compare", "design_a_finger")
 GRASP = ("grasp_an_object", "grasp_with_errors", "close_the_fingers", "carry_out_a_grasp")
 CONTROL = ("close_a_loop", "estimate_unknowns", "run_your_own_loop", "commission", "controller_in_c", "embedded")
 PATHS = (*BUILD, *GRASP, *CONTROL)
-PAGES = (*PATHS, "simulate", "recipes", "chains", "fmu", "learning", "operators", "results", "command_line")
+PAGES = (*PATHS, "simulate", "recipes", "chains", "fmu", "learning", "operators", "results", "command_line", "addons")
 BOARD = ("cmake", "make", "arm-none-eabi-gcc", "qemu-system-arm")
 """Programs that the page on a board runs."""
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")

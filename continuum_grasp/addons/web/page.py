@@ -109,7 +109,6 @@ def page_of(
 
     ``plant_model`` is the plant of a closed loop where it is not the scene's, ``mission`` what the controller does.
     """
-    WebAssembly.check_tools(_NEEDED)
     modules: dict[str, Future[bytes]] = {}
     stages = None
     controller = None
@@ -120,11 +119,14 @@ def page_of(
             # Compiled while the plant is written.
             modules["controller"] = pool.submit(wasm.module)
             stages = wasm.loop.stages
-            wrapper = wasm.wrapper
             plant, sensors = plant_of_loop(scene, stages, plant_model)
+            # After the refusals of the scene: installing programs does not help a scene that cannot be a page.
+            WebAssembly.check_tools(_NEEDED)
+            wrapper = wasm.wrapper
             controller = _controller(scene, wasm, sensors) | {"mission": _mission(wasm, mission, plant)}
         else:
             plant = plant_of_scene(scene)
+            WebAssembly.check_tools(_NEEDED)
         modules["plant"] = pool.submit(WebAssembly.module, {"plant.c": plant.source}, plant_exports(plant))
         played = None if record is None else record(plant, stages)
         if controller is not None and played is not None and played.reference is not None:

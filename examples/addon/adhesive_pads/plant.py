@@ -1,4 +1,4 @@
-"""A plant of one's own: what a controller meets in place of the package's plants."""
+"""A plant of your own: what a controller meets instead of the plants of the package."""
 
 from __future__ import annotations
 
@@ -8,16 +8,14 @@ from continuum_grasp.control import Command
 
 
 class SlowBench:
-    """A bench whose tip follows the commanded tensions like a spring behind a filter: no finger model at all.
-
-    It has what `continuum_grasp.closed_loop.run_hardware` asks of a driver: ``read`` and ``write``.
+    """A bench whose tensions follow the commands through a filter; its tip does not move. It has no finger model.
 
     Parameters
     ----------
     rest : (ny,) array
-        Measurement at rest, in the order of ``controller.measurement_names``.
+        Measurement at rest, in the order and units of ``controller.measurement_names``.
     share : float
-        Share of the way to the commanded tensions that is gone in one period.
+        Share of the way to the commanded tensions that the bench covers in one period [1].
     """
 
     def __init__(self, rest: np.ndarray, share: float = 0.2) -> None:
@@ -29,7 +27,7 @@ class SlowBench:
         return self.measured
 
     def write(self, command: Command) -> None:
-        """Take a command: measured tensions follow it, the tip stays where it is."""
+        """Take a command: the measured tensions follow it."""
         self.commands.append(np.array(command.u))
         count = len(command.u)
         self.measured[-count:] += self.share * (command.u - self.measured[-count:])

@@ -1,4 +1,4 @@
-"""The verb ``pull-off``: how far a finger comes with and without the pull of its pads."""
+"""The verb ``pull-off``: compare a motion with and without the pull of the pads."""
 
 from __future__ import annotations
 
