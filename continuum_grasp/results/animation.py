@@ -129,7 +129,12 @@ _POINTS = 8.0
 
 
 def save_picture(
-    drawn: Any | Sequence[Any], path: str | os.PathLike[str], *, dpi: float = _DPI, style: str = "screen"
+    drawn: Any | Sequence[Any],
+    path: str | os.PathLike[str],
+    *,
+    dpi: float = _DPI,
+    style: str = "screen",
+    about: str = "",
 ) -> Path:
     """Save the figure of a plot's result.
 
@@ -144,6 +149,8 @@ def save_picture(
     style : {"screen", "paper"}
         paper: as wide as one column of a journal, or as both, with a serif font of 8 points at most, and four times the
         pixels.
+    about : str, optional
+        Text for the metadata of the file: ``Description`` in PNG and SVG, ``Subject`` in PDF.
 
     Returns
     -------
@@ -163,8 +170,10 @@ def save_picture(
     if style == "paper":
         _print(figure)
         dpi *= 4.0
+    kind = target.suffix[1:] or "png"
+    metadata = {"Subject" if kind == "pdf" else "Description": about} if about else None
     with replacing(target) as temporary:
-        figure.savefig(temporary, format=target.suffix[1:] or "png", dpi=dpi)
+        figure.savefig(temporary, format=kind, dpi=dpi, metadata=metadata)
     return target
 
 

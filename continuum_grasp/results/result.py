@@ -286,7 +286,11 @@ class Result(Summarized):
             raise InputError("expected the folder where pictures go", key="folder")
         target = Path(chosen)
         drawn = {picture.name: self._drawn(picture, {}) for picture in self.drawable()}
-        files = [save_picture(drawing, target / f"{name}.{format}", style=style) for name, drawing in drawn.items()]
+        # The status, so that whoever has the picture alone, or compares it with a text, has the verdict.
+        files = [
+            save_picture(drawing, target / f"{name}.{format}", style=style, about=str(self.status))
+            for name, drawing in drawn.items()
+        ]
         return files + self._write(self.pages, target, pictures=drawn)
 
     def _write(self, files: Iterable[File], folder: Path, **options: Any) -> list[Path]:

@@ -6,9 +6,11 @@ import re
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import continuum_grasp as cg
 from continuum_grasp.scene import json_schema
@@ -73,6 +75,28 @@ def test_a_page_that_does_not_fit_is_noticed(tmp_path):
 def test_pages_have_their_pictures(page):
     for name in pictures(page_text(page)):
         assert (ROOT / "docs/pictures" / name).is_file()
+
+
+def verdicts(page):
+    """Statuses that a page quotes below its commands ``grasp``, by the folders of the runs."""
+    found = {}
+    folder = None
+    for block in blocks(page_text(page)):
+        command = re.match(r"continuum-grasp grasp \S*?(\w+)\.yaml(?:.* --out runs/grasp/(\w+))?", block.text)
+        if block.kind == "text" and folder is not None:
+            found[folder] = block.text.partition(":")[0]
+        folder = None if command is None else command[2] or command[1]
+    return found
+
+
+@pytest.mark.parametrize("page", GRASP)
+def test_pictures_of_grasps_have_the_verdict_of_the_text(page):
+    """Pictures carry the status of the run that drew them."""
+    said = verdicts(page)
+    for name in pictures(page_text(page)):
+        verb, folder, *_ = Path(name).stem.split("-")
+        if verb == "grasp":
+            assert Image.open(ROOT / "docs/pictures" / name).info["Description"] == said[folder]
 
 
 @pytest.mark.parametrize("page", PATHS)
