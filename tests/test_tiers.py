@@ -36,8 +36,21 @@ def test_together(case, set_up): pass
 def run(folder, *options):
     (folder / "test_it.py").write_text(TESTS)
     (folder / "pytest.ini").write_text("[pytest]\nmarkers = deep: costs more\n")
-    command = [sys.executable, "-m", "pytest", "-p", "tests.tiers", "-p", "tests.remaining", "-p", "no:cacheprovider", "-v"]
-    return subprocess.run([*command, str(folder), *options], cwd=ROOT, capture_output=True, text=True, check=False).stdout
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-p",
+        "tests.tiers",
+        "-p",
+        "tests.remaining",
+        "-p",
+        "no:cacheprovider",
+        "-v",
+    ]
+    return subprocess.run(
+        [*command, str(folder), *options], cwd=ROOT, capture_output=True, text=True, check=False
+    ).stdout
 
 
 def test_a_quick_test_beyond_its_cpu_time_fails(tmp_path):

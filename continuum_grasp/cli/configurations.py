@@ -121,7 +121,7 @@ def schema(
             output.say(str(write_text(text, out / name)))
 
 
-@verb("changes", "as_json", "quiet")
+@verb("changes", "as_json", "quiet", "strict")
 def validate(
     output: Output,
     files: Annotated[
@@ -131,27 +131,15 @@ def validate(
     picture: Path | None = option("Draw the scene; solve nothing.", metavar="FILE"),
 ) -> None:
     """Check configurations. Whether a finger can be modeled so is part of it."""
-    from continuum_grasp.control import Prediction
-    from continuum_grasp.model import FingerModel
-    from continuum_grasp.scene import ConfigurationData, ControlScene, Finger, Scene, kind_of_scene
+    from continuum_grasp.scene import ConfigurationData, kind_of_scene
 
     checked: list[dict[str, Any]] = []
     for file in files:
         try:
-            data = ConfigurationData.load(file, output.changes or ())
-            loaded = data.scene
-            try:  # as far as the structure of the model; no expressions are built
-                if isinstance(loaded, Scene):  # which model a tolerance needs is not asked here
-                    fidelity = loaded.fidelity.replaced(tolerance=None)
-                    structure = FingerModel(loaded.model_copy(update={"fidelity": fidelity})).structure
-                    if loaded.initial.pose == "equilibrium":
-                        structure.check_reached_by(loaded.initial)
-                elif isinstance(loaded, Finger):
-                    FingerModel(loaded)
-                elif isinstance(loaded, ControlScene):
-                    Prediction(loaded)
-            except InputError as error:
-                raise data.placed_error(error) from None
+            with output.doubting():
+                data = ConfigurationData.load(file, output.changes or ())
+                loaded = data.scene
+                _check_structure(data)
         except InputError as error:
             checked.append({"file": str(file), "valid": False, "errors": str(error).splitlines()})
             if not output.as_json:
@@ -167,6 +155,27 @@ def validate(
     output.result(files=checked)
     if not all(verdict["valid"] for verdict in checked):
         raise typer.Exit(2)
+
+
+def _check_structure(data: ConfigurationData) -> None:
+    """Check a scene as far as the structure of its model; no expressions are built."""
+    from continuum_grasp.control import Prediction
+    from continuum_grasp.model import FingerModel
+    from continuum_grasp.scene import ControlScene, Finger, Scene
+
+    scene = data.scene
+    try:
+        if isinstance(scene, Scene):  # which model a tolerance needs is not asked here
+            fidelity = scene.fidelity.replaced(tolerance=None)
+            structure = FingerModel(scene.model_copy(update={"fidelity": fidelity})).structure
+            if scene.initial.pose == "equilibrium":
+                structure.check_reached_by(scene.initial)
+        elif isinstance(scene, Finger):
+            FingerModel(scene)
+        elif isinstance(scene, ControlScene):
+            Prediction(scene)
+    except InputError as error:
+        raise data.placed_error(error) from None
 
 
 def _draw(data: ConfigurationData, picture: Path) -> None:

@@ -26,7 +26,7 @@ def option(explained: str, *names: str, default: Any = None, words: Sequence[str
     return typer.Option(default, *names, help=explained, **more)
 
 
-_OF_RUNS = ("config", "out", "changes", "pictures", "as_json", "quiet", "verbose", "optimize")
+_OF_RUNS = ("config", "out", "changes", "pictures", "as_json", "quiet", "verbose", "optimize", "strict")
 """Shared arguments and options of verbs that save a run and draw it."""
 _FIRST = ("config", "out", "changes", "animation")
 """Shared arguments and options that `--help` lists before the verb's own; the others come after them."""

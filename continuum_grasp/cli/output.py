@@ -6,7 +6,7 @@ import json
 import shutil
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar, cast
@@ -99,6 +99,9 @@ class Output:
         bool,
         typer.Option("--optimize", help="Compile all code with optimization now, for loops that run many times."),
     ] = False
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Treat doubts about the configuration, such as a unit, as errors.")
+    ] = False
     verb: str = ""
 
     def __post_init__(self) -> None:
@@ -129,10 +132,17 @@ class Output:
         """Load the scene of the configuration, of one of some kinds; check the tools of the options after that."""
         from continuum_grasp.scene import scene_of
 
-        scene = scene_of(self.config, kinds, self.changes or ())
+        with self.doubting():
+            scene = scene_of(self.config, kinds, self.changes or ())
         if self.animation == "mp4" and shutil.which("ffmpeg") is None:
             raise InputError("mp4 needs ffmpeg, which this machine does not have; use gif", key="--animate")
         return scene
+
+    def doubting(self) -> AbstractContextManager[None]:
+        """Return a context in which doubts are errors if the user wants that, else warnings."""
+        from continuum_grasp.scene import doubts_refused
+
+        return doubts_refused() if self.strict else nullcontext()
 
     @staticmethod
     def fail() -> NoReturn:

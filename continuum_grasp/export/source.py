@@ -154,8 +154,9 @@ def _of_loop(scene: ControlScene, real: CReal) -> ModelSource:
     """The closed loop, and the model that its controller predicts with."""
     if scene.estimator is not None and scene.estimator.frozen and scene.controller.supervisor and not scene.plant.noise:
         doubt(
-            "plant.noise is 0, so that no reading that stays the same counts as frozen, in the package neither: set "
-            "plant.noise for sensors that have some, or estimator.frozen: false to test none"
+            "plant.noise",
+            "is 0, so that no reading that stays the same counts as frozen, in the package neither: set "
+            "plant.noise for sensors that have some, or estimator.frozen: false to test none",
         )
     model = Prediction(scene).system.finger_model
     if _is_cut(model, real):

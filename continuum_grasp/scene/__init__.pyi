@@ -23,6 +23,8 @@ from .cost import Weight as Weight
 from .document import Document as Document
 from .document import KeyPath as KeyPath
 from .document import refuse_what_is_no_file as refuse_what_is_no_file
+from .doubts import doubt as doubt
+from .doubts import doubts_refused as doubts_refused
 from .drives import LengthDrive as LengthDrive
 from .drives import MotorDrive as MotorDrive
 from .drives import Pull as Pull
@@ -115,6 +117,7 @@ from .tendons import Tendons as Tendons
 from .units import Unit as Unit
 from .units import to_si as to_si
 from .value import SAME as SAME
+from .value import Angle as Angle
 from .value import Configuration as Configuration
 from .value import Duration as Duration
 from .value import Extent as Extent
@@ -126,5 +129,4 @@ from .value import Position as Position
 from .value import Positive as Positive
 from .value import Real as Real
 from .value import Value as Value
-from .value import doubt as doubt
 from .yaml_loader import read_yaml as read_yaml

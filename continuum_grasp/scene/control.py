@@ -15,7 +15,7 @@ from continuum_grasp.scene.estimator import EstimatorSettings, Mounting
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.finger_scene import Fidelity
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.value import Duration, ListOf, Value, doubt
+from continuum_grasp.scene.value import Duration, ListOf, Value
 
 _CALM = 0.1
 """Share of the rate limit that the weight of the input's rate may tolerate [1]; at 0.075 the hand finger's loops
@@ -185,14 +185,17 @@ class ControlScene(CommandedScene):
         tracks_force = self.controller.cost.contact_force is not None
         if rate is not None and not tracks_force and tolerated > _CALM * rate * (1 + 1e-9):
             amount = f"{tolerated:.3g} {unit}" if weight else "any rate"
-            doubt(
-                f"controller.cost.input_rate tolerates {amount}, more than a tenth of input.rate_max: a drive or "
+            self._doubt(
+                "controller.cost.input_rate",
+                f"tolerates {amount}, more than a tenth of input.rate_max: a drive or "
                 "camera slower than the model can make the loop swing; expected a weight of "
-                f"{1.0 / (_CALM * rate) ** 2:.2g} or more"
+                f"{1.0 / (_CALM * rate) ** 2:.2g} or more",
             )
         estimator = self.estimator
         if estimator is not None and estimator.measured.tip is not None and "delay" not in estimator.model_fields_set:
-            doubt("estimator.delay is not given: a camera shows the past; state its age [s] (0.0 if it has none)")
+            self._doubt(
+                "estimator.delay", "is not given: a camera shows the past; state its age [s] (0.0 if it has none)"
+            )
 
     @property
     def borne_mass(self) -> float:
@@ -228,18 +231,20 @@ class ControlScene(CommandedScene):
     def _doubt_loads(self) -> None:
         """Warn of a constant load of the plant that the estimator has no unknown for, and that may trip the loop."""
         if self.plant.tip_mass > self.borne_mass * (1.0 + 1e-9):
-            doubt(
-                f"plant.tip_mass = {1e3 * self.plant.tip_mass:.3g} g is unknown to the controller: the loop bears "
-                f"{1e3 * self.borne_mass:.2g} g and may trip with more; add estimator.adapt.tip_mass, which learns it"
+            self._doubt(
+                "plant.tip_mass",
+                f"= {1e3 * self.plant.tip_mass:.3g} g is unknown to the controller: the loop bears "
+                f"{1e3 * self.borne_mass:.2g} g and may trip with more; add estimator.adapt.tip_mass, which learns it",
             )
         length = self.finger.rod.length
         constant = [(load.force, load.at / length) for load in self.loads if isinstance(load.force, tuple)]
         pushed = math.hypot(*(math.fsum(force[k] * share for force, share in constant) for k in (0, 1)))
         if pushed > self.borne_force * (1.0 + 1e-9):
-            doubt(
-                f"loads: {pushed:.3g} N at the tip are unknown to the controller: the loop bears "
+            self._doubt(
+                "loads",
+                f"are {pushed:.3g} N at the tip, unknown to the controller: the loop bears "
                 f"{self.borne_force:.2g} N and may trip with more; add estimator.disturbances.tip_force and measure "
-                "angles"
+                "angles",
             )
 
     def _check_estimator(self, estimator: EstimatorSettings) -> None:

@@ -20,7 +20,6 @@ from continuum_grasp.scene.value import (
     Positive,
     Real,
     Value,
-    doubt,
 )
 
 
@@ -258,7 +257,8 @@ class EstimatorSettings(Value):
 
     def _check(self) -> None:
         if self.adapt and self.adapt.bending_stiffness is not None and self.disturbances.tip_moment is not None:
-            doubt(
-                "adapt.bending_stiffness beside disturbances.tip_moment: at rest nothing tells them apart; leave the "
-                "moment out, or let it drift slowly"
+            self._doubt(
+                "adapt.bending_stiffness",
+                "beside disturbances.tip_moment: at rest nothing tells them apart; leave the "
+                "moment out, or let it drift slowly",
             )

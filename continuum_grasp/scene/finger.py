@@ -44,7 +44,6 @@ from continuum_grasp.scene.value import (
     Real,
     Value,
     check_shorter,
-    doubt,
 )
 
 if TYPE_CHECKING:
@@ -117,9 +116,6 @@ class BasePose(Value):
     """World position of the base [m]."""
     angle: Annotated[Angle, Field(examples=[-1.5707963267948966, "-90 deg"])] = 0.0
     """Angle from world axes to base axes, counter-clockwise [rad]."""
-
-    def _check(self) -> None:
-        self._doubt_beyond_a_turn("base.angle", self.angle)
 
     @property
     def pose(self) -> tuple[float, float, float]:
@@ -201,7 +197,9 @@ class Finger(Value):
         for k, m in enumerate(self.masses if self.rod.density is not None else ()):
             if m.mass > 1e3 * self.rod.mass:
                 rod_mass = f"{self.rod.mass:.2g} kg"
-                doubt(f"masses[{k}].mass = {m.mass:g} kg on a rod of {rod_mass}; is it in grams? (expected: kg)")
+                self._doubt(
+                    f"masses[{k}].mass", f"= {m.mass:g} kg on a rod of {rod_mass}; is it in grams? (expected: kg)"
+                )
 
         self._check_tendons()
         for key, chamber in zip(self.places_of("pressure"), self.chambers, strict=True):
@@ -251,8 +249,8 @@ class Finger(Value):
                     "tendons that are nearly parallel to the backbone"
                 )
             if half is not None and 0.0 < half < offset:
-                doubt(
-                    f"{key} = {offset:g} m is more than half_thickness = {half:g} m: the tendons run outside the finger"
+                self._doubt(
+                    key, f"= {offset:g} m is more than half_thickness = {half:g} m: the tendons run outside the finger"
                 )
             # The outer thickness of a graded rod is that of its sections, where nothing else is stated.
             if half is None and self.rod.graded and self.rod.profile.half_depth is not None:

@@ -25,7 +25,6 @@ from continuum_grasp.scene.value import (
     ListOf,
     Real,
     Value,
-    doubt,
 )
 
 
@@ -167,6 +166,8 @@ class FingerScene(Configuration):
         self.fidelity.check_lengths("fidelity", self.finger.rod.length, self.contacts)
         if self.fidelity.family is not None:
             self.finger.check_family("fidelity.family", self.fidelity.family)
+        if self.gravity[1] > abs(self.gravity[0]):
+            self._doubt("gravity", f"= {list(self.gravity)} m/s2 points up, along +Y; is a minus sign missing?")
 
 
 class LoadedFinger(FingerScene):
@@ -196,9 +197,6 @@ class LoadedFinger(FingerScene):
                 finger.check_commands(f"actuation.{key}", commands.get(key, ()), limits, allowed)
         motors = sum(isinstance(drive, MotorDrive) for drive in self.finger.winches)
         self._check_count("initial.motor_angles", self.initial.motor_angles, motors, "drive.kind: motor")
-        # In mm/s2, the earth's is 9807.
-        if math.hypot(*self.gravity) > 1e3:
-            doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times the earth's; is it in mm/s2?")
 
     @property
     def simulated(self) -> Self:

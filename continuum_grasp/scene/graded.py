@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar, TypeAlias, TypeVar
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.magnitudes import DENSITY, MODULUS, THICKNESS
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Distance, Extent, Increasing, Length, ListOf, NonNegative, Positive, Real, Value
 
@@ -16,8 +17,8 @@ Varying: TypeAlias = _Number | Annotated[tuple[_Number, _Number], Field(strict=F
 """A number, or its values at the base end and at the tip end, linear between."""
 Along: TypeAlias = "float | tuple[float, float] | PiecewiseCurvature"
 """Values along a finger, as `scene.profile.Curve` reads it."""
-Modulus = Annotated[float, Field(ge=1e-3, le=1e15), Unit("Pa")]
-Density = Annotated[float, Field(ge=1e-3, le=1e6), Unit("kg/m3")]
+Modulus = Annotated[float, Field(ge=1e-3, le=1e15), Unit("Pa"), MODULUS]
+Density = Annotated[float, Field(ge=1e-3, le=1e6), Unit("kg/m3"), DENSITY]
 Stiffness = Annotated[float, Field(ge=1e-24, le=1e15), Unit("N m2")]
 LinearDensity = Annotated[float, Field(ge=1e-15, le=1e9), Unit("kg/m")]
 RotaryInertia = Annotated[NonNegative, Unit("kg m")]
@@ -69,11 +70,11 @@ class Section(Value):
         """
     )
 
-    thickness: Annotated[Varying[Extent] | None, Field(examples=[0.02, "20 mm"])] = None
+    thickness: Annotated[Varying[Extent], THICKNESS, Field(examples=[0.02, "20 mm"])] | None = None
     """Thickness in the plane of bending [m]."""
     width: Varying[Extent] | None = None
     """Width across the plane of bending [m]."""
-    diameter: Annotated[Varying[Extent] | None, Field(examples=[0.0012, "1.2 mm"])] = None
+    diameter: Annotated[Varying[Extent], THICKNESS, Field(examples=[0.0012, "1.2 mm"])] | None = None
     """Diameter of a solid round section [m]."""
     youngs_modulus: Varying[Modulus] | None = None
     """Young's modulus E [Pa]; of a part by default the rod's."""

@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.finger_section import FingerSection
+from continuum_grasp.scene.magnitudes import ACCELERATION
 from continuum_grasp.scene.methods import SolverOptions
 from continuum_grasp.scene.objects.shapes import Freedom
 from continuum_grasp.scene.simulate import Fidelity
@@ -124,7 +125,9 @@ def _in_space(value: Any) -> Any:
     )
 
 
-GraspGravity = Annotated[tuple[Real, Real, Real], Field(strict=False), Unit("m/s2"), BeforeValidator(_in_space)]
+GraspGravity = Annotated[
+    tuple[Real, Real, Real], Field(strict=False), Unit("m/s2"), ACCELERATION, BeforeValidator(_in_space)
+]
 
 Aim = Literal["least_tension", "least_normal_force", "greatest_disturbance", "greatest_friction_margin"]
 

@@ -27,6 +27,7 @@ from continuum_grasp.scene.hand_supports import (
     lie_against,
     support_contacts,
 )
+from continuum_grasp.scene.magnitudes import DENSITY, too_heavy
 from continuum_grasp.scene.methods import FAMILIES
 from continuum_grasp.scene.solids import Solid, SpatialPosition, Vector3
 from continuum_grasp.scene.supports import Switch, check_name
@@ -293,6 +294,9 @@ class HandScene(Configuration):
         return tuple(contact for support in on for contact in support_contacts(self.object, support))
 
     def _check(self) -> None:
+        if self.object.weighed > (greatest := DENSITY.most * self.object.volume):
+            key = "mass" if self.object.mass is not None else "density"
+            self._doubt(f"object.{key}", f"gives {self.object.weighed:.3g} kg: {too_heavy(greatest)}")
         if self.turned and self.table is not None:
             raise ValueError("gravity.any: a table does not turn with the hand: give gravity as [x, y, z], or no table")
         self._check_supports()

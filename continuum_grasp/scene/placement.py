@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from pydantic import Field
 
 from continuum_grasp.base import nearest
+from continuum_grasp.scene.magnitudes import DENSITY, too_heavy
 from continuum_grasp.scene.objects.shapes import ObjectBody
 from continuum_grasp.scene.parts import OffsetPolygon
 from continuum_grasp.scene.supports import Peg, Place, Support, Wall, check_name
@@ -42,6 +43,9 @@ class Supported(Value):
         body = getattr(self, "object", None)
         if body is None:
             return
+        # Its height out of the plane is not known: no object is denser than a cube around its outline.
+        if body.mass > (greatest := DENSITY.most * (2.0 * body.size) ** 3):
+            self._doubt("object.mass", f"= {body.mass:g} kg: {too_heavy(greatest)}")
         on = () if body.against is not None else _by_corners(body, self.walls)
         if body.against is not None:
             self.__dict__["object"] = lie_against(body, self.places)

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from continuum_grasp.base import InputError, nearest
-from continuum_grasp.scene.document import Document, KeyPath, dotted
+from continuum_grasp.scene.document import Document, KeyPath, dotted, undotted
+from continuum_grasp.scene.doubts import CollectedDoubt, children, collected_doubts, warn_of_doubt
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.units import QUANTITIES, advice_on, expected
 
@@ -82,10 +83,31 @@ class _Located:
 
 def validated(document: Document, model: type[Model]) -> Model:
     """The contents of a document, checked: `InputError` has file, line, column and key of everything that is wrong."""
-    try:
-        return model.model_validate(document.value)
-    except ValidationError as error:
-        raise input_error(error, model, document) from error
+    with collected_doubts() as doubts:
+        try:
+            checked = model.model_validate(document.value)
+        except ValidationError as error:
+            raise input_error(error, model, document) from error
+    _warn_of(doubts, checked, document)
+    return checked
+
+
+def _warn_of(doubts: Sequence[CollectedDoubt], checked: BaseModel, document: Document) -> None:
+    """Warn of doubts at their places in a document."""
+    texts = []
+    for key, text, owner in doubts:
+        # A value that validation has replaced, such as an object that was laid against a wall, is found by its class.
+        known = (
+            []
+            if owner is None
+            else [path for path, value in children(checked) if value is owner]
+            or [path for path, value in children(checked) if type(value) is type(owner)]
+        )
+        path = (*(known[0] if known else ()), *undotted(key))
+        place = document.nearest(path)
+        texts.append(str(place.error(f"{dotted(path)} {text}")))
+    for text in dict.fromkeys(texts):
+        warn_of_doubt(text)
 
 
 def input_error(error: ValidationError, model: type[BaseModel], document: Document) -> InputError:

@@ -9,9 +9,10 @@ from typing import Any
 
 from continuum_grasp.base import InputError
 from continuum_grasp.scene.cost import CircleReference
+from continuum_grasp.scene.doubts import doubt
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.value import WRITTEN, doubt
+from continuum_grasp.scene.value import WRITTEN
 
 
 class Reach:
@@ -116,7 +117,7 @@ def _check_circle(finger: Finger, key: str, circle: CircleReference) -> None:
         words = f"every point of the circle is at least {near_by:.4g} m from the finger's base"
         raise InputError(f"out of reach: {words}, expected at most {length:.4g} m", key=key)
     if far > limit:
-        doubt(f"{key} is up to {far:.4g} m from the finger's base, which is out of its reach of {length:g} m")
+        doubt(key, f"is up to {far:.4g} m from the finger's base, which is out of its reach of {length:g} m")
 
 
 def _rows(key: str, value: Any) -> Iterator[tuple[str, Sequence[float]]]:

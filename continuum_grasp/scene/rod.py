@@ -14,6 +14,7 @@ from pydantic import Field
 from continuum_grasp.base import InputError
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.graded import RodFactors, RodSamples, RodSection, Section, SpiRob, ends
+from continuum_grasp.scene.magnitudes import FINGER_LENGTH
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Duration,
@@ -128,7 +129,7 @@ class Rod(Section):
         ),
     )
 
-    length: Annotated[Length, Field(examples=[0.18, "180 mm"])]
+    length: Annotated[Length, FINGER_LENGTH, Field(examples=[0.18, "180 mm"])]
     """Length L [m]."""
     sections: Annotated[ListOf[RodSection], Field(min_length=1, max_length=1000)] | None = None
     """Sections from base to tip; values may change linearly inside a section and jump from one to the next. What a
@@ -164,19 +165,6 @@ class Rod(Section):
                 check_shorter(key, max(ends(getattr(self, key) or 0.0)), self.length)
         if self.graded:
             self._check_values()
-        too_large = "m is large for a finger; is it in millimeters? (expected: m)"
-        self._doubt_outside("rod.length", self.length, 0.0, 10.0, too_large)
-        # Materials from soft gels to graphene, and from foams to osmium.
-        no_material = "Pa fits no material; 60 GPa is 60e9 (expected: Pa)"
-        no_solid = "kg/m3 fits no solid; 6.45 g/cm3 is 6450 (expected: kg/m3)"
-        usual = {
-            **dict.fromkeys(("diameter", "thickness"), (0.0, 0.3, too_large)),
-            "youngs_modulus": (1e3, 2e12, no_material),
-            "density": (10.0, 23e3, no_solid),
-        }
-        for key, (least, greatest, why) in usual.items():
-            for value in {*ends(getattr(self, key))}:
-                self._doubt_outside(f"rod.{key}", value, least, greatest, why)
 
     def _check_section_keys(self, sections: tuple[RodSection, ...]) -> None:
         for k, (earlier, later) in enumerate(pairwise(sections), 1):

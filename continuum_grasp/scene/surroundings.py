@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.magnitudes import CONTACT_STIFFNESS, ONSET
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.placement import Supported
 from continuum_grasp.scene.polygons import polygon_moments
@@ -39,7 +40,7 @@ class ContactLaw(Value):
         """
     )
 
-    stiffness: Annotated[float, Field(ge=1e-3, le=1e9), Unit("N/m")]
+    stiffness: Annotated[float, Field(ge=1e-3, le=1e9), Unit("N/m"), CONTACT_STIFFNESS]
     """Normal force per depth [N/m]."""
     friction: Friction
     """Coulomb friction coefficient [1]; a support's own coefficient counts where it has one."""
@@ -47,7 +48,7 @@ class ContactLaw(Value):
     """Share by which the normal force grows per speed of approach [s/m] (Hunt and Crossley); the same damps the
     tangential displacement before slip. A body that lands with a small speed v leaves with about
     v (1 - 2/3 dissipation v)."""
-    rounding: Annotated[Extent | None, Field(examples=[2e-4, "0.2 mm"])] = None
+    rounding: Annotated[Extent, ONSET, Field(examples=[2e-4, "0.2 mm"])] | None = None
     """The force begins at a gap of this much and is linear from a depth of this much on [m]; in between its second
     derivative is continuous. None: the finger's length / 18000."""
     presliding: Annotated[Extent | None, Field(examples=[1e-4, "0.1 mm"])] = None
@@ -63,13 +64,6 @@ class ContactLaw(Value):
     """Law of an add-on, by the name that it announces. None: the one that is described here."""
     law_numbers: Annotated[ListOf[float], Field(examples=[[0.5]]), Unit(None)] = ()
     """Numbers of that law, in the order and each in the unit of what its add-on states."""
-
-    def _check(self) -> None:
-        stiffness_why = "N/m fits no fingertip (expected: N/m)"
-        self._doubt_outside("contact_law.stiffness", self.stiffness, 10.0, 1e7, stiffness_why)
-        rounding_why = "m is more than a millimeter (expected: m)"
-        self._doubt_outside("contact_law.rounding", self.rounding or 0.0, 0.0, 1e-3, rounding_why)
-        self._doubt_outside("contact_law.friction", self.friction, 0.0, 3.0, "is more than surfaces have")
 
 
 class Table(Value):

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
-import math
 import sys
-import warnings
 from collections.abc import Iterable, Iterator, Sized
 from functools import cache, reduce
 from itertools import pairwise
@@ -26,6 +24,8 @@ from pydantic_core import CoreSchema
 
 from continuum_grasp.base import InputError, Summarized
 from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.doubts import doubt
+from continuum_grasp.scene.magnitudes import ACCELERATION, ANGLE, DURATION, FRICTION, PLACE, magnitudes
 from continuum_grasp.scene.units import Unit
 
 if TYPE_CHECKING:
@@ -49,9 +49,10 @@ _SHORT = 200
 class Value(BaseModel):
     """A frozen value in SI units; unknown keys, NaN, infinity and absurd magnitudes are refused.
 
-    A field of numbers has their `Unit` in its type, by which texts such as ``12 mm`` are read. A class whose fields
-    must fit together has a method ``_check``, which raises `ValueError` with a message that begins with the key, or
-    warns by `doubt`; keys that exclude or need others are declared in ``REFUSALS``.
+    A field of numbers has their `Unit` in its type, by which texts such as ``12 mm`` are read, and may have a
+    `Magnitude`, beyond which they are doubted. A class whose fields must fit together has a method ``_check``, which
+    raises `ValueError` with a message that begins with the key, or warns by ``_doubt``; keys that exclude or need
+    others are declared in ``REFUSALS``.
     """
 
     REFUSALS: ClassVar[tuple[Consumer, ...]] = ()
@@ -89,6 +90,9 @@ class Value(BaseModel):
                 refusal.check(self)
             if "_check" in vars(kind):
                 vars(kind)["_check"](self)
+        for name, magnitude in magnitudes(type(self)).items():
+            if text := magnitude.doubt(getattr(self, name)):
+                self._doubt(name, f"= {text}")
         return self
 
     def _check_one_given(self, *keys: str) -> None:
@@ -117,16 +121,9 @@ class Value(BaseModel):
         if abs(count - round(count)) > 1e-6 * count:
             raise ValueError(f"{key} must be a whole number of {what}, got {span} s in {what} of {step} s")
 
-    def _doubt_outside(self, key: str, value: float | None, least: float, most: float, why: str) -> None:
-        """Warn of a value, where there is one, outside the range of built fingers; ``why`` begins with its unit."""
-        if value is not None and not least <= value <= most:
-            doubt(f"{key} = {value:g} {why}")
-
-    def _doubt_beyond_a_turn(self, key: str, angle: float | None) -> None:
-        """Warn of an angle [rad], where there is one, that was likely meant in degrees."""
-        turn = 2.0 * math.pi * (1.0 + 1e-9)
-        why = f"rad is beyond a full turn; is it in degrees? (expected: rad, or {angle or 0.0:g} deg)"
-        self._doubt_outside(key, angle, -turn, turn, why)
+    def _doubt(self, key: str, text: str) -> None:
+        """Warn of the value at a key of this one, which can be meant, but is more likely a slip."""
+        doubt(key, text, self)
 
     def changed(self, changes: Overrides) -> Self:
         """Return a copy in which some entries have other values, checked as a whole.
@@ -283,9 +280,9 @@ Extent = Annotated[float, Field(ge=1e-9, le=1e8), Unit("m")]
 """Length of a section or of something else than the finger [m]."""
 Distance = Annotated[NonNegative, Unit("m")]
 """Length that may be zero [m]."""
-Angle = Annotated[Real, Unit("rad")]
+Angle = Annotated[Real, Unit("rad"), ANGLE]
 """Angle, counter-clockwise [rad]."""
-Duration = Annotated[Positive, Unit("s")]
+Duration = Annotated[Positive, Unit("s"), DURATION]
 """Time span above zero [s]."""
 TimeConstant = Annotated[float, Field(ge=1e-6, le=1e6), Unit("s")]
 """Time constant of a drive [s]."""
@@ -293,15 +290,15 @@ Mass = Annotated[NonNegative, Unit("kg")]
 """Mass that may be zero [kg]."""
 Ratio = Annotated[NonNegative, Unit("1")]
 """A factor, or a weight of what has no unit [1]."""
-Friction = Annotated[NonNegative, Unit("1"), Field(examples=[0.5])]
+Friction = Annotated[NonNegative, Unit("1"), FRICTION, Field(examples=[0.5])]
 """A coefficient of friction [1]."""
 Vector2 = Annotated[tuple[Real, Real], Field(strict=False)]
-Position = Annotated[Vector2, Unit("m")]
+Position = Annotated[Vector2, Unit("m"), PLACE]
 """Position in the plane [m]."""
 Vector3 = Annotated[tuple[Real, Real, Real], Field(strict=False)]
-SpatialPosition = Annotated[Vector3, Unit("m")]
+SpatialPosition = Annotated[Vector3, Unit("m"), PLACE]
 """Position in space [m]."""
-Acceleration = Annotated[Vector2, Unit("m/s2")]
+Acceleration = Annotated[Vector2, Unit("m/s2"), ACCELERATION]
 """Acceleration in the plane [m/s2]."""
 
 
@@ -321,15 +318,3 @@ def check_shorter(key: str, value: float, length: float) -> None:
     """Refuse a measure across a finger, at a key, that is not smaller than its length [m]."""
     if abs(value) >= length:
         raise ValueError(f"{key} = {value} m is not smaller than the finger's length of {length} m")
-
-
-def doubt(what: str) -> None:
-    """Warn of a value that can be meant, but is more likely in another unit; names the line of the user."""
-    # Between this line and the user's are a varying number of frames of pydantic's validation.
-    frame, level = inspect.currentframe(), 1
-    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in (
-        "continuum_grasp",
-        "pydantic",
-    ):
-        frame, level = frame.f_back, level + 1
-    warnings.warn(what, UserWarning, stacklevel=level)

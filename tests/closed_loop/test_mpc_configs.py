@@ -66,7 +66,7 @@ def test_pressures_take_a_stiffer_finger_to_its_setpoints():
         (["plant.tip_mass=1.9 g"], r"plant.tip_mass = 1.9 g .* the loop bears 1.8 g"),
         (["plant.tip_mass=1.9 g", "parameters=[tip_mass]", "estimator.adapt={tip_mass: 3 g}"], ""),
         (["loads=[{at: 0.18, force: [0.03, 0.036]}]"], ""),
-        (["loads=[{at: 0.18, force: [0.03, 0.037]}]"], r"loads: 0.0476 N at the tip .* the loop bears 0.047 N"),
+        (["loads=[{at: 0.18, force: [0.03, 0.037]}]"], r"loads are 0.0476 N at the tip, .* the loop bears 0.047 N"),
         (["loads=[{at: 0.09, force: [0.06, 0.072]}]"], ""),
         (["loads=[{at: 0.18, force: [0.3, 0.0]}]", "estimator.disturbances={tip_force: 0.1}"], ""),
     ],

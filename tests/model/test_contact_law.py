@@ -188,7 +188,7 @@ def test_impossible_laws_are_refused(keys, words):
 
 @pytest.mark.parametrize("keys", [{"stiffness": 1.0}, {"stiffness": 1e8}, {"rounding": 0.01}, {"friction": 5.0}])
 def test_unlikely_laws_are_doubted(keys):
-    with pytest.warns(UserWarning, match=f"contact_law.{next(iter(keys))}"):
+    with pytest.warns(UserWarning, match=f"ContactLaw.{next(iter(keys))} = "):
         ContactLaw(**{"stiffness": 1e3, "friction": 0.5, **keys})
 
 

@@ -321,9 +321,8 @@ def test_other_units_are_suspected(write, overrides, words):
         warnings.simplefilter("always")
         load(file, overrides)
     assert len(caught) == len(words)
-    for one, word in zip(caught, words, strict=True):
-        assert word in str(one.message)
-        assert one.filename == __file__
+    assert all(any(word in str(one.message) for one in caught) for word in words)
+    assert all(one.filename == __file__ for one in caught)
 
 
 @pytest.mark.parametrize("version", ["2", "true", "1.0", "'1'"])

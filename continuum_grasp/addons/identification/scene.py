@@ -7,11 +7,13 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from continuum_grasp.scene import (
+    Angle,
     Consumer,
     Duration,
     Interval,
     Length,
     ListOf,
+    Position,
     Positive,
     Real,
     Scene,
@@ -123,9 +125,9 @@ class _Data(Value):
     """holdout: predicted and compared, not fitted."""
     axes: Annotated[tuple[_Axis, _Axis], Field(strict=False)] = ("x", "y")
     """World axes along which the file's x and y count; [x, -y]: y down, as in images."""
-    origin: Annotated[tuple[Real, Real], Field(strict=False), Unit("m")] = (0.0, 0.0)
+    origin: Position = (0.0, 0.0)
     """World position of the origin of the file's x and y [m]."""
-    plane: Annotated[Real, Field(examples=["87 deg"]), Unit("rad")] | None = None
+    plane: Annotated[Angle, Field(examples=["87 deg"])] | None = None
     """Direction in which this set bends, about the straight finger [rad], where fingers bend in several planes."""
     stamps: Literal["header", "log"] | None = None
     """Stamps of a bag: of the messages' headers, or of their recording; None: of headers."""
@@ -136,7 +138,6 @@ class _Data(Value):
     def _check(self) -> None:
         if self.axes[0][-1] == self.axes[1][-1]:
             raise ValueError(f"axes: both are along {self.axes[0][-1]}: expected x and y, such as [x, -y]")
-        self._doubt_beyond_a_turn("plane", self.plane)
 
 
 class StaticPoses(_Data):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -123,7 +124,9 @@ def undone(slip: PossibleMistake, data: Data, scene: Scene) -> Pair | None:
     if not slip.columns.keys() & _columns(data, scene).keys() and (slip.columns or not any(scene.gravity)):
         return None
     try:
-        return _undone_data(slip, data), scene.changed(dict(_changes(slip, scene)))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a slip that is tried, such as gravity that points up, is no one's scene
+            return _undone_data(slip, data), scene.changed(dict(_changes(slip, scene)))
     except InputError:
         return None
 

@@ -135,8 +135,8 @@ class Turn(Value):
     def _check(self) -> None:
         if self.angle == 0.0:
             raise ValueError("angle must not be zero: omit `turn` where the object should not turn")
-        why = "rad is more than half a turn (expected: rad, or a number with deg)"
-        self._doubt_outside("turn.angle", abs(self.angle), 0.0, math.pi, why)
+        if abs(self.angle) > math.pi:
+            self._doubt("angle", f"= {self.angle:g} rad is more than half a turn (expected: rad, or a number with deg)")
         if self.tolerance >= abs(self.angle):
             raise ValueError(f"tolerance = {self.tolerance:g} rad is not less than the angle, {abs(self.angle):g} rad")
 

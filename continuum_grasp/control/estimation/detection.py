@@ -56,8 +56,9 @@ def check_detectable(
             key="estimator.disturbances",
         )
     doubt(
-        f"estimator.disturbances: {words}: what they have in common is right, each wanders without a limit, and the "
-        "loop swings; leave one out, or put bending_stiffness into estimator.adapt, which learns from motion alone"
+        "estimator.disturbances",
+        f"together: {words}: what they have in common is right, each wanders without a limit, and the "
+        "loop swings; leave one out, or put bending_stiffness into estimator.adapt, which learns from motion alone",
     )
 
 

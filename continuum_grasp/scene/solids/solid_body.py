@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from continuum_grasp.base import Array
+from continuum_grasp.scene.magnitudes import ANGLE, DENSITY
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Extent, Mass, Positive, SpatialPosition, Value, Vector3
 
@@ -21,13 +22,13 @@ class SolidBody(Value):
 
     mass: Mass | None = None
     """Mass [kg]; None: the mass of the shape by its ``density``."""
-    density: Annotated[Positive, Unit("kg/m3")] | None = None
+    density: Annotated[Positive, Unit("kg/m3"), DENSITY] | None = None
     """Density [kg/m3], in place of ``mass``."""
     center_of_mass: SpatialPosition | None = None
     """Center of mass in the object's frame [m]; None: the centroid of the shape."""
     position: SpatialPosition
     """Position of the origin of the object's frame, the center of symmetric shapes, as the hand sees it [m]."""
-    rotation: Annotated[Vector3, Unit("rad")] = (0.0, 0.0, 0.0)
+    rotation: Annotated[Vector3, Unit("rad"), ANGLE] = (0.0, 0.0, 0.0)
     """Rotation vector from the hand's axes to the object's: the axis of the turn times its angle [rad]."""
 
     against: Literal["palm", "table"] | None = None

@@ -128,7 +128,8 @@ def plants_of(
     if first.duration is None:
         raise InputError("an environment needs a duration [s], after which an episode is truncated", key="duration")
     for text in dict.fromkeys(text for scene in scenes for text in _LANES.check(scene)):
-        doubt(text)
+        key, _, otherwise = text.partition(": ")
+        doubt(key, otherwise)
     for scene in scenes[1:]:
         _check_fixed(first, scene, keys)
     around = [PlantModel.plant_scene(scene) for scene in scenes]

@@ -1,0 +1,98 @@
+"""Doubts: values that can be meant, but are more likely slips; warnings, or errors where the user wants that."""
+
+from __future__ import annotations
+
+import inspect
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel
+
+from continuum_grasp.base import InputError
+from continuum_grasp.scene.document import KeyPath
+
+
+class Doubt(UserWarning):
+    """A value that can be meant, but is more likely a slip, such as another unit."""
+
+
+class CollectedDoubt(NamedTuple):
+    """A doubt while a document is checked: key below a value, and words that follow the key."""
+
+    key: str
+    text: str
+    owner: BaseModel | None
+
+
+_COLLECTED: ContextVar[list[CollectedDoubt] | None] = ContextVar("collected", default=None)
+
+
+@contextmanager
+def collected_doubts() -> Iterator[list[CollectedDoubt]]:
+    """Collect doubts, so that they are reported with their places in a file."""
+    doubts: list[CollectedDoubt] = []
+    token = _COLLECTED.set(doubts)
+    try:
+        yield doubts
+    finally:
+        _COLLECTED.reset(token)
+
+
+def doubt(key: str, text: str, owner: BaseModel | None = None) -> None:
+    """Warn of the value at a key that can be meant, but is more likely a slip; ``owner`` is what the key is below.
+
+    A document that is checked reports file and line; else the warning names the line of the user's code.
+    """
+    collected = _COLLECTED.get()
+    if collected is not None:
+        collected.append(CollectedDoubt(key, text, owner))
+    else:
+        warn_of_doubt(f"{type(owner).__name__}.{key} {text}" if owner is not None else f"{key} {text}")
+
+
+def warn_of_doubt(text: str) -> None:
+    """Warn, naming the line of the user's code."""
+    # Between this line and the user's are a varying number of frames of pydantic's validation.
+    frame, level = inspect.currentframe(), 1
+    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in (
+        "continuum_grasp",
+        "contextlib",
+        "pydantic",
+    ):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(text, Doubt, stacklevel=level)
+
+
+@contextmanager
+def doubts_refused() -> Iterator[None]:
+    """Raise InputError with all doubts that arise in the context, in place of warnings."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield
+    doubts = [str(each.message) for each in caught if issubclass(each.category, Doubt)]
+    for each in caught:
+        if not issubclass(each.category, Doubt):
+            warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
+    if doubts:
+        raise InputError("\n".join(dict.fromkeys(doubts)))
+
+
+def children(value: BaseModel, path: KeyPath = ()) -> Iterator[tuple[KeyPath, BaseModel]]:
+    """A value and all values in it, each with its path."""
+    yield path, value
+    for name, entry in value:
+        yield from _below(entry, (*path, name))
+
+
+def _below(entry: Any, path: KeyPath) -> Iterator[tuple[KeyPath, BaseModel]]:
+    if isinstance(entry, BaseModel):
+        yield from children(entry, path)
+    elif isinstance(entry, dict):
+        for key, each in entry.items():
+            yield from _below(each, (*path, key))
+    elif isinstance(entry, tuple):
+        for k, each in enumerate(entry):
+            yield from _below(each, (*path, k))
