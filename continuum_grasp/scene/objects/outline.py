@@ -100,8 +100,7 @@ class OutlineFile(MaybeDrawn):
         scale = drawing.unit if self.scale is None else self.scale
         if scale is None:
             raise ValueError(f"scale: missing; {name} does not say how long a unit of it is")
-        drawing.curves = [curve.scaled(scale) for curve in drawing.curves]
-        return drawing.outline(name, self.path)
+        return drawing.scaled(scale).outline(name, self.path)
 
     @property
     def note(self) -> str:

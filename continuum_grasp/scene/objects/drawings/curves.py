@@ -10,12 +10,16 @@ from functools import cached_property
 from typing import Any
 
 from continuum_grasp.base import Array
+from continuum_grasp.scene.curved_parts import SHARE
 from continuum_grasp.scene.polygons import PlanePoint, check_simple
 from continuum_grasp.scene.value import WRITTEN
 
 _GAP = 1e-4
 """Gap between ends that meet, as a part of what all open curves measure: files round to 0.01 px or 1e-4 inch, which is
 5e-5 of an object that is 200 px or 2 inches large."""
+_PEN = 0.05
+"""Width of a line as a part of the size of the outline [1], above which it is an area rather than a line: ISO 128 has
+lines of up to 2 mm, which is 0.05 of an object of 40 mm."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +42,11 @@ class DrawnCurve:
         Path that it belongs to; parts of one path inside each other are holes.
     filled : bool
         Whether the area inside belongs to the object, whatever is drawn there by other paths.
-    ground : bool
-        Whether it is an area in the color of the paper.
+    aside : str
+        Why it is the object only where its name is given, in words: ``white`` as the paper, ``dashed``; empty where it
+        may be the object.
+    width : float
+        Width of the line that draws it [unit of the file]; 0 for the thinnest.
     flaw : str
         Why it cannot be an outline, in words; empty where it can.
     """
@@ -51,7 +58,8 @@ class DrawnCurve:
     group: Hashable = None
     source: Hashable = None
     filled: bool = False
-    ground: bool = False
+    aside: str = ""
+    width: float = 0.0
     flaw: str = ""
 
     @cached_property
@@ -67,6 +75,13 @@ class DrawnCurve:
 
         return shapely.make_valid(shapely.Polygon(self.points)) if len(self.points) > 2 else shapely.Polygon()
 
+    @cached_property
+    def drawn(self) -> Any:
+        """What one sees of it: the area inside, or the line; shapely's."""
+        import shapely
+
+        return self.solid if self.closed else shapely.LineString(self.points)
+
     @property
     def text(self) -> str:
         """Label and size of the curve, where its points are in m."""
@@ -74,7 +89,8 @@ class DrawnCurve:
 
     def scaled(self, factor: float) -> DrawnCurve:
         """The curve with a unit of another length."""
-        return replace(self, points=tuple((factor * x, factor * y) for x, y in self.points))
+        points = tuple((factor * x, factor * y) for x, y in self.points)
+        return replace(self, points=points, width=factor * self.width)
 
 
 @dataclass(frozen=True)
@@ -93,38 +109,65 @@ class Drawing:
     ----------
     unit : float or None
         Length of a unit [m]; None where the file does not say it.
-    curves : list of Curve
+    curves : list of DrawnCurve
     ignored : Counter of str
         What else it has and is not read, in words, and how often.
     advice : str
         How one of several curves is chosen.
+    page : (float, float, float, float) or None
+        Left, lower, right and upper edge of the part that one sees [unit of the curves]; None where that is everything.
     """
 
     unit: float | None
     curves: list[DrawnCurve] = field(default_factory=list)
     ignored: Counter[str] = field(default_factory=Counter)
     advice: str = "choose one by path"
+    page: tuple[float, float, float, float] | None = None
+
+    def scaled(self, factor: float) -> Drawing:
+        """The drawing with a unit of another length."""
+        left, lower, right, upper = (factor * edge for edge in self.page or (0.0, 0.0, 0.0, 0.0))
+        page = (left, lower, right, upper) if self.page else None
+        return replace(self, curves=[curve.scaled(factor) for curve in self.curves], page=page)
 
     def outline(self, file: str, path: str | None) -> DrawnOutline:
         """The only outer curve, or the outer curve with one name, whose points are in m; `ValueError` otherwise."""
-        chosen = [curve for curve in self.curves if path in curve.names or (path is None and not curve.ground)]
-        if flawed := next((curve for curve in chosen if curve.flaw), None):
+        chosen = [curve for curve in self.curves if path in curve.names or (path is None and not curve.aside)]
+        aside = [curve for curve in self.curves if curve.aside and path is None]
+        paper = [curve for curve in aside if curve.aside == "white" and curve.closed]
+        if flawed := next((curve for curve in [*chosen, *paper] if curve.flaw), None):
             raise ValueError(f"file: {flawed.label} of {file} {flawed.flaw}")
         rings, strokes = joined(chosen)
         if not rings and path is not None:  # the name of one piece of a loop
             rings = [ring for ring in joined(self.curves)[0] if path in ring.names]
         others = [f"{stroke.text}: open" for stroke in strokes]
+        others += [f"{curve.text}: {curve.aside}" for curve in aside if curve not in paper]
         others += [f"{what} ({count})" if count > 1 else what for what, count in self.ignored.items()]
-        ground = [curve for curve in self.curves if curve.ground and path is None and curve.closed]
         if not rings:
-            raise ValueError(_nothing(self, file, path, [*(f"{curve.text}: white" for curve in ground), *others]))
+            raise ValueError(_nothing(self, file, path, [*(f"{curve.text}: white" for curve in paper), *others]))
         outer, inner = _nested(_once_each(rings))
         if len(outer) > 1:
             raise ValueError(f"file: {file} has {len(outer)} outer curves, expected one: {_choice(outer, self)}")
         check_simple(outer[0].points, f"file: {outer[0].label} of {file}")
         _check_holes(outer[0], inner, self, file)
         inside = [f"{curve.text}: {'a hole' if curve.group == outer[0].group else 'inside'}" for curve in inner]
-        return DrawnOutline(outer[0], (*inside, *_paper(outer[0], ground, file), *others))
+        edge = self._edge(outer[0], file)
+        return DrawnOutline(outer[0], (*edge, *inside, *_paper(outer[0], paper, file), *others))
+
+    def _edge(self, outer: DrawnCurve, file: str) -> list[str]:
+        """Describe the line that draws an outline; `ValueError` where one sees another shape than the outline."""
+        import shapely
+
+        size = max(outer.size)
+        wide = f"{1e3 * outer.width:.4g} mm wide"
+        if outer.width > _PEN * size:
+            raise ValueError(
+                f"file: {outer.text} of {file} is drawn by a line {wide}, an area of its own: convert the line to a "
+                f"path, or make it thinner than {100.0 * _PEN:g} % of the size"
+            )
+        if self.page and not shapely.box(*self.page).buffer(SHARE * size).covers(outer.solid):
+            raise ValueError(f"file: {outer.text} of {file} reaches beyond the page: enlarge the page, or cut it out")
+        return [f"half of its line, which is {wide}"] if outer.width > 2.0 * SHARE * size else []
 
 
 def sizes(size: PlanePoint) -> str:
@@ -144,10 +187,10 @@ def distinct(points: Iterable[PlanePoint]) -> tuple[PlanePoint, ...]:
     return tuple(once[:-1]) if closed else tuple(once)
 
 
-def _paper(outer: DrawnCurve, ground: list[DrawnCurve], file: str) -> list[str]:
+def _paper(outer: DrawnCurve, paper: list[DrawnCurve], file: str) -> list[str]:
     """Describe areas in the color of the paper beside an outline; `ValueError` where one covers a part."""
     texts = []
-    for curve in ground:
+    for curve in paper:
         if outer.solid.covers(curve.solid):
             texts.append(f"{curve.text}: a hole, white")
         elif curve.solid.covers(outer.solid) or not curve.solid.intersects(outer.solid):
@@ -219,17 +262,21 @@ def _loop(pieces: list[DrawnCurve], points: Any) -> DrawnCurve:
     names = tuple(dict.fromkeys(name for piece in pieces for name in piece.names))
     groups = {piece.group for piece in pieces}
     group = first.group if len(groups) == 1 else frozenset(groups)
-    return DrawnCurve(label, names, distinct((float(x), float(y)) for x, y in points), group=group)
+    width = max(piece.width for piece in pieces)
+    return DrawnCurve(label, names, distinct((float(x), float(y)) for x, y in points), group=group, width=width)
 
 
 def _once_each(rings: list[DrawnCurve]) -> list[DrawnCurve]:
-    """Rings without those that are drawn twice."""
+    """Rings without those that are drawn twice, each with its widest line."""
     unique: list[DrawnCurve] = []
     for ring in rings:
         least = WRITTEN * ring.solid.area
-        alike = [other for other in unique if abs(other.solid.area - ring.solid.area) <= least]
-        if not any(ring.solid.symmetric_difference(other.solid).area <= least for other in alike):
+        alike = [k for k, other in enumerate(unique) if abs(other.solid.area - ring.solid.area) <= least]
+        twin = next((k for k in alike if ring.solid.symmetric_difference(unique[k].solid).area <= least), None)
+        if twin is None:
             unique.append(ring)
+        elif ring.width > unique[twin].width:
+            unique[twin] = replace(unique[twin], width=ring.width)
     return unique
 
 
