@@ -14,18 +14,20 @@ import shutil
 
 import numpy as np
 import pytest
+import shapely
 from PIL import Image
 from scipy import ndimage
 
 from continuum_grasp.scene import Outline
+from tests.marks import optional
 from tests.scene.svg_corpus import LEFT_OUT, PROGRAMS, READ, REFUSED, WEB, document
 
 PIXELS = 1000
 """Pixels of the longer side of a picture [1]."""
+COVERED = 0.99
+"""Share of pixels in common of those that the outline or the picture covers [1]: each rim is uncertain by a tenth of a
+pixel, of parts that are 200 pixels large."""
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-TOUCHED = 0.985
-"""Share of pixels in common of what both cover [1]: the rim of a picture counts pixels that are touched by the smallest
-part, half a pixel on each side of 300 x 200 pixels."""
 
 
 def outline(folder, text, **keys):
@@ -49,6 +51,25 @@ def by_resvg(text):
     return painted(text, zoom), zoom
 
 
+@pytest.fixture(scope="module")
+def browser():
+    if CHROMIUM is None:
+        pytest.skip("needs Chromium")
+    with optional("playwright.sync_api").sync_playwright() as driver:
+        yield driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+
+
+def by_chromium(browser, file):
+    """Colors of a drawing, and pixels per user unit of CSS."""
+    height, width, _ = painted(file.read_text()).shape
+    zoom = PIXELS / max(width, height)
+    page = browser.new_page(viewport={"width": width, "height": height}, device_scale_factor=zoom)
+    page.goto(file.as_uri())
+    picture = page.screenshot()
+    page.close()
+    return np.asarray(Image.open(io.BytesIO(picture)).convert("RGB")), zoom
+
+
 def seen(colors):
     """Pixels of the largest thing that is painted, with its holes."""
     ink = 255 - colors.min(axis=2)
@@ -60,10 +81,12 @@ def seen(colors):
 def in_common(body, colors, zoom):
     """Pixels that the outline and the picture both cover, as a share of those that one of the two covers."""
     height, width, _ = colors.shape
-    points = np.array(body.found.curve.points) * [1.0, -1.0] / 0.0254 * 96.0 * zoom
+    curve = body.found.curve
+    area = shapely.Polygon(curve.points).buffer(0.5 * curve.width, join_style="mitre")
+    points = np.array(area.exterior.coords) * [1.0, -1.0] / 0.0254 * 96.0 * zoom
     path = "L".join(f"{x:.9g},{y:.9g}" for x, y in points)
-    ours = seen(painted(f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}"><path d="M{path}z"/></svg>'))
-    theirs = seen(colors)
+    page = f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}">'
+    ours, theirs = seen(painted(f'{page}<path d="M{path}z"/></svg>')), seen(colors)
     return (ours & theirs).sum() / (ours | theirs).sum()
 
 
@@ -73,7 +96,14 @@ EVERY = READ | {f"{name}, a program": text for name, text in PROGRAMS.items()}
 @pytest.mark.parametrize("name", EVERY)
 def test_the_outline_covers_what_a_renderer_paints(tmp_path, name):
     colors, zoom = by_resvg(document(EVERY[name]))
-    assert in_common(outline(tmp_path, EVERY[name]), colors, zoom) > TOUCHED
+    assert in_common(outline(tmp_path, EVERY[name]), colors, zoom) > COVERED
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("name", EVERY | WEB)
+def test_the_outline_covers_what_a_browser_paints(tmp_path, browser, name):
+    body = outline(tmp_path, (EVERY | WEB)[name])
+    assert in_common(body, *by_chromium(browser, tmp_path / "one.svg")) > COVERED
 
 
 @pytest.mark.parametrize("name", LEFT_OUT)
@@ -82,7 +112,7 @@ def test_a_part_that_is_left_out_is_named(tmp_path, name):
     body = outline(tmp_path, text)
     assert re.search(f"left out: .*{words}", body.note)
     colors, zoom = by_resvg(document(text))
-    assert in_common(body, colors, zoom) > (0.96 if name == "width" else TOUCHED)
+    assert in_common(body, colors, zoom) > COVERED
 
 
 @pytest.mark.parametrize("name", REFUSED)
