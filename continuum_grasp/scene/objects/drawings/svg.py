@@ -88,7 +88,7 @@ class _Place:
     within : tuple of Element
         Elements around it, with those that use it.
     opacity : float
-        Opacity of the elements around it; 0 where one is not displayed.
+        Opacity of the elements around it.
     clips : bool
         Whether it is a part of a clip path, which has areas without paint.
     """
@@ -110,17 +110,18 @@ class _Document:
         self.ignored: Counter[str] = Counter()
         self._kinds: Counter[str] = Counter()
         self._count = 0
+        self._boxed = any(element.tag == "mask" or _BOX in element.attrib.values() for element in root.iter())
 
     def drawing(self) -> Drawing:
         """Everything that the document shows."""
         style = self.styles.of(self.root, {})
         matrix, viewport, page = self._page(style)
-        place = _Place(matrix, viewport, style, (self.root,), self._opacity(style, 1.0))
+        place = _Place(matrix, viewport, style, (self.root,), fraction(style.get("opacity", "1")))
         if style.get("transform", "none") != "none":
             raise ValueError(f"{_named(self.root)}: transform is not read: put it into a group")
         shapes = [shape for child in self.root for shape in self._drawn(child, place)]
         drawing = Drawing(_PIXEL, ignored=self.ignored)
-        for shape in self._seen(self.root, style, place, shapes):
+        for shape in self._seen(self.root, place, shapes):
             curves = list(shape.curves())
             drawing.curves += curves if page is None else [_on_page(curve, page) for curve in curves]
             if not curves:
@@ -156,8 +157,7 @@ class _Document:
         """Everything that an element shows."""
         if not isinstance(element.tag, str) or "}" in element.tag or not _wanted(element):
             return []
-        style = self.styles.of(element, place.style)
-        inside = replace(place, style=style, opacity=self._opacity(style, place.opacity))
+        inside = self._inside(element, place)
         if element.tag in SHAPES:
             inside = self._turned(element, inside)
             shapes = [self._shape(element, inside)]
@@ -166,17 +166,28 @@ class _Document:
             shapes = self._used(element, inside)
         elif element.tag in _GROUPS and element.tag != "symbol":
             inside = self._turned(element, inside)
-            shapes = self._group(element, inside, style)
+            shapes = self._group(element, inside, inside.style)
         else:
-            if element.tag not in (*_NOT_DRAWN, *_MOVING) and inside.opacity:
+            if element.tag not in (*_NOT_DRAWN, *_MOVING) and inside.style.get("display") != "none":
                 self.ignored[element.tag] += 1
             return []
-        return self._seen(element, style, inside, shapes)
+        return self._seen(element, inside, shapes)
+
+    def _inside(self, element: Any, place: _Place) -> _Place:
+        """The place with the properties of an element, which is not displayed inside of one that is not."""
+        style = self.styles.of(element, place.style)
+        if place.style.get("display") == "none":
+            style["display"] = "none"
+        return replace(place, style=style, opacity=place.opacity * fraction(style.get("opacity", "1")))
 
     def _turned(self, element: Any, place: _Place) -> _Place:
-        """The place of an element with its own transform."""
+        """The place of an element with its own transform, of which x and y of a use are a part."""
         check(place.style, _named(element))
-        return replace(place, matrix=transform(place.style, place.viewport) * place.matrix)
+        matrix = transform(place.style, place.viewport) * place.matrix
+        if element.tag == "use":
+            x, y, _, _ = box(place.style, place.viewport, {})
+            matrix = fitted({}, "", (x, y, 0.0, 0.0))[0] * matrix
+        return replace(place, matrix=matrix)
 
     def _group(self, element: Any, place: _Place, sized: dict[str, str]) -> list[DrawnShape]:
         """The children of a group; ``sized`` has the size of a viewport, which a use may state."""
@@ -203,14 +214,11 @@ class _Document:
         if target is None or target in place.within:
             self.ignored[f"use of {reference!r}, which is not in the file"] += 1
             return []
-        x, y = (length(place.style.get(key, "0"), whole) for key, whole in zip("xy", place.viewport, strict=True))
-        place = replace(place, matrix=transform({"transform": f"translate({x!r}, {y!r})"}, (0.0, 0.0)) * place.matrix)
         place = replace(place, within=(*place.within, element))
         if target.tag not in _VIEWPORTS:
             return self._drawn(target, place)
-        style = self.styles.of(target, place.style)
-        inside = self._turned(target, replace(place, style=style, opacity=self._opacity(style, place.opacity)))
-        return self._seen(target, style, inside, self._group(target, inside, self.styles.of(element, {})))
+        inside = self._turned(target, self._inside(target, place))
+        return self._seen(target, inside, self._group(target, inside, self.styles.of(element, {})))
 
     def _shape(self, element: Any, place: _Place) -> DrawnShape:
         if self._count >= _MOST:
@@ -233,7 +241,9 @@ class _Document:
             whole=np.array([point for points, _ in parts for point in points]).reshape(-1, 2),
             rule=style.get("clip-rule" if place.clips else "fill-rule", "nonzero"),
         )
-        if place.opacity == 0.0 or style.get("visibility", "visible") in ("hidden", "collapse"):
+        if style.get("display") == "none":
+            return replace(shape, whole=shape.whole[:0])
+        if style.get("visibility", "visible") in ("hidden", "collapse"):
             return shape
         if place.clips:
             return replace(shape, fill=Paint(0.0, 1.0))
@@ -259,8 +269,11 @@ class _Document:
         dashes = style.get("stroke-dasharray", "none").replace(",", " ").split()
         return replace(shape, dashed=dashes != ["none"] and any(fraction(dash) for dash in dashes))
 
-    def _seen(self, element: Any, style: dict[str, str], place: _Place, shapes: list[DrawnShape]) -> list[DrawnShape]:
+    def _seen(self, element: Any, place: _Place, shapes: list[DrawnShape]) -> list[DrawnShape]:
         """The shapes of an element as its clip path, its mask and its effects leave them."""
+        style = place.style
+        if self._boxed:
+            shapes = _boxed(shapes, place.matrix)
         flaws = [
             f"{key} of {_named(element)}"
             for key, harmless in _EFFECTS.items()
@@ -294,7 +307,12 @@ class _Document:
         whole = _box(shapes, place.matrix)
         if target.get("clipPathUnits" if inner.clips else "maskContentUnits") == _BOX:
             inner = replace(inner, matrix=whole * place.matrix, viewport=(1.0, 1.0))
-        return self._clip(target, inner) if inner.clips else self._mask(target, inner, whole, place)
+        region = self._clip(target, inner) if inner.clips else self._mask(target, inner, whole, place)
+        for other in ("clip-path", "mask"):  # of the clip path or mask itself, which refer to the same shapes
+            if style.get(other, "none") != "none":
+                around = replace(place, within=inner.within)
+                region = region.intersection(self._region(other, style[other], around, shapes))
+        return region
 
     def _clip(self, target: Any, place: _Place) -> Any:
         """The region of a clip path, which has shapes and uses of shapes alone."""
@@ -303,7 +321,6 @@ class _Document:
         inner = self._turned(target, place)
         children = [child for child in target if child.tag in (*SHAPES, "use", "text")]
         shapes = self._clean(children, inner)
-        shapes = self._seen(target, place.style, inner, shapes)
         if flawed := next((shape for shape in shapes if shape.flaw), None):
             raise ValueError(f"{flawed.label} {flawed.flaw}")
         return shapely.union_all([shape.area for shape in shapes if shape.fill])
@@ -311,7 +328,6 @@ class _Document:
     def _mask(self, target: Any, inner: _Place, whole: Any, outer: _Place) -> Any:
         """The region of a mask, within the rectangle that it states."""
         shapes = self._clean(list(target), inner)
-        shapes = self._seen(target, inner.style, inner, shapes)
         in_box = target.get("maskUnits", _BOX) == _BOX
         default = {"x": "-10%", "y": "-10%", "width": "120%", "height": "120%"}
         sides = box(default | dict(target.attrib), (1.0, 1.0) if in_box else outer.viewport, {})
@@ -330,9 +346,14 @@ class _Document:
             raise ValueError(f"it has {other}")
         return shapes
 
-    @staticmethod
-    def _opacity(style: dict[str, str], around: float) -> float:
-        return 0.0 if style.get("display") == "none" else around * fraction(style.get("opacity", "1"))
+
+def _boxed(shapes: list[DrawnShape], matrix: Any) -> list[DrawnShape]:
+    """Shapes with the box around all of them, along the axes of the element that they are."""
+    import numpy as np
+
+    whole = rectangle(_box(shapes, matrix) * matrix, 0.0, 0.0, 1.0, 1.0)
+    corners = np.array(whole.exterior.coords)
+    return [replace(shape, whole=corners) if len(shape.whole) else shape for shape in shapes]
 
 
 def _box(shapes: list[DrawnShape], matrix: Any) -> Any:
@@ -340,7 +361,7 @@ def _box(shapes: list[DrawnShape], matrix: Any) -> Any:
     import numpy as np
     import svgelements
 
-    every = [moved(shape.whole, ~matrix) for shape in shapes if len(shape.whole)]
+    every = [moved(shape.whole, ~matrix) for shape in shapes if len(shape.whole)] if matrix.determinant else []
     if not every:
         return svgelements.Matrix()
     (left, top), (right, bottom) = (f(np.concatenate(every), axis=0).tolist() for f in (np.min, np.max))

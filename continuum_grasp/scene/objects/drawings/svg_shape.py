@@ -27,7 +27,8 @@ class DrawnShape:
     pieces : tuple of Piece
         Subpaths that are seen, on the page, y down [px].
     whole : Array
-        Points (n, 2) of all subpaths, also of those that a clip path cuts off [px].
+        Points (n, 2) of all subpaths, also of those that a clip path cuts off; or the corners of the box around them and
+        the shapes of its group [px].
     rule : str
         ``evenodd`` or ``nonzero``.
     fill, stroke : Paint or None
