@@ -530,4 +530,6 @@ LEFT_OUT = {
 def document(text: str) -> str:
     """A whole file."""
     whole = text if re.match(r"<svg ([^>]*xmlns|\[space\])|<[?!]", text) else f"[page]{text}</svg>"
-    return re.sub(r"\[(\w+)(?: ([^\]]*))?\]", lambda m: SHORT[m[1]].format(m[2] or "") if m[1] in SHORT else m[0], whole)
+    return re.sub(
+        r"\[(\w+)(?: ([^\]]*))?\]", lambda m: SHORT[m[1]].format(m[2] or "") if m[1] in SHORT else m[0], whole
+    )

@@ -1,9 +1,9 @@
-"""What an independent renderer paints of each drawing of a corpus is what the outline covers, or the error names why not.
+"""What independent renderers paint of each drawing of a corpus is what the outline covers, or the error names why not.
 
-The renderer is resvg (PyPI: resvg-py): it is maintained, comes with tests of 1,600 drawings against browsers, shares no
-code with our reader, and its wheels need no library of the system. CairoSVG ignores masks of groups and most selectors of
-style sheets, and needs cairo; svglib has no masks. What resvg does not know (variables and media of CSS) Chromium paints,
-and it paints all others, too, where it is installed.
+The renderer of every run is resvg (PyPI: resvg-py). It is maintained, its own tests compare 1,600 drawings with
+browsers, it shares no code with our reader, and its wheels need no library of the system. CairoSVG and svglib leave out
+masks and most selectors of style sheets. Chromium paints the corpus once more in the deep tests; it also knows what
+resvg does not: variables, media and units of CSS.
 """
 
 from __future__ import annotations

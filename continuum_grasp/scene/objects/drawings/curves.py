@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections import Counter
 from collections.abc import Hashable, Iterable, Sequence
@@ -310,9 +311,20 @@ def _choice(curves: list[DrawnCurve], drawing: Drawing) -> str:
     texts = []
     for curve in curves[:8]:
         name = next((name for name in curve.names if counts[name] == 1), None)
-        texts.append(curve.text if name is None else f"{curve.text}, path: {name}")
+        texts.append(curve.text if name is None else f"{curve.text}, path: {_quoted(name)}")
     more = [f"{len(curves) - 8} more"] if len(curves) > 8 else []
     return f"{'; '.join([*texts, *more])}; {drawing.advice}"
+
+
+def _quoted(name: str) -> str:
+    """A name as a file of YAML has it: in quotes where it would be a number or the like."""
+    import yaml
+
+    try:
+        plain = yaml.safe_load(f"path: {name}") == {"path": name}
+    except yaml.YAMLError:
+        plain = False
+    return name if plain else json.dumps(name, ensure_ascii=False)
 
 
 def _nothing(drawing: Drawing, file: str, path: str | None, left_out: list[str]) -> str:

@@ -336,7 +336,7 @@ class _Document:
         return masked(shapes, by_alpha).intersection(frame)
 
     def _clean(self, children: list[Any], place: _Place) -> list[DrawnShape]:
-        """Shapes of a clip path or a mask, which may have nothing else; they leave names of other shapes as they are."""
+        """Shapes of a clip path or a mask, which may have nothing else. They do not count in names of other shapes."""
         before, kinds = self.ignored, self._kinds
         self.ignored, self._kinds = Counter(), Counter()
         shapes = [shape for child in children for shape in self._drawn(child, place)]

@@ -22,13 +22,14 @@ _LIST = r"[-+.,eE\d\s]*"
 _NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
 _LENGTH = rf"\s*{_NUMBER}\s*(px|mm|cm|in|pt|pc|%)?\s*"
 _ARGUMENT = rf"\s*{_NUMBER}(px|deg|rad|turn|grad)?\s*"
+_TURN = r"(matrix|(translate|scale)[XY]?|rotate|skew[XY])"
 _SIDE = rf"({_LENGTH}|left|right|top|bottom|center)"
 _GRAMMAR = {
     "d": r"[MmZzLlHhVvCcSsQqTtAaeE\d+\-.,\s]*",
     "points": _LIST,
     "viewBox": _LIST,
     "transform-origin": rf"\s*{_SIDE}([\s,]+{_SIDE})?({_LENGTH})?\s*",
-    "transform": rf"none|(\s*(matrix|(translate|scale)[XY]?|rotate|skew[XY])\s*\({_ARGUMENT}([\s,]?{_ARGUMENT})*\)[\s,]*)*",
+    "transform": rf"none|(\s*{_TURN}\s*\({_ARGUMENT}([\s,]?{_ARGUMENT})*\)[\s,]*)*",
     "stroke-width": _LENGTH,
     **dict.fromkeys((*_ACROSS, *_DOWN, "r"), rf"{_LENGTH}|auto"),
 }

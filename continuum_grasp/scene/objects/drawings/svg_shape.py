@@ -27,8 +27,8 @@ class DrawnShape:
     pieces : tuple of Piece
         Subpaths that are seen, on the page, y down [px].
     whole : Array
-        Points (n, 2) of all subpaths, also of those that a clip path cuts off; or the corners of the box around them and
-        the shapes of its group [px].
+        Points (n, 2) of all subpaths, also of those that a clip path cuts off; or the corners of the box around the
+        group that the shape is in [px].
     rule : str
         ``evenodd`` or ``nonzero``.
     fill, stroke : Paint or None
@@ -119,7 +119,7 @@ def filled(rings: Sequence[Sequence[PlanePoint]], rule: str) -> Any:
         return lone
     corners = [np.asarray(ring) for ring in rings]
     lines = shapely.union_all([shapely.LineString([*ring, ring[0]]) for ring in rings])
-    faces = [face for face in shapely.polygonize([lines]).geoms]
+    faces = list(shapely.polygonize([lines]).geoms)
     turns = [round(sum(_turns(ring, face.representative_point()) for ring in corners)) for face in faces]
     return shapely.union_all(
         [face for face, turn in zip(faces, turns, strict=True) if (turn % 2 if rule == "evenodd" else turn)]
