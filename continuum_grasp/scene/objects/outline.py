@@ -21,7 +21,7 @@ from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import SAME, Extent, SpatialPosition, Value, Vector3
 
 if TYPE_CHECKING:
-    from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnOutline
+    from continuum_grasp.scene.objects.drawings.drawing import Drawing, DrawnOutline
 
 _SMALLEST, _GREATEST = 1e-4, 10.0
 """Sizes of an outline [m] beyond which its unit is likely another one."""

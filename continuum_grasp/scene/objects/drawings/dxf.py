@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, distinct
+from continuum_grasp.scene.objects.drawings.curves import DrawnCurve, distinct
+from continuum_grasp.scene.objects.drawings.drawing import Drawing
 from continuum_grasp.scene.value import WRITTEN
 
 if TYPE_CHECKING:

@@ -14,6 +14,7 @@ from continuum_grasp.scene.polygons import PlanePoint
 from continuum_grasp.scene.value import WRITTEN
 
 SHAPES = ("path", "rect", "circle", "ellipse", "line", "polyline", "polygon")
+_LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 _CHORDS = 128
 """Chords of a curved segment as long as its path is large; shorter ones have fewer, with the same distance from the
 curve: they keep a half circle to 1e-4 of its radius, about (pi / 128)^2 / 8."""
@@ -34,6 +35,16 @@ _GRAMMAR = {
     **dict.fromkeys((*_ACROSS, *_DOWN, "r"), rf"{_LENGTH}|auto"),
 }
 """Properties that say where something is, and what may stand in them: svgelements passes over all else in silence."""
+
+
+def names(element: Any) -> list[str]:
+    """Names of an element in the file: its own, and what Inkscape shows, which calls layers so."""
+    return [name for name in (element.get("id"), element.get(_LABEL)) if name]
+
+
+def named(element: Any) -> str:
+    """An element in a message."""
+    return " ".join([element.tag, *map(repr, names(element)[:1])])
 
 
 def check(style: Mapping[str, str], label: str) -> None:
@@ -115,7 +126,8 @@ def moved(points: Array, matrix: Any) -> Array:
     import numpy as np
 
     turn = np.array([[matrix.a, matrix.b], [matrix.c, matrix.d]])
-    return points @ turn + np.array([matrix.e, matrix.f])
+    on_page: Array = points @ turn + np.array([matrix.e, matrix.f])
+    return on_page
 
 
 def pieces(tag: str, style: Mapping[str, str], label: str, viewport: PlanePoint, matrix: Any) -> tuple[Piece, ...]:

@@ -16,6 +16,11 @@ _SCREEN, _ELSEWHERE = ("", "all", "screen", "only screen"), ("print", "speech", 
 """Media of a style sheet that hold, and that do not hold, on every screen."""
 _HARMLESS = ("charset", "font-face", "keyframes", "namespace", "page")
 """Rules of style sheets that change no shape by themselves."""
+_NO_ATTRIBUTES = (
+    "animation", "animation-name", "class", "id", "mask-image", "mix-blend-mode", "offset-path", "perspective",
+    "rotate", "scale", "style", "translate", "zoom",
+)  # fmt: skip
+"""Attributes that are no properties, though some have the name of one."""
 _LONG = {"marker": ("marker-start", "marker-mid", "marker-end")}
 """Properties that set several others."""
 _VARIABLE = re.compile(r"var\(\s*(--[\w-]+)\s*(?:,((?:[^()]|\([^()]*\))*))?\)")
@@ -46,7 +51,7 @@ class Styles:
         """
         style = {key: value for key, value in around.items() if key in _INHERITED or key.startswith("--")}
         rules = [*self._rules.get(element, ()), *_own(element)]
-        attributes = {key: value for key, value in element.attrib.items() if key not in ("class", "id", "style")}
+        attributes = {key: value for key, value in element.attrib.items() if key not in _NO_ATTRIBUTES}
         declared = attributes | {name: value for _, name, value in sorted(rules, key=lambda rule: rule[0])}
         variables = style | declared
         for name, value in declared.items():
