@@ -15,11 +15,13 @@ import shutil
 import numpy as np
 import pytest
 import shapely
+import yaml
 from PIL import Image
 from scipy import ndimage
 
 from continuum_grasp.scene import Outline
-from tests.marks import optional
+from tests.marks import few, optional
+from tests.scene.random_drawings import RandomDrawing
 from tests.scene.svg_corpus import LEFT_OUT, PROGRAMS, READ, REFUSED, WEB, document
 
 PIXELS = 1000
@@ -97,6 +99,49 @@ EVERY = READ | {f"{name}, a program": text for name, text in PROGRAMS.items()}
 def test_the_outline_covers_what_a_renderer_paints(tmp_path, name):
     colors, zoom = by_resvg(document(EVERY[name]))
     assert in_common(outline(tmp_path, EVERY[name]), colors, zoom) > COVERED
+
+
+@pytest.mark.parametrize("seed", few(range(100), 12))
+def test_the_outline_of_a_random_drawing_covers_what_a_renderer_paints(tmp_path, seed):
+    text = RandomDrawing(seed).text
+    try:
+        body = outline(tmp_path, text)
+    except ValueError as error:
+        problem = str(error)
+    else:
+        problem = ""
+        pixels = 8.0 * 1e3 * min(body.found.curve.size)
+        assert in_common(body, *by_resvg(text)) > min(COVERED, 1.0 - 1.0 / pixels)
+    # All of it may be cut off, or it may be cut in two.
+    assert not problem or re.search("no closed curve|outer curves", problem)
+
+
+INSTANCES = {
+    "symbols": '<symbol id="s" viewBox="0 0 10 10"><circle cx="5" cy="5" r="4"/></symbol>'
+    '<use href="#s" width="30" height="30"/><use href="#s" x="40" width="30" height="30"/>'
+    '<use href="#s" transform="matrix(-1 0 0 1 110 0)" width="30" height="30"/>',
+    "groups of one name": '<g id="a"><circle id="q" cx="15" cy="15" r="9"/></g>'
+    '<g id="a"><circle id="q" cx="45" cy="15" r="9"/></g><g id="a"><circle id="q" cx="75" cy="15" r="9"/></g>',
+    "paths of one name": '<path id="q" d="M5 5h20v20h-20zM40 5h20v20h-20z"/><path id="q" d="M80 5h20v20h-20z"/>',
+    "uses in uses": '<defs><circle id="c" cx="15" cy="15" r="9"/>'
+    '<g id="two"><use href="#c"/><use href="#c" y="30"/></g></defs>'
+    '<use href="#two"/><use href="#two" x="30"/>',
+    "names that are numbers": '<circle id="12" cx="15" cy="15" r="9"/><circle id="yes" cx="45" cy="15" r="9"/>'
+    '<circle id="a: b" cx="75" cy="15" r="9"/>',
+}
+
+
+@pytest.mark.parametrize("name", INSTANCES)
+def test_the_error_has_a_path_for_each_of_several_shapes(tmp_path, name):
+    with pytest.raises(ValueError, match="outer curves") as error:
+        outline(tmp_path, INSTANCES[name])
+    listed = re.findall(r"path: ([^;]+);", str(error.value))
+    paths = [yaml.safe_load(f"path: {path}")["path"] for path in listed]
+    centers = {
+        tuple(np.round(np.mean(outline(tmp_path, INSTANCES[name], path=path).found.curve.points, axis=0), 6))
+        for path in paths
+    }
+    assert len(centers) == len(paths) == (4 if name == "uses in uses" else 3)
 
 
 @pytest.mark.deep
