@@ -21,7 +21,7 @@ from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import SAME, Extent, SpatialPosition, Value, Vector3
 
 if TYPE_CHECKING:
-    from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnOutline
+    from continuum_grasp.scene.objects.drawings.drawing import Drawing, DrawnOutline
 
 _SMALLEST, _GREATEST = 1e-4, 10.0
 """Sizes of an outline [m] beyond which its unit is likely another one."""
@@ -59,12 +59,13 @@ class OutlineFile(MaybeDrawn):
     shape: Literal["outline"]
     """The outer closed curve in a file; it becomes a polygon whose frame has its origin at the centroid, y up."""
     file: Annotated[str, Field(examples=["bottle.png"])]
-    """SVG (shapes that are visible), DXF (entities of the model space; those that meet are joined), CSV (columns x and
+    """SVG (what one sees of its shapes), DXF (entities of the model space; those that meet are joined), CSV (columns x and
     y, with units in their headings or without headings), PNG (a dark silhouette on a light ground, or an opaque one
     on a transparent ground), or the closed surface of an STL, OBJ, PLY or 3MF, cut to a section by ``cut``."""
     path: str | None = None
-    """Curve to take of several: ``id`` of an SVG element or of a group around it; layer, block or handle of DXF;
-    ``silhouette 2`` of PNG, the second largest. An error that lists several curves has a name of each."""
+    """Curve to take of several: ``id`` of an SVG element or of a group around it; layer, block or handle of DXF, or
+    ``INSERT 33[2]``, the second instance of an array; ``silhouette 2`` of PNG, the second largest. An error that lists
+    several curves has a name of each."""
     scale: Annotated[Extent, Field(examples=["1 mm"])] | None = None
     """Length of a unit of the file, or of a pixel [m]; None: 1/96 inch of SVG, what a DXF, a 3MF or the headings of a
     CSV state, 1 m of a CSV without units."""
@@ -100,8 +101,7 @@ class OutlineFile(MaybeDrawn):
         scale = drawing.unit if self.scale is None else self.scale
         if scale is None:
             raise ValueError(f"scale: missing; {name} does not say how long a unit of it is")
-        drawing.curves = [curve.scaled(scale) for curve in drawing.curves]
-        return drawing.outline(name, self.path)
+        return drawing.scaled(scale).outline(name, self.path)
 
     @property
     def note(self) -> str:

@@ -1,16 +1,15 @@
-"""Curves of a drawing, loops of those that meet, and the one of them that is an outline."""
+"""Curves of a drawing, and loops of those that meet."""
 
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Hashable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 from continuum_grasp.base import Array
-from continuum_grasp.scene.polygons import PlanePoint, check_simple
+from continuum_grasp.scene.polygons import PlanePoint
 from continuum_grasp.scene.value import WRITTEN
 
 _GAP = 1e-4
@@ -38,8 +37,11 @@ class DrawnCurve:
         Path that it belongs to; parts of one path inside each other are holes.
     filled : bool
         Whether the area inside belongs to the object, whatever is drawn there by other paths.
-    ground : bool
-        Whether it is an area in the color of the paper.
+    aside : str
+        Why it is the object only where its name is given, in words: ``white`` as the paper, ``dashed``; empty where it
+        may be the object.
+    width : float
+        Width of the line that draws it [unit of the file]; 0 for the thinnest.
     flaw : str
         Why it cannot be an outline, in words; empty where it can.
     """
@@ -51,7 +53,8 @@ class DrawnCurve:
     group: Hashable = None
     source: Hashable = None
     filled: bool = False
-    ground: bool = False
+    aside: str = ""
+    width: float = 0.0
     flaw: str = ""
 
     @cached_property
@@ -67,6 +70,13 @@ class DrawnCurve:
 
         return shapely.make_valid(shapely.Polygon(self.points)) if len(self.points) > 2 else shapely.Polygon()
 
+    @cached_property
+    def drawn(self) -> Any:
+        """What one sees of it: the area inside, or the line; shapely's."""
+        import shapely
+
+        return self.solid if self.closed else shapely.LineString(self.points)
+
     @property
     def text(self) -> str:
         """Label and size of the curve, where its points are in m."""
@@ -74,57 +84,8 @@ class DrawnCurve:
 
     def scaled(self, factor: float) -> DrawnCurve:
         """The curve with a unit of another length."""
-        return replace(self, points=tuple((factor * x, factor * y) for x, y in self.points))
-
-
-@dataclass(frozen=True)
-class DrawnOutline:
-    """The outline in a drawing, and in words what of the drawing is not part of it."""
-
-    curve: DrawnCurve
-    left_out: tuple[str, ...]
-
-
-@dataclass
-class Drawing:
-    """Contents of a file.
-
-    Attributes
-    ----------
-    unit : float or None
-        Length of a unit [m]; None where the file does not say it.
-    curves : list of Curve
-    ignored : Counter of str
-        What else it has and is not read, in words, and how often.
-    advice : str
-        How one of several curves is chosen.
-    """
-
-    unit: float | None
-    curves: list[DrawnCurve] = field(default_factory=list)
-    ignored: Counter[str] = field(default_factory=Counter)
-    advice: str = "choose one by path"
-
-    def outline(self, file: str, path: str | None) -> DrawnOutline:
-        """The only outer curve, or the outer curve with one name, whose points are in m; `ValueError` otherwise."""
-        chosen = [curve for curve in self.curves if path in curve.names or (path is None and not curve.ground)]
-        if flawed := next((curve for curve in chosen if curve.flaw), None):
-            raise ValueError(f"file: {flawed.label} of {file} {flawed.flaw}")
-        rings, strokes = joined(chosen)
-        if not rings and path is not None:  # the name of one piece of a loop
-            rings = [ring for ring in joined(self.curves)[0] if path in ring.names]
-        others = [f"{stroke.text}: open" for stroke in strokes]
-        others += [f"{what} ({count})" if count > 1 else what for what, count in self.ignored.items()]
-        ground = [curve for curve in self.curves if curve.ground and path is None and curve.closed]
-        if not rings:
-            raise ValueError(_nothing(self, file, path, [*(f"{curve.text}: white" for curve in ground), *others]))
-        outer, inner = _nested(_once_each(rings))
-        if len(outer) > 1:
-            raise ValueError(f"file: {file} has {len(outer)} outer curves, expected one: {_choice(outer, self)}")
-        check_simple(outer[0].points, f"file: {outer[0].label} of {file}")
-        _check_holes(outer[0], inner, self, file)
-        inside = [f"{curve.text}: {'a hole' if curve.group == outer[0].group else 'inside'}" for curve in inner]
-        return DrawnOutline(outer[0], (*inside, *_paper(outer[0], ground, file), *others))
+        points = tuple((factor * x, factor * y) for x, y in self.points)
+        return replace(self, points=points, width=factor * self.width)
 
 
 def sizes(size: PlanePoint) -> str:
@@ -142,19 +103,6 @@ def distinct(points: Iterable[PlanePoint]) -> tuple[PlanePoint, ...]:
             once.append(point)
     closed = len(once) > 1 and math.dist(once[0], once[-1]) <= least
     return tuple(once[:-1]) if closed else tuple(once)
-
-
-def _paper(outer: DrawnCurve, ground: list[DrawnCurve], file: str) -> list[str]:
-    """Describe areas in the color of the paper beside an outline; `ValueError` where one covers a part."""
-    texts = []
-    for curve in ground:
-        if outer.solid.covers(curve.solid):
-            texts.append(f"{curve.text}: a hole, white")
-        elif curve.solid.covers(outer.solid) or not curve.solid.intersects(outer.solid):
-            texts.append(f"{curve.text}: white")
-        else:
-            raise ValueError(f"file: {curve.text} of {file} is white and covers a part of {outer.label}: cut it out")
-    return texts
 
 
 def joined(curves: Sequence[DrawnCurve]) -> tuple[list[DrawnCurve], list[DrawnCurve]]:
@@ -219,59 +167,5 @@ def _loop(pieces: list[DrawnCurve], points: Any) -> DrawnCurve:
     names = tuple(dict.fromkeys(name for piece in pieces for name in piece.names))
     groups = {piece.group for piece in pieces}
     group = first.group if len(groups) == 1 else frozenset(groups)
-    return DrawnCurve(label, names, distinct((float(x), float(y)) for x, y in points), group=group)
-
-
-def _once_each(rings: list[DrawnCurve]) -> list[DrawnCurve]:
-    """Rings without those that are drawn twice."""
-    unique: list[DrawnCurve] = []
-    for ring in rings:
-        least = WRITTEN * ring.solid.area
-        alike = [other for other in unique if abs(other.solid.area - ring.solid.area) <= least]
-        if not any(ring.solid.symmetric_difference(other.solid).area <= least for other in alike):
-            unique.append(ring)
-    return unique
-
-
-def _nested(rings: list[DrawnCurve]) -> tuple[list[DrawnCurve], list[DrawnCurve]]:
-    """Rings that are in no other, and those that are, the largest first."""
-    ordered = sorted(rings, key=lambda ring: -ring.solid.area)
-    outer: list[DrawnCurve] = []
-    inner: list[DrawnCurve] = []
-    for ring in ordered:
-        (inner if any(other.solid.covers(ring.solid) for other in outer) else outer).append(ring)
-    return outer, inner
-
-
-def _check_holes(outer: DrawnCurve, inner: list[DrawnCurve], drawing: Drawing, file: str) -> None:
-    """Refuse an outer curve that may be a frame around the object: a curve in a hole is another body."""
-    own = [curve for curve in inner if curve.source is not None and curve.source == outer.source]
-    holes = own if outer.filled else inner
-    islands = [curve for curve in inner if any(hole is not curve and hole.solid.covers(curve.solid) for hole in holes)]
-    foreign = [curve for curve in inner if curve.group != outer.group and curve not in own and not outer.filled]
-    if foreign or islands:
-        why = "is inside, on another layer or in another group" if foreign else "is inside a hole"
-        raise ValueError(
-            f"file: {file}: a frame around the object, or an object with holes? {(foreign or islands)[0].label} {why}: "
-            f"{_choice([outer, *inner], drawing)}"
-        )
-
-
-def _choice(curves: list[DrawnCurve], drawing: Drawing) -> str:
-    """Curves with their sizes, and the name that chooses each."""
-    counts = Counter(name for curve in curves for name in set(curve.names))
-    texts = []
-    for curve in curves[:8]:
-        name = next((name for name in curve.names if counts[name] == 1), None)
-        texts.append(curve.text if name is None else f"{curve.text}, path: {name}")
-    more = [f"{len(curves) - 8} more"] if len(curves) > 8 else []
-    return f"{'; '.join([*texts, *more])}; {drawing.advice}"
-
-
-def _nothing(drawing: Drawing, file: str, path: str | None, left_out: list[str]) -> str:
-    """Why there is no outline."""
-    if path is not None and not any(path in curve.names for curve in drawing.curves):
-        known = list(dict.fromkeys(name for curve in drawing.curves for name in curve.names))
-        return f"path: no curve {path!r} in {file}, which has {', '.join(known[:20]) or 'none'}"
-    rest = f"; it has {'; '.join(left_out[:8])}" if left_out else ""
-    return f"file: no closed curve in {file}: expected one that ends where it begins{rest}"
+    width = max(piece.width for piece in pieces)
+    return DrawnCurve(label, names, distinct((float(x), float(y)) for x, y in points), group=group, width=width)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, distinct
+from continuum_grasp.scene.objects.drawings.curves import DrawnCurve, distinct
+from continuum_grasp.scene.objects.drawings.drawing import Drawing
 from continuum_grasp.scene.value import WRITTEN
 
 if TYPE_CHECKING:
@@ -40,39 +42,73 @@ def read_dxf(given: OutlineFile) -> Drawing:
         raise ValueError(str(error)) from None
     stated = b"$INSUNITS" in Path(given.file).read_bytes()  # ezdxf takes meters for a file without a header
     drawing = Drawing(
-        _UNITS.get(document.units) if stated else None, advice="choose one by path (a layer, block or handle)"
+        _UNITS.get(document.units) if stated else None,
+        advice="choose one by path (a layer, block or INSERT, or a handle)",
     )
-    for entity, layer, blocks in _visible(document, document.modelspace(), drawing.ignored):
-        if (curve := _curve(entity, layer, blocks, drawing.ignored)) is not None:
-            drawing.curves.append(curve)
+    for entity, at in _visible(document, document.modelspace(), drawing.ignored, _Instance()):
+        if (curve := _curve(entity, at, drawing.ignored)) is not None:
+            drawing.curves += _clipped(curve, at)
+    for layout in document.layouts:
+        if not layout.is_modelspace and (count := sum(entity.dxftype() != "VIEWPORT" for entity in layout)):
+            drawing.ignored[f"entity of the paper space {layout.name!r}"] += count
     return drawing
 
 
+@dataclass(frozen=True)
+class _Instance:
+    """Where an entity stands: in the model space, or in an instance of a block that is inserted.
+
+    Attributes
+    ----------
+    layer : str
+        Layer of the entities that are on layer 0 of the block.
+    blocks : tuple of str
+        Blocks around it, the outermost first.
+    handles : tuple of str
+        Handle of each reference to them; with the number of the instance where it is an array: ``2F[3]``.
+    clips : tuple of (str, ClippingPath)
+        What cuts it, in words, and where.
+    """
+
+    layer: str = "0"
+    blocks: tuple[str, ...] = ()
+    handles: tuple[str, ...] = ()
+    clips: tuple[tuple[str, Any], ...] = ()
+
+    def names(self, kind: str, handle: str, layer: str) -> tuple[str, ...]:
+        """Names of an entity, and those of all instances around it."""
+        around: list[str] = []
+        for depth in range(len(self.blocks), 0, -1):
+            reference = self.handles[depth - 1].partition("[")[0]
+            around += [f"INSERT {'/'.join(self.handles[:depth])}", self.blocks[depth - 1], reference]
+        full = f"{kind} {'/'.join((*self.handles, handle))}"
+        return tuple(dict.fromkeys((f"{kind} {handle}", *around, handle, layer, full)))
+
+
 def _visible(
-    document: Any, entities: Iterable[Any], ignored: Counter[str], layer: str = "0", blocks: tuple[str, ...] = ()
-) -> Iterator[tuple[Any, str, tuple[str, ...]]]:
-    """Entities that are drawn, the layer of each, and the names and handles of the blocks in which it stands.
+    document: Any, entities: Iterable[Any], ignored: Counter[str], at: _Instance
+) -> Iterator[tuple[Any, _Instance]]:
+    """Entities that are drawn, each with its layer and the instance in which it stands.
 
     An entity on layer 0 of a block is on the layer of its reference; a reference on a layer that is off shows entities
     on others, on a frozen layer nothing.
     """
     for entity in entities:
         own = str(entity.dxf.layer)
-        own = layer if blocks and own == "0" else own
+        own = at.layer if at.blocks and own == "0" else own
         hidden = _hidden(document, own)
         if entity.dxf.get("invisible", 0):
             ignored["invisible entity"] += 1
         elif hidden and (entity.dxftype() != "INSERT" or hidden == "frozen"):
             ignored[f"entity on layer {own!r}, which is {hidden}"] += 1
         elif entity.dxftype() == "INSERT":
-            yield from _expanded(document, entity, ignored, own, blocks)
+            yield from _expanded(document, entity, ignored, replace(at, layer=own))
         else:
-            yield entity, own, blocks
+            yield entity, replace(at, layer=own)
 
 
-def _expanded(
-    document: Any, insert: Any, ignored: Counter[str], layer: str, blocks: tuple[str, ...]
-) -> Iterator[tuple[Any, str, tuple[str, ...]]]:
+def _expanded(document: Any, insert: Any, ignored: Counter[str], at: _Instance) -> Iterator[tuple[Any, _Instance]]:
+    """Entities of each instance of a block."""
     from ezdxf.xclip import XClip
 
     name = str(insert.dxf.name)
@@ -80,13 +116,32 @@ def _expanded(
     if block is None or block.block.is_xref:
         ignored[f"block {name!r}, which is in another file"] += 1
         return
-    if XClip(insert).is_clipping_enabled:
-        raise ValueError(
-            f"block {name!r} on layer {layer!r} (INSERT {insert.dxf.handle}) is clipped, which is not read"
-        )
-    around = (name, *((str(insert.dxf.handle),) if insert.dxf.handle else ()), *blocks)
-    for single in insert.multi_insert() if insert.mcount > 1 else [insert]:
-        yield from _visible(document, single.virtual_entities(), ignored, layer, around)
+    handle = _handle(insert)
+    cut = XClip(insert)
+    if cut.is_clipping_enabled:
+        by = f"the boundary of block {name!r} on layer {at.layer!r} (INSERT {handle})"
+        at = replace(at, clips=(*at.clips, (by, cut.get_wcs_clipping_path())))
+    if insert.attribs:
+        ignored["ATTRIB"] += len(insert.attribs)
+    several = list(insert.multi_insert()) if insert.mcount > 1 else [insert]
+    for k, single in enumerate(several, 1):
+        reference = f"{handle}[{k}]" if len(several) > 1 else handle
+        inside = replace(at, blocks=(*at.blocks, name), handles=(*at.handles, reference))
+        yield from _visible(document, single.virtual_entities(), ignored, inside)
+
+
+def _clipped(curve: DrawnCurve, at: _Instance) -> list[DrawnCurve]:
+    """The curve as the boundaries of blocks leave it: whole, none, or with a flaw."""
+    import shapely
+
+    for by, boundary in at.clips:
+        region = shapely.make_valid(shapely.Polygon(boundary.vertices))
+        outside = region.disjoint(curve.drawn)
+        if not outside and (boundary.is_inverted_clip or not region.covers(curve.drawn)):
+            return [replace(curve, flaw=f"is cut by {by}, which is not read: cut it, or remove the boundary")]
+        if outside is not boundary.is_inverted_clip:
+            return []
+    return [curve]
 
 
 def _hidden(document: Any, name: str) -> str:
@@ -101,7 +156,7 @@ def _hidden(document: Any, name: str) -> str:
     return ""
 
 
-def _curve(entity: Any, layer: str, blocks: tuple[str, ...], ignored: Counter[str]) -> DrawnCurve | None:
+def _curve(entity: Any, at: _Instance, ignored: Counter[str]) -> DrawnCurve | None:
     from ezdxf.path import make_path
 
     kind = entity.dxftype()
@@ -109,9 +164,9 @@ def _curve(entity: Any, layer: str, blocks: tuple[str, ...], ignored: Counter[st
     if kind not in _CURVES or (kind == "POLYLINE" and not (entity.is_2d_polyline or entity.is_3d_polyline)):
         ignored[kind] += 1
         return None
-    inside = f" of block {blocks[0]!r}" if blocks else ""
-    label = f"{kind} {handle} on layer {layer!r}{inside}"
-    names = tuple(dict.fromkeys((handle, *blocks, layer)))
+    inside = f" of block {at.blocks[-1]!r}" if at.blocks else ""
+    label = f"{kind} {handle} on layer {at.layer!r}{inside}"
+    names = at.names(kind, handle, at.layer)
     if kind == "POLYLINE":  # a frame of control points is not part of the curve
         entity.vertices[:] = [vertex for vertex in entity.vertices if not vertex.dxf.flags & 16]
     try:
@@ -128,7 +183,22 @@ def _curve(entity: Any, layer: str, blocks: tuple[str, ...], ignored: Counter[st
         return None
     flaw = "is not in a plane of constant z: draw it in the plane of x and y" if spans[2] > WRITTEN * size else ""
     points = distinct((p.x, p.y) for p in curve.flattening(_CHORD * size))
-    return DrawnCurve(label, names, points, curve.is_closed, (layer, blocks), flaw=flaw) if len(points) > 1 else None
+    if len(points) < 2:
+        return None
+    group = (at.layer, at.handles)
+    return DrawnCurve(label, names, points, curve.is_closed, group, width=_width(entity), flaw=flaw)
+
+
+def _width(entity: Any) -> float:
+    """Greatest width of a polyline, which is a part of the drawing; line weights are of the paper alone."""
+    if entity.dxftype() == "LWPOLYLINE":
+        widths = [width for point in entity.get_points("se") for width in point]
+        return float(max([*widths, entity.dxf.get("const_width", 0.0)]))
+    if entity.dxftype() == "POLYLINE":
+        keys = ("start_width", "end_width")
+        own = [entity.dxf.get(f"default_{key}", 0.0) for key in keys]
+        return float(max([*own, *(vertex.dxf.get(key, 0.0) for vertex in entity.vertices for key in keys)]))
+    return 0.0
 
 
 def _handle(entity: Any) -> str:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, distinct
+from continuum_grasp.scene.objects.drawings.curves import DrawnCurve, distinct
+from continuum_grasp.scene.objects.drawings.drawing import Drawing
 from continuum_grasp.scene.problems import KeyedError
 
 if TYPE_CHECKING:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.base import Array
-from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, distinct
+from continuum_grasp.scene.objects.drawings.curves import DrawnCurve, distinct
+from continuum_grasp.scene.objects.drawings.drawing import Drawing
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.objects.outline import OutlineFile

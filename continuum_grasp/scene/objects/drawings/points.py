@@ -6,7 +6,8 @@ import re
 from typing import TYPE_CHECKING, NamedTuple
 
 from continuum_grasp.base import Array
-from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, distinct
+from continuum_grasp.scene.objects.drawings.curves import DrawnCurve, distinct
+from continuum_grasp.scene.objects.drawings.drawing import Drawing
 from continuum_grasp.scene.units import units_of
 
 if TYPE_CHECKING:

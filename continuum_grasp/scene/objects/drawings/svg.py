@@ -1,19 +1,34 @@
-"""Curves of SVG drawings: every shape is one path, with all transforms, in the unit of the document."""
+"""Curves of SVG drawings: every shape as one sees it, in the unit of the document.
+
+What changes the shape that one sees is either applied here, or named: left out, or a flaw of the shapes around it.
+"""
 
 from __future__ import annotations
 
-import io
 import math
 import re
 from collections import Counter
-from collections.abc import Hashable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
 
-from continuum_grasp.base import Array
-from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, distinct
+from continuum_grasp.scene.objects.drawings.curves import DrawnCurve
+from continuum_grasp.scene.objects.drawings.drawing import Drawing
+from continuum_grasp.scene.objects.drawings.svg_effects import MOVING, Effects, Place
+from continuum_grasp.scene.objects.drawings.svg_geometry import (
+    SHAPES,
+    box,
+    check,
+    fitted,
+    length,
+    named,
+    names,
+    pieces,
+    rectangle,
+)  # fmt: skip
+from continuum_grasp.scene.objects.drawings.svg_paint import REFERENCES, Paint, Paints, fraction
+from continuum_grasp.scene.objects.drawings.svg_shape import DrawnShape
+from continuum_grasp.scene.objects.drawings.svg_style import Styles
 from continuum_grasp.scene.polygons import PlanePoint
 
 if TYPE_CHECKING:
@@ -21,369 +36,229 @@ if TYPE_CHECKING:
 
 _PIXEL = 0.0254 / 96.0
 """Length of a user unit of SVG [m]: 96 per inch, by CSS."""
-_CHORDS = 128
-"""Chords of a curved segment as long as its path is large; shorter ones have fewer, with the same distance from the
-curve: they keep a half circle to 1e-4 of its radius, about (pi / 128)^2 / 8."""
-_SHAPES = ("path", "rect", "circle", "ellipse", "line", "polyline", "polygon")
 _GROUPS = ("g", "a", "switch", "svg")
-_REFERENCES = ("href", "{http://www.w3.org/1999/xlink}href")
-_PLACES = ("x", "y", "width", "height", "viewBox", "preserveAspectRatio", *_REFERENCES)
-"""Attributes that say where an element is, which its children do not inherit."""
-_ACROSS, _DOWN = ("x", "width", "cx", "rx", "x1", "x2"), ("y", "height", "cy", "ry", "y1", "y2")
-_LIST = r"[-+.,eE\d\s]*"
-_LENGTH = r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*(px|mm|cm|in|pt|pc|%)?\s*|auto"
-_GRAMMAR = {
-    "d": r"[MmZzLlHhVvCcSsQqTtAaeE\d+\-.,\s]*",
-    "points": _LIST,
-    "viewBox": _LIST,
-    "transform-origin": r"0(px)?[\s,]+0(px)?",
-    "transform": r"(\s*(matrix|translate|scale|rotate|skewX|skewY)\s*\([-+.,eE\d\s]*\d[-+.,eE\d\s]*\)[\s,]*)*",
-    **dict.fromkeys((*_ACROSS, *_DOWN, "r"), _LENGTH),
-}
-"""Attributes that say where something is, and what may stand in them: svgelements passes over all else in silence."""
-_SPACE = "{http://www.w3.org/2000/svg"
-_LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
-_NUMBER = "number-of-shape"
-"""Attribute that leads from a shape of svgelements to our knowledge of it."""
+_VIEWPORTS = ("svg", "symbol")
+_NOT_DRAWN = (
+    "clipPath", "defs", "desc", "filter", "linearGradient", "marker", "mask", "metadata", "pattern", "radialGradient",
+    "style", "symbol", "title", "view",
+)  # fmt: skip
+"""Elements that are not drawn where they stand."""
+_SPACE = "{http://www.w3.org/2000/svg}"
+_Edges = tuple[float, float, float, float]
 _MOST = 100_000
 """Greatest number of shapes, with every use of each: uses of uses multiply beyond any bound."""
 
 
 def read_svg(given: OutlineFile) -> Drawing:
     """Read the shapes that are visible; `ValueError` names an element that cannot be read."""
-    import svgelements
+    from lxml import etree
 
-    plain = _Plain(ElementTree.parse(given.file).getroot())
-    text = io.BytesIO(ElementTree.tostring(plain.root))
-    drawing = Drawing(_PIXEL, ignored=plain.ignored)
+    root = etree.parse(given.file, etree.XMLParser(no_network=True)).getroot()
+    for element in root.iter(etree.Element):
+        element.tag = element.tag.removeprefix(_SPACE)
+    if root.tag != "svg":
+        raise ValueError(f"expected an svg element, got {etree.QName(root).localname[:60]!r}")
     try:
-        elements = list(svgelements.SVG.parse(text, reify=False, on_error="raise").elements())
-    except (ArithmeticError, LookupError, TypeError, ValueError):
-        raise ValueError(plain.culprit()) from None
-    regions: list[list[DrawnCurve]] = [[] for _ in range(plain.clips)]
-    for element in elements:
-        if isinstance(element, svgelements.Text | svgelements.Image):
-            drawing.ignored[type(element).__name__.lower()] += 1
-        elif isinstance(element, svgelements.Shape):
-            shape = plain.shapes[int(element.values[_NUMBER])]
-            curves = list(_curves(element, shape))
-            (drawing.curves if shape.clip is None else regions[shape.clip]).extend(curves)
-            if not curves and shape.clip is None:
-                drawing.ignored["shape that is not visible"] += 1
-    clipped = {shape.source: shape.clipped for shape in plain.shapes}
-    shown = []
-    for curve in drawing.curves:
-        within = [regions[k] for k in clipped[curve.source]]
-        shown += [_on_page(part, elements[0].width, elements[0].height) for part in _clipped(curve, within)]
-    drawing.curves = shown
-    return drawing
+        return _Document(root).drawing()
+    except RecursionError:
+        raise ValueError("elements inside elements are too many") from None
 
 
-@dataclass(frozen=True)
-class _Shape:
-    """A shape as the file has it: its name in messages, those that choose it, and the elements around it.
-
-    ``clip`` is the number of the clip path that it belongs to, ``clipped`` has the clip paths that cut it.
-    """
-
-    label: str
-    names: tuple[str, ...]
-    group: tuple[int, ...]
-    source: Hashable
-    data: str
-    clip: int | None
-    clipped: tuple[int, ...]
-
-
-class _Plain:
-    """The document without references and inner viewports, which svgelements places wrongly or draws where they stand.
-
-    Attributes
-    ----------
-    root : Element
-        Groups and shapes alone; symbols, nested drawings and uses have become groups.
-    shapes : list of _Shape
-        By the number that each shape carries.
-    ignored : Counter of str
-    clips : int
-        Number of times that clip paths are used.
-    """
-
-    def __init__(self, root: Element) -> None:
+class _Document:
+    def __init__(self, root: Any) -> None:
+        self.root = root
         self.targets = {element.get("id"): element for element in root.iter() if element.get("id")}
-        self.shapes: list[_Shape] = []
+        self.styles = Styles(root)
+        self.paints = Paints(self.target, self.styles.in_place)
         self.ignored: Counter[str] = Counter()
-        self.clips = 0
         self._kinds: Counter[str] = Counter()
-        self._clip: int | None = None
-        self._cutting: dict[Element, int] = {}
-        if _tag(root) != "svg":
-            raise ValueError(f"expected an svg element, got {str(root.tag)[:60]!r}")
-        _check(root, _named(root))
-        own = {key: value for key, value in root.attrib.items() if key not in ("x", "y")}
-        self.root = Element(root.tag, own)
-        # Styles first: svgelements applies them to what follows.
-        self.root.extend([element for element in root.iter() if _tag(element) == "style"])
-        self._fill(self.root, root, (root,), _viewport(root, (100.0, 100.0)))
+        self._count = 0
+        self.effects = Effects(root, self.target, self.styles, self._alone)
 
-    def culprit(self) -> str:
-        """The first shape whose data cannot be read."""
-        import svgelements
+    def drawing(self) -> Drawing:
+        """Everything that the document shows."""
+        style = self.styles.of(self.root, {})
+        matrix, viewport, page = self._page(style)
+        place = Place(matrix, viewport, style, (self.root,), fraction(style.get("opacity", "1")))
+        if style.get("transform", "none") != "none":
+            raise ValueError(f"{named(self.root)}: transform is not read: put it into a group")
+        shapes = [shape for child in self.root for shape in self._drawn(child, place)]
+        drawing = Drawing(_PIXEL, ignored=self.ignored)
+        for shape in self.effects.seen(self.root, place, shapes):
+            curves = list(shape.curves())
+            drawing.curves += curves if page is None else [_on_page(curve, page) for curve in curves]
+            if not curves:
+                self.ignored["shape that is not visible"] += 1
+        return replace(drawing, page=page)
 
-        for shape in self.shapes:
-            try:
-                svgelements.Path(shape.data)
-            except ValueError:
-                return f"{shape.label}: d = {shape.data[:60]!r} is not read"
-        return "svgelements cannot place its content"
+    def target(self, reference: str) -> Any:
+        """The element that a reference means; None where the file does not have it."""
+        return self.targets.get(reference.strip().removeprefix("#")) if reference.strip().startswith("#") else None
 
-    def _fill(self, into: Element, source: Element, within: tuple[Element, ...], viewport: PlanePoint) -> None:
-        """Append what the children of an element draw to a group of the plain document."""
-        for child in source:
-            self._add(into, child, within, viewport)
+    def _page(self, style: dict[str, str]) -> tuple[Any, PlanePoint, _Edges | None]:
+        """Transform and lengths of the outermost viewport, and the page, y up; None where the file has none."""
+        check({"viewBox": self.root.get("viewBox", "")}, named(self.root))
+        view = self.root.get("viewBox", "").replace(",", " ").split()
+        inner = (float(view[2]), float(view[3])) if len(view) == 4 else (0.0, 0.0)
+        width, height = (self._side(style, key) for key in ("width", "height"))
+        if all(inner):  # a side that the file does not state follows from the other
+            width, height = width or height * inner[0] / inner[1], height or width * inner[1] / inner[0]
+        width, height = width or inner[0], height or inner[1]
+        page = (0.0, -height, width, 0.0) if width and height else None
+        matrix, viewport = fitted(self.root, named(self.root), (0.0, 0.0, width or 100.0, height or 100.0))
+        return matrix, viewport, page
 
-    def _add(self, into: Element, element: Element, within: tuple[Element, ...], viewport: PlanePoint) -> None:
-        tag = _tag(element)
-        if tag in (*_SHAPES, *_GROUPS, "use"):
-            self._cut(into, element, within, viewport)
-        if tag in _SHAPES:
-            into.append(self._shape(element, tag, within, viewport))
-        elif tag in ("text", "image"):
-            into.append(Element(element.tag, element.attrib))
-        elif tag == "use":
-            self._use(into, element, within, viewport)
-        elif tag in _GROUPS:
-            self._group(into, element, element, within, viewport)
+    def _side(self, style: dict[str, str], key: str) -> float:
+        """Width or height of the page [px]; 0 where it is left to the viewer."""
+        for text in (style.get(key), self.root.get(key)):
+            check({} if text is None else {key: text}, named(self.root))
+            if text is not None and text != "auto" and not text.endswith("%"):
+                return length(text, 0.0)
+        return 0.0
 
-    def _cut(self, into: Element, element: Element, within: tuple[Element, ...], viewport: PlanePoint) -> None:
-        """Append the clip path of an element, where the element stands."""
-        if element.get("mask", "none") != "none" or "mask:" in element.get("style", ""):
-            self.ignored[f"mask of {_named(element)}, which is not applied"] += 1
-        words = f"clip-path:{element.get('clip-path', '')};{element.get('style', '')}"
-        used = re.findall(r"clip-path\s*:\s*url\([\"']?#([^)\"']*)", words)
-        target = self.targets.get(used[-1]) if used else None
-        if target is None or self._clip is not None:
-            return
-        if target.get("clipPathUnits") == "objectBoundingBox":
-            self.ignored[f"clip path {used[-1]!r}, which is not applied"] += 1
-            return
-        self._clip = self._cutting[element] = self.clips
-        self.clips += 1
-        place = ElementTree.SubElement(into, f"{_SPACE}}}g", {"transform": element.get("transform", "")})
-        self._group(place, target, target, within, viewport)
-        self._clip = None
-
-    def _group(
-        self, into: Element, element: Element, sized: Element, within: tuple[Element, ...], viewport: PlanePoint
-    ) -> None:
-        """Append a group; ``sized`` has the size of a viewport, which a use may state for its target."""
-        _check(element, _named(element))
-        group = ElementTree.SubElement(into, f"{_SPACE}}}g", _without_place(element))
-        if _tag(element) in ("svg", "symbol"):
-            group.set("transform", f"{element.get('transform', '')} {_placed(element, sized, viewport)}")
-            viewport = _viewport(element, viewport)
-        self._fill(group, element, (*within, element), viewport)
-
-    def _use(self, into: Element, element: Element, within: tuple[Element, ...], viewport: PlanePoint) -> None:
-        reference = next((element.attrib[key] for key in _REFERENCES if key in element.attrib), "")
-        target = self.targets.get(reference.removeprefix("#"))
-        if target is None or target in within:
-            self.ignored[f"use of {reference!r}, which is not in the file"] += 1
-            return
-        group = ElementTree.SubElement(into, f"{_SPACE}}}g", _without_place(element))
-        _check(element, _named(element))
-        x, y = (_length(element.get(key, "0"), whole) for key, whole in zip("xy", viewport, strict=True))
-        group.set("transform", f"{element.get('transform', '')} translate({x!r}, {y!r})")
-        if _tag(target) in ("svg", "symbol"):
-            self._group(group, target, element, (*within, element), viewport)
-        else:
-            self._add(group, target, (*within, element), viewport)
-
-    def _shape(self, element: Element, tag: str, within: tuple[Element, ...], viewport: PlanePoint) -> Element:
-        if len(self.shapes) >= _MOST:
-            raise ValueError(f"more than {_MOST} shapes")
-        self._kinds[tag] += self._clip is None
-        ordinal = f"{tag} {self._kinds[tag]}"
-        names = [*_names(element), ordinal, *(name for outer in reversed(within[1:]) for name in _names(outer))]
-        label = _named(element) if names[0] != ordinal else ordinal
-        _check(element, label)
-        data = element.get("d", "")
-        clipped = tuple(self._cutting[outer] for outer in (*within, element) if outer in self._cutting)
-        count = len(self.shapes)
-        group = tuple(map(id, within))
-        self.shapes.append(_Shape(label, tuple(dict.fromkeys(names)), group, count, data, self._clip, clipped))
-        number = {_NUMBER: str(count), "d": data}
-        return Element(element.tag, {**element.attrib, **_without_percent(element, viewport), **number})
-
-
-def _without_percent(element: Element, viewport: PlanePoint) -> dict[str, str]:
-    """Lengths of an element that are shares of the viewport around it, in user units."""
-    wholes = {**dict.fromkeys(_ACROSS, viewport[0]), **dict.fromkeys(_DOWN, viewport[1])}
-    wholes["r"] = math.hypot(*viewport) / math.sqrt(2.0)
-    shares = {key: whole for key, whole in wholes.items() if "%" in element.get(key, "")}
-    return {key: repr(_length(element.attrib[key], whole)) for key, whole in shares.items()}
-
-
-def _names(element: Element) -> list[str]:
-    """Names of an element in the file: its own, and what Inkscape shows, which calls layers so."""
-    return [name for name in (element.get("id"), element.get(_LABEL)) if name]
-
-
-def _named(element: Element) -> str:
-    """An element in a message."""
-    return " ".join([_tag(element), *map(repr, _names(element)[:1])])
-
-
-def _check(element: Element, label: str) -> None:
-    """Refuse what svgelements would pass over in silence, by `ValueError`."""
-    for key, pattern in _GRAMMAR.items():
-        text = element.get(key)
-        if text is not None and not re.fullmatch(pattern, text):
-            raise ValueError(f"{label}: {key} = {text[:60]!r} is not read")
-
-
-def _curves(element: Any, shape: _Shape) -> Iterator[DrawnCurve]:
-    """Each subpath of a visible shape."""
-    import svgelements
-
-    values = element.values
-    clear = re.fullmatch(r"0*\.?0*%?", values.get("opacity", "1"))
-    if clear or values.get("visibility", "visible") in ("hidden", "collapse"):
-        return
-    fill, stroke = (_paint(element.fill), _paint(element.stroke)) if shape.clip is None else ("dark", "")
-    if not fill and not stroke:
-        return
-    pieces = [(distinct(map(tuple, points.tolist())), closed) for points, closed in _pieces(svgelements.Path(element))]
-    pieces = [piece for piece in pieces if len(piece[0]) > 1]  # not those of a move alone
-    for k, (points, closed) in enumerate(pieces, 1):
-        part = f"[{k}]" if len(pieces) > 1 else ""
-        names = (shape.names[0] + part, *shape.names) if part else shape.names
-        yield DrawnCurve(
-            f"{shape.label} {part}".strip(),
-            names,
-            points,
-            closed=len(points) > 2 and (closed or bool(fill)),
-            group=shape.group,
-            source=shape.source,
-            filled=fill == "dark",
-            ground="dark" not in (fill, stroke),
-        )
-
-
-def _clipped(curve: DrawnCurve, clips: list[list[DrawnCurve]]) -> list[DrawnCurve]:
-    """The curve as clip paths leave it: whole, none, or with a flaw."""
-    import shapely
-
-    drawn = curve.solid if curve.closed else shapely.LineString(curve.points)
-    for clip in clips:
-        region = shapely.union_all([part.solid for part in clip])
-        if not region.intersects(drawn):
+    def _drawn(self, element: Any, place: Place) -> list[DrawnShape]:
+        """Everything that an element shows."""
+        if not isinstance(element.tag, str) or "}" in element.tag or not _wanted(element):
             return []
-        if not region.buffer(1e-6 * max(curve.size)).covers(drawn):
-            return [replace(curve, flaw="is cut by a clip path, which is not read: cut it, or release the clip")]
-    return [curve]
+        inside = self._inside(element, place)
+        draw = self._drawing_of(element.tag)
+        if draw is None:
+            if element.tag not in (*_NOT_DRAWN, *MOVING) and inside.style.get("display") != "none":
+                self.ignored[element.tag] += 1
+            return []
+        inside = self._turned(element, inside)
+        return self.effects.seen(element, inside, draw(element, inside))
+
+    def _drawing_of(self, tag: str) -> Callable[[Any, Place], list[DrawnShape]] | None:
+        """The method that draws elements of a kind; None where there is none."""
+        if tag in SHAPES:
+            return self._shape
+        return self._used if tag == "use" else self._group if tag in _GROUPS else None
+
+    def _inside(self, element: Any, place: Place) -> Place:
+        """The place with the properties of an element, which is not displayed inside of one that is not."""
+        style = self.styles.of(element, place.style)
+        if place.style.get("display") == "none":
+            style["display"] = "none"
+        return replace(place, style=style, opacity=place.opacity * fraction(style.get("opacity", "1")))
+
+    def _turned(self, element: Any, place: Place) -> Place:
+        """The place of an element with its own transform, of which x and y of a use are a part."""
+        place = place.turned(named(element))
+        if element.tag != "use":
+            return place
+        x, y, _, _ = box(place.style, place.viewport, {})
+        return replace(place, matrix=fitted({}, "", (x, y, 0.0, 0.0))[0] * place.matrix)
+
+    def _group(self, element: Any, place: Place, sized: dict[str, str] | None = None) -> list[DrawnShape]:
+        """The children of a group; ``sized`` has the size of a viewport, which a use may state."""
+        place = replace(place, within=(*place.within, element))
+        edge = None
+        if element.tag in _VIEWPORTS:
+            sides = box(place.style, place.viewport, sized or {})
+            if not (sides[2] > 0.0 and sides[3] > 0.0):
+                return []
+            if place.style.get("overflow", "hidden") not in ("visible", "auto"):
+                edge = rectangle(place.matrix, *sides)
+            fit, viewport = fitted(element, named(element), sides)
+            place = replace(place, matrix=fit * place.matrix, viewport=viewport)
+        children = list(element)
+        if element.tag == "switch":
+            children = [child for child in children if isinstance(child.tag, str) and "}" not in child.tag]
+            children = [child for child in children if child.tag != "foreignObject" and _wanted(child)][:1]
+        shapes = [shape for child in children for shape in self._drawn(child, place)]
+        return shapes if edge is None else [shape.cut(edge) for shape in shapes]
+
+    def _used(self, element: Any, place: Place) -> list[DrawnShape]:
+        reference = next((element.get(key) for key in REFERENCES if element.get(key)), "")
+        target = self.target(reference)
+        if target is None or target in place.within:
+            self.ignored[f"use of {reference!r}, which is not in the file"] += 1
+            return []
+        place = replace(place, within=(*place.within, element))
+        if target.tag not in _VIEWPORTS:
+            return self._drawn(target, place)
+        inside = self._turned(target, self._inside(target, place))
+        return self.effects.seen(target, inside, self._group(target, inside, self.styles.of(element, {})))
+
+    def _shape(self, element: Any, place: Place) -> list[DrawnShape]:
+        if self._count >= _MOST:
+            raise ValueError(f"more than {_MOST} shapes")
+        import numpy as np
+
+        self._count += 1
+        self._kinds[element.tag] += not place.clips
+        ordinal = f"{element.tag} {self._kinds[element.tag]}"
+        every = [*names(element), ordinal, *(name for outer in reversed(place.within[1:]) for name in names(outer))]
+        label = named(element) if every[0] != ordinal else ordinal
+        style = place.style
+        parts = pieces(element.tag, style, label, place.viewport, place.matrix)
+        shape = DrawnShape(
+            label,
+            tuple(dict.fromkeys(every)),
+            group=tuple(map(id, place.within)),
+            source=self._count,
+            pieces=parts,
+            whole=np.array([point for points, _ in parts for point in points]).reshape(-1, 2),
+            rule=style.get("clip-rule" if place.clips else "fill-rule", "nonzero"),
+        )
+        if style.get("display") == "none":
+            return [replace(shape, whole=shape.whole[:0])]
+        if style.get("visibility", "visible") in ("hidden", "collapse"):
+            return [shape]
+        if place.clips:
+            return [replace(shape, fill=Paint(0.0, 1.0))]
+        fill = self.paints.of(style, "fill", place.opacity)
+        stroke = self.paints.of(style, "stroke", place.opacity)
+        width = self._width(style, place) if stroke else 0.0
+        shape = replace(shape, fill=fill, stroke=stroke if width else None, width=width)
+        return [self._marked(element, style, shape)]
+
+    def _width(self, style: dict[str, str], place: Place) -> float:
+        """Width of a stroke on the page [px]."""
+        width = length(style.get("stroke-width", "1"), math.hypot(*place.viewport) / math.sqrt(2.0))
+        fixed = style.get("vector-effect") == "non-scaling-stroke"
+        return width * (1.0 if fixed else math.sqrt(abs(place.matrix.determinant)))
+
+    def _marked(self, element: Any, style: dict[str, str], shape: DrawnShape) -> DrawnShape:
+        """A shape with what its stroke has: gaps, and markers, which are left out or a flaw."""
+        marks = {style.get(key, "none") for key in ("marker-start", "marker-mid", "marker-end")} - {"none"}
+        if marks and element.tag in ("path", "line", "polyline", "polygon"):
+            if any(closed or (shape.fill and len(points) > 2) for points, closed in shape.pieces):
+                return replace(shape, flaw="has markers, which are not read: remove them, or convert them to paths")
+            self.ignored[f"marker of {shape.label}"] += 1
+        return replace(shape, dashed=bool(re.search("[1-9]", style.get("stroke-dasharray", "none"))))
+
+    def _alone(self, children: list[Any], place: Place) -> list[DrawnShape]:
+        """Draw the shapes of a clip path or a mask; `ValueError` where it has anything else.
+
+        They do not count in the names of other shapes.
+        """
+        before, kinds = self.ignored, self._kinds
+        self.ignored, self._kinds = Counter(), Counter()
+        try:
+            shapes = [shape for child in children for shape in self._drawn(child, place)]
+            if self.ignored:
+                raise ValueError(f"it has {next(iter(self.ignored))}")
+            return shapes
+        finally:
+            self.ignored, self._kinds = before, kinds
 
 
-def _on_page(curve: DrawnCurve, width: float, height: float) -> DrawnCurve:
+def _wanted(element: Any) -> bool:
+    """Whether the conditions of an element hold: a viewer in English without extensions."""
+    languages = element.get("systemLanguage")
+    english = languages is None or any(one.strip().lower().startswith("en") for one in languages.split(","))
+    return english and element.get("requiredExtensions") is None
+
+
+def _on_page(curve: DrawnCurve, edges: _Edges) -> DrawnCurve:
     """The curve; where it is a rectangle as large as the page, a curve inside it may be the object."""
     import shapely
 
-    page = shapely.box(0.0, -height, width, 0.0)
+    page = shapely.box(*edges)
+    if not page.intersects(curve.drawn):
+        return replace(curve, aside="outside of the page")
     if not curve.filled or curve.solid.symmetric_difference(page).area > 1e-3 * page.area:
         return curve
     return replace(curve, filled=False, group="page")
-
-
-def _pieces(path: Any) -> list[tuple[Array, bool]]:
-    """Points (n, 2) of each subpath, y up, and whether it is closed."""
-    import numpy as np
-    from svgelements import Close, Line, Move
-
-    pieces: list[tuple[list[Any], bool]] = []
-    ends = np.array([(segment.end.x, segment.end.y) for segment in path if segment.end is not None])
-    size = float(np.ptp(ends, axis=0).max()) if len(ends) else 0.0
-    for segment in path:
-        if isinstance(segment, Move):
-            pieces.append(([[segment.end]], False))
-            continue
-        if not pieces or pieces[-1][1]:  # what follows a close starts where the subpath started
-            pieces.append(([[segment.start]], False))
-        points, _ = pieces[-1]
-        if isinstance(segment, Close):
-            pieces[-1] = points, True
-        else:
-            points.append([segment.end] if isinstance(segment, Line) else _curved(segment, size))
-    m = path.transform
-    turn = np.array([[m.a, -m.b], [m.c, -m.d]])
-    shift = np.array([m.e, -m.f])
-    return [
-        (np.concatenate([np.asarray(p, dtype=float) for p in parts]) @ turn + shift, closed) for parts, closed in pieces
-    ]
-
-
-def _curved(segment: Any, size: float) -> Array:
-    """Points of a curved segment behind its start, whose chords are as near to it as chords of one of a given size."""
-    import numpy as np
-
-    rough = segment.npoint(np.linspace(0.0, 1.0, 9))
-    length = float(np.hypot(*np.diff(rough, axis=0).T).sum())
-    count = max(2, math.ceil(_CHORDS * math.sqrt(min(1.0, length / size if size else 1.0))))
-    points: Array = segment.npoint(np.linspace(0.0, 1.0, count + 1))[1:]
-    return points
-
-
-def _paint(color: Any) -> str:
-    """``dark``, ``white`` as the paper, or empty where nothing is painted."""
-    if color is None or color.value is None or color.alpha == 0:
-        return ""
-    return "white" if color.red == color.green == color.blue == 255 else "dark"
-
-
-def _tag(element: Element) -> str:
-    """Name of an element of SVG; empty for elements of editors, comments and instructions."""
-    if not isinstance(element.tag, str):
-        return ""
-    space, _, name = element.tag.rpartition("}")
-    return name if space in ("", _SPACE) else ""
-
-
-def _without_place(element: Element) -> dict[str, str]:
-    return {key: value for key, value in element.attrib.items() if key not in _PLACES}
-
-
-def _length(text: str, whole: float) -> float:
-    """A length in user units; ``whole`` is 100 %."""
-    import svgelements
-
-    return float(svgelements.Length(text).value(ppi=96.0, relative_length=whole))
-
-
-def _viewport(element: Element, outer: PlanePoint) -> PlanePoint:
-    """Width and height of the user units inside a drawing or symbol."""
-    box = element.get("viewBox", "").replace(",", " ").split()
-    if len(box) == 4:
-        return float(box[2]), float(box[3])
-    width, height = (
-        _length(element.get(key, "100%"), all_) for key, all_ in zip(("width", "height"), outer, strict=True)
-    )
-    return width, height
-
-
-def _placed(element: Element, sized: Element, outer: PlanePoint) -> str:
-    """The transform of an inner viewport; ``sized`` may have another size for it."""
-    import svgelements
-
-    x, y = (_length(element.get(key, "0"), whole) for key, whole in zip("xy", outer, strict=True))
-    width, height = (
-        _length(sized.get(key) or element.get(key) or "100%", whole)
-        for key, whole in zip(("width", "height"), outer, strict=True)
-    )
-    box = element.get("viewBox")
-    if box is None:
-        return f"translate({x!r}, {y!r})"
-    view = svgelements.Viewbox(box)
-    aspect = element.get("preserveAspectRatio")
-    inner = view.x, view.y, view.width, view.height
-    if not (view.width and view.height):
-        raise ValueError(f"{_named(element)}: viewBox = {box!r} has no size")
-    return str(svgelements.Viewbox.viewbox_transform(x, y, width, height, *inner, aspect))
