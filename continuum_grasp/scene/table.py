@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import Array, InputError, check_arguments, nearest
-from continuum_grasp.scene.bag import bag_cells, bag_file, is_bag
+from continuum_grasp.scene.bag import bag_cells, is_bag
 from continuum_grasp.scene.bag_topics import bag_bytes
 from continuum_grasp.scene.document import text_of
 from continuum_grasp.scene.table_text import COMMA, HEADING, number_in, parsed
@@ -67,6 +67,8 @@ class DataTable:
     """Whether numbers have decimal commas."""
     topics: tuple[str, ...] = ()
     """Topic of each column of a bag, empty for stamps; rows are messages then, and ``lines`` count them."""
+    notes: tuple[str, ...] = ()
+    """Changes of the order of rows, and rows that are left out."""
 
     @classmethod
     def of(cls, columns: Sequence[str], rows: Sequence[tuple[str, ...]]) -> DataTable:
@@ -131,10 +133,10 @@ class DataTable:
         >>> table.headings, table.units, table.rows[0]
         (('t', 'x'), ('s', 'mm'), ('0.0', '1.5'))
         """
-        path = bag_file(path)
         if is_bag(path):
             cells = bag_cells(path, columns, leader, stamps, max_age)
-            return DataTable(str(path), cells.headings, cells.units, cells.rows, cells.numbers, 1, topics=cells.topics)
+            told = {"topics": cells.topics, "notes": cells.notes}
+            return DataTable(str(path), cells.headings, cells.units, cells.rows, cells.numbers, 1, **told)
         text = text_of(path, MAX_BYTES)  # a bag that is missing is no table
         for key, value in (("stamps", stamps), ("max_age", max_age)):
             if value is not None:

@@ -58,19 +58,21 @@ QUANTITIES = {
         "a force",
         "25 N",
         {
-            **{"mN": "1e-3", "uN": "1e-6", "kN": "1e3", "gf": _GRAVITY / 1000, "kgf": _GRAVITY},
-            **{"lbf": _POUND_FORCE, "ozf": _POUND_FORCE / 16},
+            "mN": "1e-3", "uN": "1e-6", "kN": "1e3", "gf": _GRAVITY / 1000, "kgf": _GRAVITY,
+            "lbf": _POUND_FORCE, "ozf": _POUND_FORCE / 16,
         },
     ),
     "N/s": Quantity("a rate of force", "0.6 N/ms", {"N/ms": "1e3", "mN/s": "1e-3"}),
-    "N/m": Quantity("a stiffness", "5 N/mm", {"N/cm": "1e2", "N/mm": "1e3", "kN/m": "1e3", "lbf/in": _POUND_FORCE / _INCH}),
+    "N/m": Quantity(
+        "a stiffness", "5 N/mm", {"N/cm": "1e2", "N/mm": "1e3", "kN/m": "1e3", "lbf/in": _POUND_FORCE / _INCH}
+    ),
     "N m": Quantity(
         "a moment",
         "25 N mm",
         {
-            **{"N cm": "1e-2", "N mm": "1e-3", "mN m": "1e-3", "uN m": "1e-6"},
-            **{"kgf cm": _GRAVITY / 100, "gf cm": _GRAVITY / 100_000},
-            **{"lbf in": _POUND_FORCE * _INCH, "ozf in": _POUND_FORCE * _INCH / 16},
+            "N cm": "1e-2", "N mm": "1e-3", "mN m": "1e-3", "uN m": "1e-6",
+            "kgf cm": _GRAVITY / 100, "gf cm": _GRAVITY / 100_000,
+            "lbf in": _POUND_FORCE * _INCH, "ozf in": _POUND_FORCE * _INCH / 16,
         },
     ),
     "N m s": Quantity("a damping per angle", "0.2 N mm s", {"N mm s": "1e-3"}),
@@ -81,7 +83,7 @@ QUANTITIES = {
         "a modulus or pressure",
         "60 GPa",
         {
-            **{"kPa": "1e3", "MPa": "1e6", "GPa": "1e9", "N/mm2": "1e6", "bar": "1e5", "mbar": "1e2"},
+            "kPa": "1e3", "MPa": "1e6", "GPa": "1e9", "N/mm2": "1e6", "bar": "1e5", "mbar": "1e2",
             "psi": _POUND_FORCE / _INCH**2,
         },
     ),
@@ -197,6 +199,12 @@ def _allow_texts(node: Any, texts: str) -> None:
             _allow_texts(node.get(key), texts)
 
 
+def any_unit() -> str:
+    """A regular expression of all units that values may have, as they may be spelled."""
+    units = dict.fromkeys(unit for si in QUANTITIES for unit in units_of(si))
+    return "|".join(_spelled(unit).removeprefix(" ").removeprefix("?") for unit in units)
+
+
 def unit_in(text: str, si: str, before: str = "") -> str | None:
     """The unit with which a text ends; what stands before is a regular expression."""
     return next((unit for unit in units_of(si) if re.fullmatch(before + _spelled(unit), text)), None)
@@ -204,7 +212,7 @@ def unit_in(text: str, si: str, before: str = "") -> str | None:
 
 _SPELLINGS = {
     "deg": "deg|°",
-    "in": "in|inch|\"|″",
+    "in": 'in|inch|"|″',
     "mil": "mil|thou",
     "rpm": "rpm|RPM",
     **{second: f"{second}|{second}ec" for second in ("s", "ms", "us", "ns")},
