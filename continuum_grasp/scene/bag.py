@@ -12,8 +12,8 @@ from types import SimpleNamespace
 from typing import Any
 
 from continuum_grasp.base import InputError, nearest
-from continuum_grasp.scene.bag_file import MAGIC, BagFile, why
 from continuum_grasp.scene.bag_fields import PATH, Part, is_entry, is_number, joined, leaves, parts_of
+from continuum_grasp.scene.bag_file import MAGIC, BagFile, why
 from continuum_grasp.scene.bag_rows import BagCells, FieldColumn, header_of, led, together
 from continuum_grasp.scene.bag_sqlite import MAGIC as SQLITE
 from continuum_grasp.scene.bag_topics import field_name
