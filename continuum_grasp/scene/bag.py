@@ -198,13 +198,13 @@ class _Bag:
                 if not len(value):  # of one message; others may have some
                     return
                 value = value[0]
-            elif not isinstance(value, SimpleNamespace) or not hasattr(value, part):
+            elif not isinstance(value, SimpleNamespace) or not hasattr(value, str(part)):
                 fields = [*leaves(message)]
                 hint = nearest(path, fields, say_all=False)
                 shown = ", ".join(fields[:_LISTED]) + (", ..." if len(fields) > _LISTED else "")
                 raise self.error(f"topic {topic} has no field {path!r}{hint} (it has {shown})")
             else:
-                value = getattr(value, part)
+                value = getattr(value, str(part))
         if isinstance(value, SimpleNamespace):
             fields = [f"{path}.{leaf}" for leaf in leaves(value)]
             raise self.error(f"{topic}.{path} is no number: name one of {', '.join(fields[:_LISTED])}")

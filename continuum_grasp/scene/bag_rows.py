@@ -126,10 +126,11 @@ def _samples(bag: OpenBag, columns: Sequence[FieldColumn]) -> tuple[dict[str, _S
     samples = dict[str, _Samples]()
     notes = list[str]()
     for topic, found in logged.items():
-        try:
-            order, note = in_order(np.array(found.stamps, dtype=np.int64), "messages")
-        except InputError as error:
-            raise bag.error(f"topic {topic}: {error.message}") from None
+
+        def refused(message: str, _: int, topic: str = topic) -> InputError:
+            return bag.error(f"topic {topic}: {message}")
+
+        order, note = in_order(np.array(found.stamps, dtype=np.int64), "messages", refused)
         notes += [f"{topic}: {note}"] if note else []
         cells = {heading: [values[k] for k in order] for heading, values in found.cells.items()}
         samples[topic] = _Samples([found.stamps[k] for k in order], [found.numbers[k] for k in order], cells)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,13 @@ _RUN = 10
 places, and a shuffled table has ten in order once in 10! = 3.6 million rows."""
 
 
-def in_order(instants: NDArray[Any], rows: str = "rows") -> tuple[NDArray[np.intp], str]:
+def in_order(
+    instants: NDArray[Any], rows: str, refused: Callable[[str, int], InputError]
+) -> tuple[NDArray[np.intp], str]:
     """Order (K,) that sorts instants (K,), and what to report of it; empty where they are in order.
 
-    Equal instants remain in the order of the log. InputError where a run begins while the instants of an earlier one
-    go on: sorting would mix two runs.
+    Equal instants remain in the order of the log. Where a run begins while the instants of an earlier one go on,
+    sorting would mix two runs: it raises what ``refused`` makes of a message and the number of the row.
     """
     order = np.argsort(instants, kind="stable")
     late = int(np.count_nonzero(instants < np.maximum.accumulate(instants))) if instants.size else 0
@@ -26,10 +29,10 @@ def in_order(instants: NDArray[Any], rows: str = "rows") -> tuple[NDArray[np.int
         return order, ""
     again = _second_run(instants, order)
     if again is not None:
-        raise InputError(
-            f"the instants begin anew at number {again + 1} of {instants.size} {rows}, within the run before; expected "
-            "one run: give each run a file of its own"
+        message = (
+            f"a second run begins at number {again + 1} of {instants.size} {rows}, while instants of the run before"
         )
+        raise refused(f"{message} go on; expected one run: give each run a file of its own", again)
     return order, f"{late} of {instants.size} {rows} come after later ones: sorted by their instants"
 
 

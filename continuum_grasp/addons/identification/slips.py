@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.addons.identification.data import UNIT_OF, Data, Reading, TipPath
-from continuum_grasp.addons.identification.read import unit_of_entry
+from continuum_grasp.addons.identification.read_sets import unit_of_entry
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.scene import Scene, Unit
 
