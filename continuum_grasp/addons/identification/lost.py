@@ -16,17 +16,20 @@ from continuum_grasp.addons.identification.data import KIND_OF, UNIT_OF, Data, P
 from continuum_grasp.base import Array
 from continuum_grasp.scene import Scene
 
-_JUMP = 10.0
-"""Jump off and back per median step, from which a reading is suspected [1]: normal noise has none of 7 in 1e9."""
 _BEYOND = 3.0
-"""Jump per greatest step of the readings that are not suspected, from which it is no motion [1]: the peaks of a
-vibration stand out from their neighbors by less than one step."""
+"""Jump off and back per greatest step of all other readings, from which it is no motion [1]: the peaks of a vibration
+stand out from their neighbors by less than one step."""
+_RARE = 0.02
+"""Share of readings that may jump to a number of their own [1]: more are a fast motion in few samples."""
 _LEAST = 8
 """Readings below which nothing is suspected [1]: fewer have no usual step."""
 FROZEN = 20
 """Equal readings in a row of a sensor that is frozen [1]: noise does not repeat itself."""
 _MOVES = 0.2
 """Part of its range by which something else moves meanwhile, from which a repeated reading is frozen [1]."""
+_CATCHES_UP = 5.0
+"""Jump at the end of equal readings per step behind it [1]: a sensor that was frozen catches up with all samples that
+it missed, a finger that stuck moves on as slowly as it began."""
 _COARSE = 1e-3
 """Resolution per range, from which equal readings of different shapes are those of a coarse sensor [1]."""
 
@@ -53,16 +56,19 @@ def lost_of(data: Data) -> list[str]:
 
 def lost_in(channels: Sequence[Channel], moved: Sequence[Array] = ()) -> list[str]:
     """Warnings about readings along a motion, by the commands (T,) that ``moved`` the finger meanwhile."""
-    lost = [jumps(channel.values) for channel in channels]
     texts = list[str]()
-    for channel, rows in zip(channels, lost, strict=True):
+    values = [channel.values for channel in channels]
+    for k, channel in enumerate(channels):
+        others = values[:k] + values[k + 1 :]
+        rows = jumps(channel.values, others)
+        longest = 0 if rows.any() else frozen_rows(channel.values, others, moved)
         if rows.any():
             texts.append(_words(channel, rows))
-    for k, channel in enumerate(channels):
-        others = [other.values for j, other in enumerate(channels) if j != k]
-        longest = frozen_rows(channel.values, [*others, *moved])
-        if longest and not lost[k].any():
-            texts.append(f"{channel.name} is the same in {longest} samples in a row while the finger moves: frozen?")
+        elif longest:
+            texts.append(
+                f"{channel.name}: {longest} readings in a row are the same while the finger moves, as where a sensor "
+                "freezes: leave their cells empty"
+            )
     return texts
 
 
@@ -75,39 +81,61 @@ def _words(channel: Channel, rows: NDArray[np.bool_]) -> str:
     )
 
 
-def jumps(values: Array) -> NDArray[np.bool_]:
-    """Readings (T,) that jump off and back by far more than the others move from one to the next."""
+def jumps(values: Array, others: Sequence[Array] = ()) -> NDArray[np.bool_]:
+    """Readings (T,) that jump off and back by far more than all others move from one to the next.
+
+    They have one number again and again, or are rare. At the begin and the end of a motion, where a reading need not
+    come back, it counts where ``others`` have that number, too.
+    """
     lost = np.zeros(values.size, dtype=bool)
     there = np.flatnonzero(np.isfinite(values))
     if there.size < _LEAST:
         return lost
     run = np.cumsum(np.diff(values[there], prepend=values[there[0]]) != 0.0)  # equal readings in a row
-    levels = values[there[np.unique(run, return_index=True)[1]]]
-    away = _away(levels)
-    steps = np.abs(np.diff(levels))
-    suspected = away > _JUMP * np.median(steps) if steps.size else np.zeros(levels.size, dtype=bool)
-    # readings that are equal to a suspected one are suspected as well
-    suspected |= np.isin(levels, levels[suspected])
-    remaining = levels[~suspected]
-    if remaining.size < _LEAST // 2:
-        return lost
-    usual = float(np.abs(np.diff(remaining)).max())
-    suspected &= away > _BEYOND * usual
-    lost[there] = suspected[run]
+    begins = np.unique(run, return_index=True)[1]
+    levels = values[there[begins]]
+    same = [np.isin(other[there[begins]], values[there[begins]]) & (other[there[begins]] == levels) for other in others]
+    away = _away(levels, np.any(same, axis=0) if same else np.zeros(levels.size, dtype=bool))
+    repeated = np.bincount(np.unique(values[there], return_inverse=True)[1])[np.unique(levels, return_inverse=True)[1]]
+    again = repeated > 1
+    for suspects in (again, ~again):
+        left = _beyond(levels, away, suspects)
+        if left.any() and (suspects is again or left.sum() <= _RARE * there.size):
+            lost[there] |= left[run]
     return lost
 
 
-def _away(levels: Array) -> Array:
-    """Distance (L,) of each level from the middle two of its four neighbors; zero where it is between them."""
-    padded = np.concatenate([levels[2:0:-1], levels, levels[-2:-4:-1]]) if levels.size > 3 else levels
-    if levels.size <= 3:
+def _beyond(levels: Array, away: Array, suspects: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Suspects (L,) that are farther away than the greatest step of the levels that are none; the farthest first.
+
+    Of a number that comes again and again, the motion may pass by it: the median of its levels counts.
+    """
+    found = np.zeros(levels.size, dtype=bool)
+    for value in sorted(set(levels[suspects].tolist()), key=lambda value: -float(away[levels == value].max())):
+        own = levels == value
+        rest = levels[~found & ~own]
+        if rest.size < _LEAST // 2 or np.median(away[own]) <= _BEYOND * np.abs(np.diff(rest)).max():
+            break
+        found |= own
+    return found
+
+
+def _away(levels: Array, may_end: NDArray[np.bool_]) -> Array:
+    """Distance (L,) of each level from the middle two of its four neighbors; zero where it is between them.
+
+    Those at the ends, which have fewer neighbors, count where they ``may_end``.
+    """
+    if levels.size < 4:
         return np.zeros(levels.size)
+    padded = np.concatenate([levels[2:0:-1], levels, levels[-2:-4:-1]])
     neighbors = np.sort(np.stack([padded[k : k + levels.size] for k in (0, 1, 3, 4)]), axis=0)
-    return np.maximum(np.maximum(neighbors[1] - levels, levels - neighbors[2]), 0.0)
+    away: Array = np.maximum(np.maximum(neighbors[1] - levels, levels - neighbors[2]), 0.0)
+    away[[0, -1]] *= may_end[[0, -1]]
+    return away
 
 
-def frozen_rows(values: Array, others: Sequence[Array]) -> int:
-    """Length of the longest run of equal readings (T,) while something else moves; 0 where no sensor is frozen.
+def frozen_rows(values: Array, others: Sequence[Array], moved: Sequence[Array] = ()) -> int:
+    """Length of the longest run of equal readings (T,) of a frozen sensor, while ``others`` or commands move; 0: none.
 
     A sensor that is slower than the log repeats every reading, which is no fault.
     """
@@ -118,13 +146,21 @@ def frozen_rows(values: Array, others: Sequence[Array]) -> int:
     lengths = np.diff(begins, append=there.size)
     if np.median(lengths) > 1.0:
         return 0
+    steps = np.abs(np.diff(values[there]))
     longest = 0
-    for begin, length in zip(begins, lengths, strict=True):
+    for begin, length in zip(begins.tolist(), lengths.tolist(), strict=True):
+        end = begin + length
+        rows = there[begin:end]
         if length < max(FROZEN, longest):
             continue
-        rows = there[begin : begin + length]
-        if any(_moves(other, rows) for other in others):
-            longest = int(length)
+        if end == there.size:
+            frozen = any(_moves(other, rows) for other in others)
+        else:
+            catches_up = steps[end - 1] > _CATCHES_UP * float(
+                np.median(steps[end : end + 5] if end < steps.size else 0.0)
+            )
+            frozen = bool(catches_up) and any(_moves(other, rows) for other in (*others, *moved))
+        longest = length if frozen else longest
     return longest
 
 

@@ -16,6 +16,7 @@ from continuum_grasp.addons.identification.scene import (
     ReadingColumn,
     StaticPoses,
     TipTrajectory,
+    as_column,
 )
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.scene import DataTable, Scene
