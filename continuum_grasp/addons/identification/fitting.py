@@ -201,12 +201,18 @@ def compare(
     predicted = problem.predicted(start, predictions)
     warned = problem.warnings(start)
     followed = problem.followed
-    slips = doubts_of_data(problem, predictions)
+    slips = () if task.lost else doubts_of_data(problem, predictions)
     problem.followed = followed  # slips are tried elsewhere
     return Comparison(
         **predicted,
         scene=task.scene,
-        warnings=(*task.doubts, *warned, *([f"{beyond}: check units and axes of the data"] if beyond else ()), *slips),
+        warnings=(
+            *task.notes,
+            *task.lost,
+            *warned,
+            *([f"{beyond}: check units and axes of the data"] if beyond else ()),
+            *slips,
+        ),
         statistics={"total_s": perf_counter() - started, **task.told},
     )
 
@@ -214,14 +220,15 @@ def compare(
 class Task(NamedTuple):
     """Task of an estimation: the scene, the problem of all sets of data, and what results report of both.
 
-    ``told`` has how the fidelity was chosen, and which columns of the files nothing reads; ``doubts`` are warnings of
-    the readers of the data.
+    ``told`` has how the fidelity was chosen, and which columns of the files nothing reads; ``notes`` are warnings of
+    the readers of the files, ``lost`` those about readings that no finger has.
     """
 
     scene: Scene
     problem: FitProblem
     told: dict[str, str]
-    doubts: tuple[str, ...]
+    notes: tuple[str, ...]
+    lost: tuple[str, ...]
 
 
 def posed(
@@ -250,8 +257,9 @@ def posed(
             progress(len(blocks) / len(pairs))
     unread = "; ".join(text for pair in pairs for text in pair.unread)
     told = {key: text for key, text in (("fidelity", note), ("unread", unread)) if text}
-    doubts = (text for pair in pairs for text in (*pair.notes, *lost_of(pair)))
-    return Task(scene, FitProblem(blocks, unknowns), told, tuple(dict.fromkeys(doubts)))
+    notes = dict.fromkeys(text for pair in pairs for text in pair.notes)
+    lost = dict.fromkeys(text for pair in pairs for text in lost_of(pair))
+    return Task(scene, FitProblem(blocks, unknowns), told, tuple(notes), tuple(lost))
 
 
 def resolved(scene: Scene) -> tuple[Scene, str]:
@@ -292,7 +300,7 @@ def _fit(task: Task, solution: Solution, **further: Any) -> Fit:
     inference = inferred.inference
     doubted = doubts_of_elements(problem, solution, inferred)
     followed = problem.followed
-    verdict = judge(problem, solution)
+    verdict = judge(problem, solution, task.lost)
     problem.followed = followed  # slips are tried elsewhere
     return Fit(
         **estimates(unknowns[:shared], solution.values, inference),
@@ -306,7 +314,8 @@ def _fit(task: Task, solution: Solution, **further: Any) -> Fit:
         reason=verdict.reason,
         causes=verdict.causes,
         warnings=(
-            *task.doubts,
+            *task.notes,
+            *task.lost,
             *inference.warnings,
             *problem.warnings(solution.values),
             *evidence,

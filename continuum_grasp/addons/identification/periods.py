@@ -149,7 +149,7 @@ class Periods:
         frozen = []
         for name in self._names:
             changes = np.flatnonzero(np.diff(self._columns[name][1], prepend=np.nan, append=np.nan))
-                if np.diff(changes).max(initial=0) >= FROZEN:
+            if np.diff(changes).max(initial=0) >= FROZEN:
                 frozen.append(split_unit(name).name)
         return tuple(frozen)
 
@@ -298,8 +298,8 @@ def _step(slopes: Array, residuals: Array) -> tuple[Array, float]:
 class LogColumns(NamedTuple):
     """Channels of a log by name and unit: instants [s], increasing, and values without gaps; none of what it lacks.
 
-    ``repeated`` counts the rows that repeat the instant of the row before, which are left out; ``notes`` are warnings of
-    the reader, ``unread`` names columns that nothing reads.
+    ``repeated`` counts the rows that repeat the instant of the row before, which are left out; ``notes`` are warnings
+    of the reader, ``unread`` names columns that nothing reads.
     """
 
     channels: dict[str, tuple[Array, Array]]
@@ -345,9 +345,7 @@ def columns_of(
     return LogColumns(channels, t.size - np.unique(t).size, (*notes, *lost_in(shape, commands)), unread)
 
 
-def _columns(
-    table: DataTable, wanted: Sequence[str], called: Mapping[str, str]
-) -> tuple[dict[str, Array], list[str]]:
+def _columns(table: DataTable, wanted: Sequence[str], called: Mapping[str, str]) -> tuple[dict[str, Array], list[str]]:
     """Channels of a table by name and unit, NaN in empty cells, and the headings of their columns."""
     columns = dict[str, Array]()
     read = list[str]()
@@ -368,7 +366,7 @@ def _columns(
 def _is_shape(label: str) -> bool:
     """Whether a channel measures the shape of the finger, which moves without jumps: drives and forces may jump."""
     name, unit = split_unit(label)
-    return unit in ("m", "rad") and name.partition("_")[0] in ("tip", "angle", "bend", "position", "orientation", "x", "y")
+    return unit in ("m", "rad") and name.startswith(("tip_", "angle_", "object_"))
 
 
 def _table(file: str, channels: Sequence[str], called: Mapping[str, str], scene: ControlScene | None) -> DataTable:
