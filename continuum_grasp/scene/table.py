@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.base import Array, InputError, check_arguments, nearest
 from continuum_grasp.scene.bag import bag_cells, is_bag
-from continuum_grasp.scene.bag_topics import bag_bytes
+from continuum_grasp.scene.bag_topics import bag_bytes, is_own_bag
 from continuum_grasp.scene.document import text_of
 from continuum_grasp.scene.instants import in_order
 from continuum_grasp.scene.table_text import COMMA, HEADING, number_in, parsed
@@ -168,6 +168,11 @@ class DataTable:
         InputError where its libraries are missing.
         """
         return bag_bytes(topics, start)
+
+    @staticmethod
+    def is_own_bag(file: str | Path) -> bool:
+        """Whether `bag` made a file, as far as its definitions of messages show."""
+        return is_own_bag(file)
 
     def index(self, heading: str) -> int:
         """Number of a column, from 0, by its heading with or without the unit."""
