@@ -210,8 +210,8 @@ class DataTable:
         InputError where the table has two runs.
         """
         at = self.index(heading)
-        order, note = in_order(t, "rows", lambda message, row: self.error(message, at, row))
         name = self.headings[at]
+        order, note = in_order(t, "rows", lambda message, row: self.error(f"column {name}: {message}", at, row))
         table = self._taken(order).noted(f"{note} in column {name}") if note else self
         t = t[order]
         fresh = np.diff(t, prepend=-math.inf) > 0.0

@@ -7,10 +7,11 @@ every reader of measurements names it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.addons.identification.data import KIND_OF, UNIT_OF, Data, Poses
 from continuum_grasp.base import Array
@@ -30,8 +31,8 @@ _MOVES = 0.2
 _CATCHES_UP = 5.0
 """Jump at the end of equal readings per step behind it [1]: a sensor that was frozen catches up with all samples that
 it missed, a finger that stuck moves on as slowly as it began."""
-_COARSE = 1e-3
-"""Resolution per range, from which equal readings of different shapes are those of a coarse sensor [1]."""
+_LEVELS = 1000.0
+"""Levels of a sensor in the range of its readings, below which different shapes may well be read alike [1]."""
 
 
 class Channel(NamedTuple):
@@ -87,37 +88,36 @@ def jumps(values: Array, others: Sequence[Array] = ()) -> NDArray[np.bool_]:
     They have one number again and again, or are rare. At the begin and the end of a motion, where a reading need not
     come back, it counts where ``others`` have that number, too.
     """
-    lost = np.zeros(values.size, dtype=bool)
-    there = np.flatnonzero(np.isfinite(values))
-    if there.size < _LEAST:
-        return lost
-    run = np.cumsum(np.diff(values[there], prepend=values[there[0]]) != 0.0)  # equal readings in a row
-    begins = np.unique(run, return_index=True)[1]
-    levels = values[there[begins]]
-    same = [np.isin(other[there[begins]], values[there[begins]]) & (other[there[begins]] == levels) for other in others]
-    away = _away(levels, np.any(same, axis=0) if same else np.zeros(levels.size, dtype=bool))
-    repeated = np.bincount(np.unique(values[there], return_inverse=True)[1])[np.unique(levels, return_inverse=True)[1]]
-    again = repeated > 1
-    for suspects in (again, ~again):
-        left = _beyond(levels, away, suspects)
-        if left.any() and (suspects is again or left.sum() <= _RARE * there.size):
-            lost[there] |= left[run]
-    return lost
+    left = np.isfinite(values)
+    numbers, counts = np.unique(values[left], return_counts=True)
+    again = dict(zip(numbers.tolist(), (counts > 1).tolist(), strict=True))
+    everywhere = np.any([other == values for other in others], axis=0) if others else np.zeros(values.size, bool)
+    none = np.zeros(values.size, dtype=bool)
+    lost = dict[bool, NDArray[np.bool_]]()
+    while (number := _farthest(values[left], everywhere[left])) is not None:
+        rows = values == number
+        lost[again[number]] = lost.get(again[number], none) | rows
+        left &= ~rows
+    if False in lost and lost[False].sum() > _RARE * counts.sum():
+        del lost[False]
+    return reduce(np.logical_or, lost.values(), none)
 
 
-def _beyond(levels: Array, away: Array, suspects: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Suspects (L,) that are farther away than the greatest step of the levels that are none; the farthest first.
+def _farthest(values: Array, everywhere: NDArray[np.bool_]) -> float | None:
+    """Number that is farthest from its neighbors among readings (T,), where that is beyond the steps of all others.
 
-    Of a number that comes again and again, the motion may pass by it: the median of its levels counts.
+    A motion may pass by a number that comes again and again, so the median of its distances counts.
     """
-    found = np.zeros(levels.size, dtype=bool)
-    for value in sorted(set(levels[suspects].tolist()), key=lambda value: -float(away[levels == value].max())):
-        own = levels == value
-        rest = levels[~found & ~own]
-        if rest.size < _LEAST // 2 or np.median(away[own]) <= _BEYOND * np.abs(np.diff(rest)).max():
-            break
-        found |= own
-    return found
+    begins = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)  # equal readings in a row are one level
+    levels = values[begins]
+    if levels.size < _LEAST:
+        return None
+    away = _away(levels, everywhere[begins])
+    own = levels == levels[np.argmax(away)]
+    others = levels[~own]
+    if others.size < _LEAST // 2 or np.median(away[own]) <= _BEYOND * np.abs(np.diff(others)).max():
+        return None
+    return float(levels[own][0])
 
 
 def _away(levels: Array, may_end: NDArray[np.bool_]) -> Array:
@@ -125,8 +125,6 @@ def _away(levels: Array, may_end: NDArray[np.bool_]) -> Array:
 
     Those at the ends, which have fewer neighbors, count where they ``may_end``.
     """
-    if levels.size < 4:
-        return np.zeros(levels.size)
     padded = np.concatenate([levels[2:0:-1], levels, levels[-2:-4:-1]])
     neighbors = np.sort(np.stack([padded[k : k + levels.size] for k in (0, 1, 3, 4)]), axis=0)
     away: Array = np.maximum(np.maximum(neighbors[1] - levels, levels - neighbors[2]), 0.0)
@@ -178,21 +176,20 @@ def _commands(scene: Scene, t: Array) -> list[Array]:
     return [np.interp(t, of.times, of.values) for of in commands if not isinstance(of, (int, float))]
 
 
-def _alike(channels: Sequence[Channel], conditions: Mapping[str, object]) -> Iterator[str]:
+def _alike(channels: Sequence[Channel], conditions: Mapping[str, ArrayLike]) -> Iterator[str]:
     """Shapes at rest that are equal to the last digit under different conditions: lost markers, or a frozen camera."""
-    fine = [channel for channel in channels if not _is_coarse(channel.values)]
-    if len(fine) < 1 or not conditions:
+    if not channels or not conditions:
         return
-    under = np.column_stack(
-        [np.broadcast_to(np.asarray(of, dtype=float), fine[0].values.shape) for of in conditions.values()]
-    )
-    shapes = np.column_stack([channel.values for channel in fine])
+    shapes = np.column_stack([channel.values for channel in channels])
+    under = np.column_stack([np.broadcast_to(np.asarray(of, dtype=float), len(shapes)) for of in conditions.values()])
+    fine = not all(_is_coarse(channel.values) for channel in channels)
     _, group, counts = np.unique(shapes, axis=0, return_inverse=True, return_counts=True)
     for number in np.flatnonzero(counts > 1):
         rows = np.flatnonzero(group.ravel() == number)
-        if len(np.unique(under[rows], axis=0)) > 1 and len(rows) < len(shapes):
+        one_number = len(channels) > 1 and np.ptp(shapes[rows[0]]) == 0.0
+        if len(np.unique(under[rows], axis=0)) > 1 and len(rows) < len(shapes) and (fine or one_number):
             listed = ", ".join(str(row + 1) for row in rows[:6]) + (", ..." if rows.size > 6 else "")
-            values = ", ".join(f"{channel.name} {channel.values[rows[0]]:.6g} {channel.unit}" for channel in fine)
+            values = ", ".join(f"{channel.name} {channel.values[rows[0]]:.6g} {channel.unit}" for channel in channels)
             yield (
                 f"rows {listed} have the very same readings under different conditions ({values}), as where a marker "
                 "is lost or a camera froze: leave their cells empty"
@@ -200,6 +197,9 @@ def _alike(channels: Sequence[Channel], conditions: Mapping[str, object]) -> Ite
 
 
 def _is_coarse(values: Array) -> bool:
-    """Whether readings have so few levels that different shapes may well be read alike."""
-    levels = np.unique(values[np.isfinite(values)])
-    return levels.size < 3 or float(np.diff(levels).min()) > _COARSE * float(np.ptp(levels))
+    """Whether readings are multiples of a power of ten so large that different shapes may well be read alike."""
+    for digits in range(7):
+        scaled = values * 10.0**digits
+        if np.allclose(scaled, np.round(scaled), rtol=0.0, atol=1e-6):
+            return bool(np.ptp(scaled) < _LEVELS)
+    return False
