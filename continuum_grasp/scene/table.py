@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import Array, InputError, check_arguments, nearest
-from continuum_grasp.scene.bag import bag_cells, is_bag
+from continuum_grasp.scene.bag import bag_cells, is_bag, is_bag_folder
 from continuum_grasp.scene.bag_topics import bag_bytes, is_own_bag
 from continuum_grasp.scene.document import text_of
 from continuum_grasp.scene.instants import in_order
@@ -168,6 +168,11 @@ class DataTable:
         InputError where its libraries are missing.
         """
         return bag_bytes(topics, start)
+
+    @staticmethod
+    def is_bag_folder(path: Path) -> bool:
+        """Whether a path is the folder of a bag, which `read` takes as it takes a file."""
+        return is_bag_folder(path)
 
     @staticmethod
     def is_own_bag(file: str | Path) -> bool:

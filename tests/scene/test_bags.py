@@ -301,6 +301,32 @@ def test_a_recording_in_several_files_is_one_bag(tmp_path):
     assert DataTable.read(folder, **asked).rows == DataTable.read(whole, **asked).rows
 
 
+@pytest.mark.parametrize("named", [None, "take", "take_*.mcap"])
+def test_folders_of_bags_are_data_sets(tmp_path, named):
+    """Two poses, in one file each: together one set by the folder, and a set each by their names."""
+    folder = tmp_path / "take"
+    folder.mkdir()
+    (folder / "metadata.yaml").touch()
+    for k, moment in enumerate((0.01, 0.02)):
+        x, y = on_arc(moment, LENGTH)
+        tip = {"position": {"x": x, "y": y, "z": 0.0}, "label": ""}
+        stamp = k * 1_000_000
+        moved = ("/bench", JOINTS, stamp, {"name": [], "position": [moment], "load": 0.0})
+        written(folder / f"take_{k}.mcap", [moved, ("/camera", POINT, stamp, tip)])
+    data = {
+        "kind": "static",
+        "file": named,
+        "conditions": [{"name": "tip_moment", "column": "/bench.position[0]"}],
+        "measured": [{"quantity": axis, "column": f"/camera.position.{axis}"} for axis in "xy"],
+    }
+    sets = read_data(IdentifyScene(**ROD, data=[data]), [folder])
+    assert [poses.rows for poses in sets] == ([1, 1] if named == "take_*.mcap" else [2])
+    assert np.concatenate([poses.conditions["tip_moment"] for poses in sets]).tolist() == [0.01, 0.02]
+    if named is not None:
+        beside = read_data(IdentifyScene(**ROD, data=[data]), beside=folder if "*" in named else tmp_path)
+        assert [poses.rows for poses in beside] == [poses.rows for poses in sets]
+
+
 @pytest.mark.parametrize("leader", ["/finger/tip.position.x", None])
 def test_stamps_out_of_order_are_sorted_and_reported(tmp_path, leader):
     """Each message carries its stamp, so the sorted bag is the one whose messages were never late."""

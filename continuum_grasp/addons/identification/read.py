@@ -74,7 +74,7 @@ def read_data(scene: Scene, paths: Sequence[Path] = (), *, beside: Path | None =
                 table = table.chosen(choice.column, choice.equals)
             measurements += read_set(data_set, table, changed_scene, data_set.name or file.stem, key)
     for path in paths:
-        if path.is_file() and path not in used:
+        if path in files and path not in used:
             wanted = ", ".join(str(data_set.file) for data_set in sets)
             raise InputError(f"no set of the configuration reads this file; the sets read {wanted}", file=str(path))
     unread = tuple(text for columns in read.values() if (text := columns.unread))
