@@ -117,7 +117,12 @@ def schema(
     if kind is not None:
         output.say(schema_text(json_schema(kind)).rstrip("\n"))
     elif out is not None:
-        for name, text in schema_files().items():
+        from continuum_grasp.export import check_file
+
+        texts = schema_files()
+        for name in texts:
+            check_file(out / name, lambda file: b'"$schema"' in file.read_bytes()[:100])
+        for name, text in texts.items():
             output.say(str(write_text(text, out / name)))
 
 
@@ -133,6 +138,10 @@ def validate(
     """Check configurations. Whether a finger can be modeled so is part of it."""
     from continuum_grasp.scene import ConfigurationData, kind_of_scene
 
+    if picture is not None:
+        from continuum_grasp.export import check_file
+
+        check_file(picture, lambda file: b"Matplotlib" in file.read_bytes())
     checked: list[dict[str, Any]] = []
     for file in files:
         try:

@@ -33,7 +33,6 @@ def grasp(
     seeding = [] if seed is None else [f"solver.random_seed={seed}"]
     output = replace(output, changes=[*(output.changes or ()), *seeding])
     scene = output.scene(GraspScene, HandScene)
-    output.check_folder()
     if try_in is not None and not isinstance(scene, HandScene):
         raise InputError("works only for hands; simulate a planar grasp by a mission", key="--try-in")
     if try_in is not None and find_spec(try_in) is None:
@@ -41,6 +40,7 @@ def grasp(
 
     from continuum_grasp.grasp import optimize_grasp
 
+    output.check_folder()  # by the files of its results
     with output.busy("searching") as report:
         result = optimize_grasp(
             scene, raise_on_failure=False, fine=fine, progress=lambda text: report(None, f"searching, {text}")

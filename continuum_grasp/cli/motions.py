@@ -41,11 +41,11 @@ _FOLDER = "Save modes and their picture in this folder; an earlier run of modes 
 def modes(output: Output) -> None:
     """Natural frequencies and shapes about the equilibrium."""
     scene, note = resolved_scene(output, vibrates=True)
-    if output.out is not None:
-        output.check_folder()
 
     from continuum_grasp.simulation import modes as find
 
+    if output.out is not None:
+        output.check_folder()
     with output.busy("finding modes"):
         spectrum = find(scene)
     if note:

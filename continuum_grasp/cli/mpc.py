@@ -47,7 +47,6 @@ def mpc(
         raise InputError("works for one mission only, not with --trials", key="--animate")
     if mcap is not None:
         _check_bag(mcap, trials)
-    output.check_folder()
     if isinstance(scene, ControlScene):
         _control(scene, output, times, mcap)
     elif trials is None:
@@ -64,6 +63,8 @@ def _check_bag(file: Path, trials: str | None) -> None:
         raise InputError("works for one mission only, not with --trials", key="--mcap")
     if file.is_dir():
         raise InputError("expected a file, got a folder", file=str(file), key="--mcap")
+    if file.exists() and not DataTable.is_own_bag(file):
+        raise InputError("no run wrote this bag: move it away, or name another file", file=str(file), key="--mcap")
     DataTable.bag({})  # its libraries may be missing
 
 
@@ -96,6 +97,7 @@ def _carry_out(scene: MissionScene, output: Output, times: bool, mcap: Path | No
     """Carry a mission out once: saves it, prints the verdict, draws it; exit status 1 if it failed."""
     from continuum_grasp.addons.mission import run_mission
 
+    output.check_folder()  # by the files of its results
     grasp = _grasp(scene, output)
     run, files = output.run(
         "carrying it out", lambda report: run_mission(scene, grasp=grasp, progress=report, times=times)
@@ -130,6 +132,7 @@ def _try_out(scene: MissionScene, jobs: int | None, output: Output) -> None:
     """Carry a mission out on many plants: saves and prints how it went; exit status 1 if it failed on any."""
     from continuum_grasp.addons.mission import run_trials
 
+    output.check_folder()  # by the files of its results
     grasp = _grasp(scene, output)
     stopped: Interrupted | None = None
     try:

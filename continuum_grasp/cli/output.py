@@ -252,8 +252,8 @@ class Output:
         more: Mapping[str, Any] | None = None,
         **values: Any,
     ) -> None:
-        """Print the last ``pairs`` of a result, which model was chosen, where it is with which texts and further files,
-        and where wanted its statistics and ``more`` of them; or its JSON object with ``values``.
+        """Print the last ``pairs`` of a result, its model, columns that nothing reads, where it is with which texts and
+        further files, and where wanted its statistics and ``more`` of them; or its JSON object with ``values``.
         """
         paths = [self.folder / text.name for text in result.texts]
         texts = [path for path in paths if path.exists()]
@@ -262,7 +262,7 @@ class Output:
         self.pairs(
             {
                 **(pairs or {}),
-                **{key: text for key, text in result.statistics.items() if key in ("fidelity", "code")},
+                **{key: text for key, text in result.statistics.items() if key in ("fidelity", "code", "unread")},
                 "saved in": self.folder,
                 "pictures" if drawn else "files": ", ".join(file.name for file in files) or "none",
             }

@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from continuum_grasp.results.record import naming, note_file, swapped
+from continuum_grasp.results.record import check_own, is_run_folder, naming, note_file, swapped
 
 
 @contextlib.contextmanager
@@ -18,9 +18,11 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     ``.tmp-``. When the body ends without an error the file is flushed to the disk and renamed over ``path``; whoever
     opens ``path`` sees the old content or the new one, never a part. When the body raises, ``path`` is as before and
     the temporary file is removed. A killed process leaves ``path`` as before and may leave the temporary file. In the
-    folder of a run the file is recorded as the run's.
+    folder of a run the file is recorded as the run's, and a file there that no run wrote is an InputError.
     """
     target = Path(path)
+    if is_run_folder(target.parent):
+        check_own(target)
     with naming(target):
         target.parent.mkdir(parents=True, exist_ok=True)
     with swapped(target) as temporary:

@@ -12,10 +12,15 @@ from typing import IO
 
 from continuum_grasp.base import InputError
 from continuum_grasp.results.record import kind_of_run
+from continuum_grasp.results.result import Result
+from continuum_grasp.results.run_folder import check_files
 
 
 def check_folder(folder: str | os.PathLike[str], verb: str | None = None) -> None:
-    """Refuse a folder that is a file, or that cannot be made or written, or that holds what another ``verb`` wrote."""
+    """Refuse a folder that is a file, or that cannot be made or written.
+
+    Also one that holds what another ``verb`` wrote, or a file that no run wrote under a name that this one writes.
+    """
     path = Path(folder)
     there = next(place for place in (path, *path.absolute().parents) if place.exists())
     if not there.is_dir():
@@ -25,6 +30,8 @@ def check_folder(folder: str | os.PathLike[str], verb: str | None = None) -> Non
     kind = None if verb is None else kind_of_run(path)
     if kind not in (None, verb):
         raise InputError(f"the folder holds results of {kind}; choose another one, or remove it", file=str(folder))
+    if verb is not None:
+        check_files(path, sorted(Result.file_names(verb)))
 
 
 _HELD: dict[Path, contextlib.ExitStack] = {}

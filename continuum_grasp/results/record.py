@@ -16,6 +16,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from continuum_grasp.base import InputError
+
 _PACKAGES = {"continuum_grasp": "continuum-grasp", "casadi": "casadi", "numpy": "numpy"}
 
 
@@ -57,7 +59,8 @@ def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, retain
 
     A file is recorded with its content's SHA-256 before it gets its name, so a process killed at any instant leaves
     no file of its own unrecorded. Files that no run wrote, and files changed since, stay; so do the ``retained`` files,
-    which the caller replaces next, or which are of this run already. ``kind`` is the command that makes the run.
+    which the caller replaces next, or which are of this run already: they are recorded as they are. ``kind`` is the
+    command that makes the run.
     """
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
@@ -68,7 +71,11 @@ def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, retain
         if match and not _alive(int(match[1])):  # of a process that was killed
             path.unlink(missing_ok=True)
     # Recorded before the caller replaces them, so that a kill in between leaves them known.
-    files = {name: digests for name, digests in old["files"].items() if name in retained}
+    files = {
+        name: sorted({*old["files"].get(name, ()), _digest(target / name)})
+        for name in retained
+        if (target / name).is_file()
+    }
     _write(target, {"kind": kind, "files": files, "parts": []})
     return target
 
@@ -83,6 +90,21 @@ def kind_of_run(folder: str | os.PathLike[str]) -> str | None:
         return "export" if manifest.is_file() and "configuration_hash" in json.loads(manifest.read_bytes()) else None
     except (OSError, ValueError, TypeError):
         return None
+
+
+def is_run_folder(folder: Path) -> bool:
+    """Whether a folder has a record of the files that a run wrote."""
+    return bool(_read(folder)["known"])
+
+
+def check_own(target: Path) -> None:
+    """Refuse to replace a file that no run wrote into its folder, or that has changed since."""
+    if not target.exists() and not target.is_symlink():
+        return
+    is_file = target.is_file() and not target.is_symlink()
+    if not is_file or _digest(target) not in _read(target.parent)["files"].get(target.name, ()):
+        message = "no run wrote this file, or it has changed since: move it away, or choose another folder"
+        raise InputError(message, file=str(target))
 
 
 def note_file(target: Path, content: Path) -> None:

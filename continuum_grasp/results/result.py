@@ -8,12 +8,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, get_args
 
 from continuum_grasp.base import InputError, Summarized, addons, check_arguments, clipped, named_value
 from continuum_grasp.results.atomic import write_text
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
-from continuum_grasp.results.run_folder import Run, read_run, write_run
+from continuum_grasp.results.run_folder import META, RESULT, Run, check_files, read_run, write_run
 
 if TYPE_CHECKING:
     import pandas
@@ -118,6 +118,16 @@ class Result(Summarized):
         writer(text, lineterminator="\n").writerows([headings, *rows])
         return text.getvalue()
 
+    @classmethod
+    def file_names(cls, kind: str) -> set[str]:
+        """Names of the files that results of a kind write into their folder, of all classes of results so far."""
+        names = {RESULT, META} if cls.__dict__.get("kind") == kind else set[str]()
+        if names:
+            names |= {file.name for file in (*cls.texts, *cls.pages)}
+            names |= {f"{picture.name}.{suffix}" for picture in cls.pictures for suffix in get_args(Format)}
+            names |= {"animation.gif", "animation.mp4"}
+        return names.union(*(below.file_names(kind) for below in cls.__subclasses__()))
+
     def headline(self) -> str:
         """Name, and how it ended."""
         return self.quoted(self.name, self.outcome)
@@ -177,6 +187,8 @@ class Result(Summarized):
         ------
         OSError
             The files cannot be written.
+        InputError
+            The folder has a file of one of these names that no run wrote. Nothing is written then.
         """
         return self._save(folder)
 
@@ -184,6 +196,7 @@ class Result(Summarized):
         """Save, with options for `details` and for what makes the texts."""
         from continuum_grasp.results.record import note_part
 
+        check_files(Path(folder), (file.name for file in self.texts))
         target = write_run(folder, self.stored_arrays(), self.meta(**options))
         self._write(self.texts, target, **options)
         for name, part in self.parts().items():
@@ -296,10 +309,7 @@ class Result(Summarized):
     def _write(self, files: Iterable[File], folder: Path, **options: Any) -> list[Path]:
         written = []
         for file in files:
-            if file.needs and not _is_there(getattr(self, file.needs)):
-                # what an earlier run wrote there is not of this one
-                (folder / file.name).unlink(missing_ok=True)
-            else:
+            if not file.needs or _is_there(getattr(self, file.needs)):
                 written.append(write_text(named_value(file.maker)(self, **options), folder / file.name))
         return written
 

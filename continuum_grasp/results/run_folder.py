@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import os
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from continuum_grasp.base import InputError, Summarized, check_arguments
 from continuum_grasp.results.atomic import flush_folder, replacing, write_text
 from continuum_grasp.results.plain_values import digest, plain
-from continuum_grasp.results.record import begin_run, naming, provenance, swapped
+from continuum_grasp.results.record import begin_run, check_own, naming, provenance, swapped
 
 RESULT = "result.npz"
 META = "meta.json"
@@ -66,6 +67,7 @@ class Run(Summarized):
     def write_packed(folder: Path, content: bytes) -> None:
         """Write the bytes of `pack` into a folder, without a record of its files; `read_run` reads it."""
         target = folder / RESULT
+        check_files(folder, (RESULT,))
         with naming(target):
             target.parent.mkdir(parents=True, exist_ok=True)
         # Always the same name: what a killed process leaves is replaced.
@@ -80,7 +82,8 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
     one; a process killed at any instant leaves the old run or the new one. ``meta.json`` is the same meta
     data for people and other programs: it is removed before that rename and written after it, so it is never
     from another run. Writing into a folder that already holds a run replaces that run: its pictures and
-    reports go (`begin_run`), so save a run before it is drawn; files that no run wrote stay.
+    reports go (`begin_run`), so save a run before it is drawn; files that no run wrote stay, and one under a name of
+    this run's is an error.
 
     Parameters
     ----------
@@ -105,7 +108,7 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
     ------
     InputError
         An array holds Python objects or has a name that cannot be a file name; a meta value has no JSON form;
-        the folder's name is empty.
+        the folder's name is empty, or it has a ``result.npz`` or ``meta.json`` that no run wrote.
     OSError
         The files cannot be written.
 
@@ -127,6 +130,7 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
     target = Path(folder)
     text = json.dumps(_complete(meta or {}), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     content = _packed(arrays, text)
+    check_files(target, (RESULT, META))
     with replacing(target / RESULT) as temporary:
         temporary.write_bytes(content)
         begin_run(target, (meta or {}).get("kind"), retained=(RESULT,))
@@ -134,6 +138,34 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
         flush_folder(target)
     write_text(text, target / META)
     return target
+
+
+def check_files(folder: Path, names: Iterable[str]) -> None:
+    """Refuse a folder in which a file of one of some names is no run's; InputError names it.
+
+    Results and their meta data are known by what is in them, too: copies of a folder may lack its record.
+    """
+    for name in names:
+        target = folder / name
+        if not (name in _CONTENTS and target.is_file() and not target.is_symlink() and _CONTENTS[name](target)):
+            check_own(target)
+
+
+def _is_result(path: Path) -> bool:
+    with contextlib.suppress(OSError, zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
+        return f"{_META_KEY}.npy" in archive.namelist()
+    return False
+
+
+def _is_meta(path: Path) -> bool:
+    with contextlib.suppress(OSError, ValueError):
+        meta = json.loads(path.read_bytes())
+        return isinstance(meta, dict) and {"format_version", "config_sha256"} <= meta.keys()
+    return False
+
+
+_CONTENTS = {RESULT: _is_result, META: _is_meta}
+"""Tests of files that show by themselves that a run wrote them."""
 
 
 @check_arguments

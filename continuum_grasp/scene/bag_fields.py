@@ -3,19 +3,47 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
-_PART = re.compile(r"\w+|\[\d+\]")
+from continuum_grasp.base import InputError
+
+_ENTRY = r"\[[^\[\]]+\]"
+PATH = re.compile(rf"[A-Za-z]\w*({_ENTRY})*(\.[A-Za-z]\w*({_ENTRY})*)*")
+"""Path of a field: entries of lists by their number from 0, or by their name."""
+_PART = re.compile(rf"{_ENTRY}|\w+")
+_NAMES = ("name", "names", "joint_names", "interface_names")
+"""Fields with the names of the entries of lists beside them, as in sensor_msgs/JointState, control_msgs and
+trajectory_msgs."""
+_IDENTITIES = ("child_frame_id", "name", "id", "marker_name", "rigid_body_name")
+"""Fields by which messages in a list say whose they are, as in tf2_msgs/TFMessage and messages of motion capture."""
 
 
-def parts_of(path: str) -> tuple[str | int, ...]:
-    return tuple(int(part[1:-1]) if part.startswith("[") else part for part in _PART.findall(path))
+class EntryName(str):
+    """Name of an entry of a list, in a path."""
 
 
-def joined(parts: Sequence[str | int]) -> str:
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
+Part = str | int | EntryName
+
+
+def parts_of(path: str) -> tuple[Part, ...]:
+    return tuple(_part(text) for text in _PART.findall(path))
+
+
+def _part(text: str) -> Part:
+    if not text.startswith("["):
+        return text
+    inside = text[1:-1].strip()
+    return int(inside) if inside.isdecimal() else EntryName(inside)
+
+
+def is_entry(part: Part) -> bool:
+    return isinstance(part, (int, EntryName))
+
+
+def joined(parts: Sequence[Part]) -> str:
+    return "".join(f"[{part}]" if is_entry(part) else f".{part}" for part in parts).removeprefix(".")
 
 
 def leaves(message: Any) -> Iterator[str]:
@@ -32,25 +60,118 @@ def leaves(message: Any) -> Iterator[str]:
             yield f"{name}[0]"
 
 
-def value_of(message: Any, parts: Sequence[str | int]) -> Any:
-    """Value of a field; None beyond the end of a list."""
-    for part in parts:
-        if isinstance(part, int):
-            if part >= len(message):
+def is_number(message: Any, path: str) -> bool:
+    """Whether a path leads to a number without an entry of a list."""
+    if "[" in path:
+        return False
+    for part in parts_of(path):
+        message = getattr(message, str(part))
+    return isinstance(message, (int, float))
+
+
+class _Names(NamedTuple):
+    """Source of the names of the entries of a list.
+
+    ``field`` is a field of the message that is ``depth`` parts down the path; of every entry itself where the depth is
+    None.
+    """
+
+    field: str
+    depth: int | None
+
+
+class FieldReader:
+    """Reads one field of the messages of a topic.
+
+    Where messages name the entries of their lists, an entry is found by its name in every message: a driver may change
+    the order, or leave joints out. An entry with a number is the one with that number in the first message.
+    """
+
+    def __init__(self, parts: Sequence[Part]) -> None:
+        self._parts = parts
+        self._sources: dict[int, _Names | None] | None = None
+        self._keys: dict[int, Hashable] = {k: str(part) for k, part in enumerate(parts) if isinstance(part, EntryName)}
+
+    def cell(self, message: Any) -> str:
+        """Text of the field that reads back as the same number; empty where the message lacks the entry."""
+        value = self.value(message)
+        if isinstance(value, bool):
+            return str(int(value))
+        return "" if value is None else repr(value) if isinstance(value, float) else str(value).strip()
+
+    def value(self, message: Any) -> Any:
+        """Value of the field; None where the message lacks the entry."""
+        if self._sources is None:
+            self._sources = _sources(message, self._parts)
+        if self._sources is None:
+            return None
+        passed = [message]
+        for place, part in enumerate(self._parts):
+            if not is_entry(part):
+                message = getattr(message, str(part))
+            else:
+                number = self._number(place, message, passed, self._sources[place])
+                if number is None or number >= len(message):
+                    return None
+                message = message[number]
+            passed.append(message)
+        return message
+
+    def _number(self, place: int, entries: Any, passed: Sequence[Any], source: _Names | None) -> int | None:
+        """Number of an entry in the list of a message."""
+        part = self._parts[place]
+        names = [] if source is None else _names(source, entries, passed)
+        if not names or len(set(names)) < len(names):
+            if isinstance(part, int):
+                return part
+            if len(entries):
+                raise InputError(f"nothing names the entries of {joined(self._parts[:place])}: give a number")
+            return None
+        if len(entries) not in (0, len(names)):
+            raise InputError(
+                f"a message has {len(names)} names and {len(entries)} entries of {joined(self._parts[:place])}"
+            )
+        if isinstance(part, int) and place not in self._keys:
+            if part >= len(names):
                 return None
-            message = message[part]
+            self._keys[place] = names[part]
+        key = self._keys[place]
+        return names.index(key) if key in names else None
+
+
+def _names(source: _Names, entries: Any, passed: Sequence[Any]) -> list[Hashable]:
+    if source.depth is None:
+        return [getattr(entry, source.field) for entry in entries]
+    return list(getattr(passed[source.depth], source.field))
+
+
+def _sources(message: Any, parts: Sequence[Part]) -> dict[int, _Names | None] | None:
+    """Where the names of each list on a path come from, by its place in the path; None if a list is empty.
+
+    Names of a message belong to the innermost list below it that has none yet: in a DynamicJointState, joints name the
+    outer list and interfaces the inner one; in a JointTrajectory, joints name the positions of all points.
+    """
+    messages = dict[int, Any]()
+    sources = dict[int, _Names | None]()
+    for place, part in enumerate(parts):
+        if not is_entry(part):
+            messages[place] = message
+            message = getattr(message, str(part))
+        elif not len(message):
+            return None
         else:
-            message = getattr(message, part)
-    return message
+            message = message[0]
+            sources[place] = None
+            field = next((name for name in _IDENTITIES if isinstance(getattr(message, name, None), (str, int))), None)
+            if field is not None:
+                sources[place] = _Names(field, None)
+    for depth in reversed(messages):
+        field = next((name for name in _NAMES if _is_list_of_texts(getattr(messages[depth], name, None))), None)
+        free = [place for place, source in sources.items() if place > depth and source is None]
+        if field is not None and free and parts[depth] != field:
+            sources[free[-1]] = _Names(field, depth)
+    return sources
 
 
-def is_number(message: Any, parts: Sequence[str | int]) -> bool:
-    return "[" not in joined(parts) and isinstance(value_of(message, parts), (int, float))
-
-
-def cell_of(message: Any, parts: Sequence[str | int]) -> str:
-    """Text of a field that reads back as the same number."""
-    value = value_of(message, parts)
-    if isinstance(value, bool):
-        return str(int(value))
-    return "" if value is None else repr(value) if isinstance(value, float) else str(value).strip()
+def _is_list_of_texts(value: Any) -> bool:
+    return isinstance(value, (list, tuple)) and all(isinstance(entry, str) for entry in value)

@@ -6,10 +6,13 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from continuum_grasp.base import Array, InputError, install_line, split_unit
 
+_PACKAGE = "continuum_grasp_msgs"
+"""Package of ROS 2 to which the messages belong, by name."""
 NANOSECONDS = 1_000_000_000
 """Nanoseconds, in which stamps count, per second."""
 _HEADER_PARTS = f"""{"=" * 80}
@@ -60,6 +63,11 @@ def bag_bytes(topics: Mapping[str, tuple[Array, Mapping[str, Sequence[Any] | Arr
     return stream.getvalue()
 
 
+def is_own_bag(file: str | Path) -> bool:
+    """Whether a file has messages of `bag_bytes`: their definitions are in its summary, uncompressed."""
+    return f"{_PACKAGE}/msg/".encode() in Path(file).read_bytes()
+
+
 def _defined(writer: Any, topic: str, columns: Mapping[str, Any]) -> tuple[Any, list[str], list[list[Any]]]:
     """Schema of a topic, its fields, and their values by column."""
     values = [[value if isinstance(value, str) else float(value) for value in column] for column in columns.values()]
@@ -71,7 +79,7 @@ def _defined(writer: Any, topic: str, columns: Mapping[str, Any]) -> tuple[Any, 
         lines.append(f"{kind} {field}" + (f"  # {unit}" if unit else ""))
     kind = "".join(word.capitalize() for word in re.split(r"[^a-zA-Z0-9]+", topic))
     definition = "\n".join([*lines, _HEADER_PARTS])
-    return writer.register_msgdef(f"continuum_grasp_msgs/msg/{kind}", definition), fields, values
+    return writer.register_msgdef(f"{_PACKAGE}/msg/{kind}", definition), fields, values
 
 
 def _field_names(labels: Sequence[str]) -> list[str]:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
+from fractions import Fraction
+from functools import reduce
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -14,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import Array, InputError, check_arguments, nearest
-from continuum_grasp.scene.bag import bag_cells, bag_file, is_bag
-from continuum_grasp.scene.bag_topics import bag_bytes
+from continuum_grasp.scene.bag import bag_cells, is_bag, is_bag_folder
+from continuum_grasp.scene.bag_topics import bag_bytes, is_own_bag
 from continuum_grasp.scene.document import text_of
+from continuum_grasp.scene.instants import in_order
 from continuum_grasp.scene.table_text import COMMA, HEADING, number_in, parsed
 from continuum_grasp.scene.units import unit_in, units_of
 
@@ -24,17 +28,27 @@ MAX_BYTES = 200_000_000
 """Greatest size of a file: cells as Python texts take some ten times that in memory."""
 _LARGEST = 1e15
 """Greatest number in a file [its unit]: larger ones were never measured, and its square may overflow."""
-_MISSING = ("", "-", "--", "n/a", "na", "nan", "none", "null")
-"""Cells without a value, in small letters, as cameras, spreadsheets and Python write them."""
-_SUFFIX = re.compile(r"(.+?)(?:_|\s*/\s*|,?\s+in\s+|,\s*|\s+)(mm|cm|m|deg|rad|s|ms|N|mN|g|Hz|Nm)")
+_MISSING = {
+    *("", "-", "--", "?", "*", "x", "n/a", "na", "<na>", "nil", "none", "null", "missing", "lost"),
+    *("nan", "+nan", "-nan", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind"),
+    *("#n/a", "#na", "#null!", "#div/0!", "#num!", "#value!", "#ref!"),
+}
+"""Cells without a value, in small letters, as cameras, spreadsheets, C, R, Julia and Python write them."""
+_SUFFIX = re.compile(
+    r"(.+?)(?:_|\s*/\s*|,?\s+in\s+|,\s*|\s+)"
+    r"(mm|cm|um|µm|m|deg|°|rad|s|sec|ms|us|ns|N|mN|g|kg|gf|kgf|Hz|rpm|Nm|Nmm|mNm|kPa|MPa|bar|mbar)"
+)
+"""Heading with a unit behind its name. Not in, min and h: tension_in, x_min and l_h have other meanings."""
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}[T ]\d{2}:")
 _OFF = 30.0
 """Factor on the expected time between rows, up or down, from which the unit is asked for [1]: half way, in logarithm,
 between the right unit and one that is a thousand times as large."""
+_CLOCK = 1e8
+"""Time from which instants are those of a clock that counts from 1970 or so [s]: three years, more than any motion."""
 _SLOW = 1.0
 """Time between rows without a unit from which the unit is asked for [s]: fingers move faster, and milliseconds of a
 logger of 1 kHz are 1 apart."""
-_WEIGHTS = {"g": "gf", "kg": "kgf"}
+_WEIGHTS = {"g": "gf", "kg": "kgf", "lb": "lbf", "oz": "ozf"}
 """Masses that stand for their weight where a force is expected."""
 _SURE = 0.6
 """Likelihood from which a point of DeepLabCut is one [1]: the default of its own plots (``pcutoff``)."""
@@ -67,6 +81,8 @@ class DataTable:
     """Whether numbers have decimal commas."""
     topics: tuple[str, ...] = ()
     """Topic of each column of a bag, empty for stamps; rows are messages then, and ``lines`` count them."""
+    notes: tuple[str, ...] = ()
+    """Changes of the order of rows, and rows that are left out."""
 
     @classmethod
     def of(cls, columns: Sequence[str], rows: Sequence[tuple[str, ...]]) -> DataTable:
@@ -131,10 +147,10 @@ class DataTable:
         >>> table.headings, table.units, table.rows[0]
         (('t', 'x'), ('s', 'mm'), ('0.0', '1.5'))
         """
-        path = bag_file(path)
         if is_bag(path):
             cells = bag_cells(path, columns, leader, stamps, max_age)
-            return DataTable(str(path), cells.headings, cells.units, cells.rows, cells.numbers, 1, topics=cells.topics)
+            table = DataTable(str(path), *cells[:4], header_line=1, topics=cells.topics)
+            return reduce(DataTable.noted, cells.notes, table)
         text = text_of(path, MAX_BYTES)  # a bag that is missing is no table
         for key, value in (("stamps", stamps), ("max_age", max_age)):
             if value is not None:
@@ -152,6 +168,16 @@ class DataTable:
         InputError where its libraries are missing.
         """
         return bag_bytes(topics, start)
+
+    @staticmethod
+    def is_bag_folder(path: Path) -> bool:
+        """Whether a path is the folder of a bag, which `read` takes as it takes a file."""
+        return is_bag_folder(path)
+
+    @staticmethod
+    def is_own_bag(file: str | Path) -> bool:
+        """Whether `bag` made a file, as far as its definitions of messages show."""
+        return is_own_bag(file)
 
     def index(self, heading: str) -> int:
         """Number of a column, from 0, by its heading with or without the unit."""
@@ -171,7 +197,33 @@ class DataTable:
         if not keep:
             present = ", ".join(list(dict.fromkeys(row[at] for row in self.rows))[:8])
             raise InputError(f"no row in which {heading} is {' or '.join(texts)}; it is {present}", file=self.file)
-        return replace(self, rows=tuple(self.rows[k] for k in keep), lines=tuple(self.lines[k] for k in keep))
+        return self._taken(keep)
+
+    def noted(self, note: str) -> DataTable:
+        """The table with one more of its ``notes``, behind the name of the file."""
+        return replace(self, notes=(*self.notes, f"{Path(self.file).name}: {note}"))
+
+    def _taken(self, rows: Iterable[int]) -> DataTable:
+        """Some rows, in this order."""
+        taken = [int(k) for k in rows]
+        return replace(self, rows=tuple(self.rows[k] for k in taken), lines=tuple(self.lines[k] for k in taken))
+
+    def in_time(self, t: Array, heading: str, *, several: bool = False) -> tuple[DataTable, Array]:
+        """The table with its rows in the order of their instants (rows,), and these; ``notes`` report what changed.
+
+        Of rows with one instant the first counts, unless ``several`` may have it, such as the points of a shape.
+        InputError where the table has two runs.
+        """
+        at = self.index(heading)
+        name = self.headings[at]
+        order, note = in_order(t, "rows", lambda message, row: self.error(f"column {name}: {message}", at, row))
+        table = self._taken(order).noted(f"{note} in column {name}") if note else self
+        t = t[order]
+        fresh = np.diff(t, prepend=-math.inf) > 0.0
+        if several or fresh.all():
+            return table, t
+        repeated = f"{np.count_nonzero(~fresh)} of {t.size} rows repeat the instant of another in column {name}"
+        return table._taken(np.flatnonzero(fresh)).noted(f"{repeated}: the first of each counts"), t[fresh]
 
     def groups(self, heading: str | None) -> list[NDArray[np.intp]]:
         """Rows that have the same text in a column, in the order of the first of each; None: each row by itself."""
@@ -191,23 +243,38 @@ class DataTable:
     def in_si(self, heading: str, si: str, unit: str | None = None, zero: float = 0.0, *, gaps: bool = False) -> Array:
         """A column (rows,) less ``zero`` of its own unit, in an SI unit.
 
-        ``unit`` is the unit of the data where its heading does not say it. With gaps, empty cells are NaN. Dates with
-        times by ISO 8601 count from the first on.
+        ``unit`` is the unit of the data where its heading does not state it, in brackets or behind the name. With gaps,
+        empty cells are NaN. Dates with times by ISO 8601, and clocks that count from 1970 or so, count from the
+        earliest row on.
         """
         if si == "s" and (seconds := self._dates(heading)) is not None:
             return seconds - zero
         at = self.index(heading)
         heading_unit = self.units[at]
-        stated = unit
-        if si == "N":
-            heading_unit, unit = (_WEIGHTS.get(text or "", text) for text in (heading_unit, unit))
-        if unit is not None and heading_unit is not None and unit != heading_unit:
-            raise self.error(f"its heading says [{self.units[at]}], the configuration {stated!r}", at)
         try:
-            factor = _factor_to_si(unit or heading_unit or si, si)
+            stated = None if unit is None else _factor_to_si(unit, si)
+            headed = None if heading_unit is None else _factor_to_si(heading_unit, si)
         except InputError as error:
             raise self.error(f"column {self.headings[at]}: {error.message}", at) from None
+        if stated is not None and headed is not None and stated != headed:
+            raise self.error(f"its heading says [{heading_unit}], the configuration {unit!r}", at)
+        behind = self.unit_behind(heading, si)
+        usual = 1.0 if behind is None else _factor_to_si(behind, si)
+        factor = next((each for each in (stated, headed) if each is not None), usual)
+        if si == "s" and not gaps and (seconds := self._since_earliest(at, factor)) is not None:
+            return seconds - factor * zero
         return factor * (self.numbers(heading, gaps=gaps) - zero)
+
+    def unit_behind(self, heading: str, si: str) -> str | None:
+        """Unit that a heading without brackets has behind its name, as x_mm, where it is one of an SI unit's."""
+        at = self.index(heading)
+        match = _SUFFIX.fullmatch(self.headings[at]) if self.units[at] is None else None
+        if match is None:
+            return None
+        with suppress(InputError):
+            _factor_to_si(match[2], si)
+            return match[2]
+        return None
 
     def named(self) -> dict[str, tuple[str, str | None]]:
         """Heading of each column, and a unit behind its name (x_mm, x / mm, x in mm), by the name in small letters."""
@@ -217,7 +284,7 @@ class DataTable:
             name = (match[1] if match else heading).lower()
             if name in columns:
                 raise self.error(f"two columns are called {name!r}", self.index(heading))
-            columns[name] = heading, {"Nm": "N m"}.get(match[2], match[2]) if match else None
+            columns[name] = heading, match[2] if match else None
         return columns
 
     def check_clock(self, t: Array, heading: str, unit: str | None = None, period: float | None = None) -> None:
@@ -245,16 +312,6 @@ class DataTable:
             headed = f"{name} [{likely}]" + (f", or {name} [{read_in}]," if period is None else "")
             raise self.error(f"{message}; is {name} in {likely}? Write {headed} as its heading", at)
 
-    def check_order(self, values: Array, heading: str, rows: NDArray[np.intp], *, strict: bool = True) -> None:
-        """Refuse instants (K,) [s] of some rows (K,) that step back, or repeat where that is not allowed."""
-        steps = np.diff(values)
-        back = np.flatnonzero(steps <= 0.0 if strict else steps < 0.0)
-        if back.size:
-            k = int(back[0])
-            at = self.index(heading)
-            message = f"column {self.headings[at]}: {values[k + 1]:g} s is not after {values[k]:g} s"
-            raise self.error(f"{message}; expected instants of one run, in their order", at, int(rows[k + 1]))
-
     def error(self, message: str, at: int, row: int | None = None) -> InputError:
         """An error at a cell, or at the heading of a column; in a bag with the number of the message."""
         if self.topics:
@@ -270,7 +327,7 @@ class DataTable:
         return self.error(f"column {self.headings[at]}: the cell is empty; expected a number", at, row)
 
     def _dates(self, heading: str) -> Array | None:
-        """A column of dates with times by ISO 8601 (rows,) from the first on [s]; None where they are numbers."""
+        """A column of dates with times by ISO 8601 (rows,) from the earliest on [s]; None where they are numbers."""
         at = self.index(heading)
         if _DATE.match(self.rows[0][at]) is None:
             return None
@@ -282,17 +339,38 @@ class DataTable:
                 message = f"expected a date with a time as in the first row, got {row[at]!r:.40}"
                 raise self.error(f"column {self.headings[at]}: {message}", at, k) from None
         try:
-            return np.array([(date - dates[0]).total_seconds() for date in dates])
+            earliest = min(dates)
+            return np.array([(date - earliest).total_seconds() for date in dates])
         except TypeError:
             raise self.error("some dates have a time zone and others have none", at) from None
 
+    def _since_earliest(self, at: int, factor: float) -> Array | None:
+        """Instants (rows,) of a clock that began years ago, from the earliest on [s]; None of other columns.
+
+        Differences are exact: a double holds nanoseconds since 1970 to 256 ns.
+        """
+        first = number_in(self._text(0, at))
+        if first is None or not _CLOCK < first * factor < math.inf:
+            return None
+        try:
+            exact = [Fraction(self._text(k, at)) for k in range(len(self.rows))]
+        except ValueError:  # of a cell that the caller reports
+            return None
+        earliest = min(exact)
+        return np.array([float((each - earliest) * Fraction(factor)) for each in exact])
+
+    def _text(self, row: int, at: int) -> str:
+        """A cell with a decimal point and the minus of keyboards."""
+        text = self.rows[row][at].replace("\u2212", "-")
+        return text.replace(",", ".") if self.comma else text
+
     def _number(self, row: int, at: int, gaps: bool) -> float:
-        text = self.rows[row][at].replace("\u2212", "-")  # the minus of typographers
+        text = self.rows[row][at]
         if gaps and text.lower() in _MISSING:
             return math.nan
         if not text:
             raise self.empty(at, row)
-        value = number_in(text.replace(",", ".") if self.comma else text)
+        value = number_in(self._text(row, at))
         if value is None:
             hint, (first, *more) = "", text.split()
             if COMMA.fullmatch(text):
@@ -330,7 +408,8 @@ def _factor_to_si(unit: str, si: str) -> float:
     """Factor from a unit to an SI unit such as ``N m``; InputError if it is unknown, or of another dimension."""
     if unit == si:
         return 1.0
-    spelled = unit_in(f" {unit}", si)
+    meant = _WEIGHTS.get(unit, unit) if si == "N" else unit
+    spelled = unit_in(f" {meant}", si)
     if spelled is not None:
         return float(units_of(si)[spelled])
     known = list(units_of(si)) or [si]

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from continuum_grasp.base import InputError
-from continuum_grasp.scene.units import QUANTITIES, units_of
+from continuum_grasp.scene.units import any_unit
 
-_UNITS = "|".join(re.escape(unit) for si in QUANTITIES for unit in units_of(si))
+_UNITS = any_unit()
 HEADING = re.compile(rf"^(.*?)\s*(?:[\[(]((?<=\[)[^\]]*(?=\])|(?<=\()(?:{_UNITS})(?=\)))[\])])?$")
 """Heading with a unit: any in brackets, those that are known in parentheses, where other words may stand."""
 COMMA, _POINT = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?"), re.compile(r"[-+]?\d*\.\d*(?:[eE][-+]?\d+)?")
@@ -19,8 +19,8 @@ _COMMENTS = ("#", "%", "//")
 _DIRECTIVE = re.compile(r"sep=.?")
 """First line that states the character between cells to Excel."""
 _WORD = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
-_OF_SI = {unit for si in QUANTITIES for unit in units_of(si)}
-"""Units that a line below the headings may state."""
+_UNIT = re.compile(_UNITS)
+"""Unit that a line below the headings may state."""
 
 
 class TableText(NamedTuple):
@@ -178,7 +178,7 @@ def _headings(rows: Sequence[Sequence[str]]) -> tuple[int, Sequence[str]]:
             names.append(cell if cell == "t" else f"{last}_{cell}")
         return 2, names
     units = [cell.strip("[]()") for cell in second]
-    if len(first) == len(second) and any(units) and all(unit in _OF_SI for unit in units if unit):
+    if len(first) == len(second) and any(units) and all(_UNIT.fullmatch(unit) for unit in units if unit):
         return 2, [f"{cell} [{unit}]" if unit else cell for cell, unit in zip(first, units, strict=True)]
     return 1, first
 

@@ -16,6 +16,11 @@ _NUMBER = r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
 """Pattern of numbers of YAML 1.2, without infinity and NaN."""
 # 50 digits beside the 17 of a double, so that what is multiplied by it is rounded correctly.
 _DEGREE = Fraction("3.14159265358979323846264338327950288419716939937510") / 180
+_INCH = Fraction("0.0254")
+_POUND = Fraction("0.45359237")
+_GRAVITY = Fraction("9.80665")
+"""Inch [m], pound [kg] and standard gravity [m/s2], exact by definition (NIST SP 811, appendix B)."""
+_POUND_FORCE = _POUND * _GRAVITY
 
 
 @dataclass(frozen=True)
@@ -24,31 +29,62 @@ class Quantity:
 
     words: str
     example: str
-    factors: Mapping[str, str | Fraction]
+    factors: Mapping[str, str | int | Fraction]
     """Units besides the SI unit, and what each is in the SI unit, exactly."""
 
 
 QUANTITIES = {
-    "m": Quantity("a length", "12 mm", {"cm": "1e-2", "mm": "1e-3", "um": "1e-6", "in": "0.0254"}),
+    "m": Quantity(
+        "a length",
+        "12 mm",
+        {"cm": "1e-2", "mm": "1e-3", "um": "1e-6", "in": _INCH, "ft": 12 * _INCH, "mil": _INCH / 1000},
+    ),
     "m2": Quantity("an area", "80 mm2", {"cm2": "1e-4", "mm2": "1e-6"}),
     "1/m": Quantity("a curvature", "0.008 1/mm", {"1/cm": "1e2", "1/mm": "1e3"}),
-    "rad": Quantity("an angle", "30 deg", {"mrad": "1e-3", "deg": _DEGREE}),
-    "rad/s": Quantity("an angular velocity", "90 deg/s", {"deg/s": _DEGREE}),
-    "s": Quantity("a time", "5 ms", {"ms": "1e-3", "us": "1e-6"}),
+    "rad": Quantity("an angle", "30 deg", {"mrad": "1e-3", "deg": _DEGREE, "rev": 360 * _DEGREE}),
+    "rad/s": Quantity("an angular velocity", "90 deg/s", {"deg/s": _DEGREE, "rpm": 6 * _DEGREE}),
+    "s": Quantity("a time", "5 ms", {"ms": "1e-3", "us": "1e-6", "ns": "1e-9", "min": 60, "h": 3600}),
     "Hz": Quantity("a frequency", "0.5 Hz", {"kHz": "1e3", "MHz": "1e6", "rad/s": 1 / (360 * _DEGREE)}),
     "1/s": Quantity("a rate", "0.2 1/ms", {"1/ms": "1e3"}),
-    "m/s": Quantity("a speed", "10 mm/s", {"cm/s": "1e-2", "mm/s": "1e-3"}),
+    "m/s": Quantity("a speed", "10 mm/s", {"cm/s": "1e-2", "mm/s": "1e-3", "in/s": _INCH}),
     "s/m": Quantity("a time per length", "0.002 s/mm", {"s/mm": "1e3"}),
     "m/s2": Quantity("an acceleration", "981 cm/s2", {"cm/s2": "1e-2", "mm/s2": "1e-3"}),
-    "kg": Quantity("a mass", "300 g", {"g": "1e-3", "mg": "1e-6"}),
+    "kg": Quantity("a mass", "300 g", {"g": "1e-3", "mg": "1e-6", "lb": _POUND, "oz": _POUND / 16}),
     "kg/m": Quantity("a mass per length", "34 g/m", {"g/m": "1e-3", "g/cm": "1e-1", "g/mm": "1"}),
     "kg/m3": Quantity("a density", "6.45 g/cm3", {"g/cm3": "1e3"}),
     "kg m": Quantity("a rotary inertia per length", "0.26 g mm", {"g cm": "1e-5", "g mm": "1e-6"}),
     "kg m2": Quantity("a moment of inertia", "2400 g cm2", {"g cm2": "1e-7", "g mm2": "1e-9", "kg mm2": "1e-6"}),
-    "N": Quantity("a force", "25 N", {"mN": "1e-3", "uN": "1e-6", "kN": "1e3", "gf": "9.80665e-3", "kgf": "9.80665"}),
+    "N": Quantity(
+        "a force",
+        "25 N",
+        {
+            "mN": "1e-3",
+            "uN": "1e-6",
+            "kN": "1e3",
+            "gf": _GRAVITY / 1000,
+            "kgf": _GRAVITY,
+            "lbf": _POUND_FORCE,
+            "ozf": _POUND_FORCE / 16,
+        },
+    ),
     "N/s": Quantity("a rate of force", "0.6 N/ms", {"N/ms": "1e3", "mN/s": "1e-3"}),
-    "N/m": Quantity("a stiffness", "5 N/mm", {"N/cm": "1e2", "N/mm": "1e3", "kN/m": "1e3"}),
-    "N m": Quantity("a moment", "25 N mm", {"N cm": "1e-2", "N mm": "1e-3", "mN m": "1e-3", "uN m": "1e-6"}),
+    "N/m": Quantity(
+        "a stiffness", "5 N/mm", {"N/cm": "1e2", "N/mm": "1e3", "kN/m": "1e3", "lbf/in": _POUND_FORCE / _INCH}
+    ),
+    "N m": Quantity(
+        "a moment",
+        "25 N mm",
+        {
+            "N cm": "1e-2",
+            "N mm": "1e-3",
+            "mN m": "1e-3",
+            "uN m": "1e-6",
+            "kgf cm": _GRAVITY / 100,
+            "gf cm": _GRAVITY / 100_000,
+            "lbf in": _POUND_FORCE * _INCH,
+            "ozf in": _POUND_FORCE * _INCH / 16,
+        },
+    ),
     "N m s": Quantity("a damping per angle", "0.2 N mm s", {"N mm s": "1e-3"}),
     "N m2": Quantity("a bending stiffness", "6110 N mm2", {"N cm2": "1e-4", "N mm2": "1e-6"}),
     "N m3 s2": Quantity("a damping by squared rates", "0.1 N m3 s2", {"N cm3 s2": "1e-6", "N mm3 s2": "1e-9"}),
@@ -56,7 +92,15 @@ QUANTITIES = {
     "Pa": Quantity(
         "a modulus or pressure",
         "60 GPa",
-        {"kPa": "1e3", "MPa": "1e6", "GPa": "1e9", "N/mm2": "1e6", "bar": "1e5", "mbar": "1e2"},
+        {
+            "kPa": "1e3",
+            "MPa": "1e6",
+            "GPa": "1e9",
+            "N/mm2": "1e6",
+            "bar": "1e5",
+            "mbar": "1e2",
+            "psi": _POUND_FORCE / _INCH**2,
+        },
     ),
     "1": Quantity("a share", "5 %", {"%": "1e-2"}),
 }
@@ -170,15 +214,44 @@ def _allow_texts(node: Any, texts: str) -> None:
             _allow_texts(node.get(key), texts)
 
 
+def any_unit() -> str:
+    """A regular expression of all units that values may have, as they may be spelled."""
+    units = dict.fromkeys(unit for si in QUANTITIES for unit in units_of(si))
+    return "|".join(_spelled(unit).removeprefix(" ").removeprefix("?") for unit in units)
+
+
 def unit_in(text: str, si: str, before: str = "") -> str | None:
     """The unit with which a text ends; what stands before is a regular expression."""
     return next((unit for unit in units_of(si) if re.fullmatch(before + _spelled(unit), text)), None)
 
 
+_SPELLINGS = {
+    "deg": "deg|°",
+    "in": 'in|inch|"|″',
+    "mil": "mil|thou",
+    "rpm": "rpm|RPM",
+    **{second: f"{second}|{second}ec" for second in ("s", "ms", "us", "ns")},
+}
+"""Other ways in which a symbol is written."""
+_SYMBOL = re.compile("[A-Za-z]+")
+
+
 @cache
 def _spelled(unit: str) -> str:
-    """A regular expression of a unit after its number, as it may be spelled: N m or N*m, m/s2 or m/s^2, um or µm."""
+    """A regular expression of a unit after its number, as it may be spelled: N m, N*m or Nm, m/s2 or m/s^2, um or µm.
+
+    In a moment, the unit of force may lack its letter f, as makers of servos write it: kg cm, oz-in.
+    """
     text = re.sub("(?<=[a-z])[23]", lambda power: rf"(?:\^?{power[0]}|{'²³'[int(power[0]) - 2]})", unit)
-    text = text.replace("deg", "(?:deg|°)").replace(" ", "[ *·]")
+    text = _SYMBOL.sub(lambda symbol: _symbol(symbol[0], in_moment=" " in unit), text)
     # The blank may be left out, but not where the unit begins with a digit.
-    return (" " if unit[0] == "1" else " ?") + re.sub("^u", "[uµμ]", text)
+    return (" " if unit[0] == "1" else " ?") + text.replace(" ", "[ *·-]?")
+
+
+def _symbol(symbol: str, *, in_moment: bool) -> str:
+    """A regular expression of one symbol of a unit."""
+    spelled = _SPELLINGS.get(symbol, symbol)
+    if in_moment and symbol in ("gf", "kgf", "lbf", "ozf"):
+        spelled = f"{symbol[:-1]}f?"
+    spelled = re.sub(r"(^|\|)u", r"\1[uµμ]", spelled)
+    return f"(?:{spelled})" if "|" in spelled else spelled

@@ -7,15 +7,19 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from continuum_grasp.base import InputError
+from continuum_grasp.cli import app
 from continuum_grasp.core import Compiler
-from continuum_grasp.results import begin_run, read_run, replacing, write_run
+from continuum_grasp.results import File, Result, begin_run, check_folder, read_run, replacing, write_run
 from tests.commands import ROOT, environment, python, run, said
+from tests.marks import but
 
 RELEASE = ROOT / "configs/simulate/nitinol_release_020g.yaml"
 SHORT = ("--set", "time.duration=0.02", "--set", "time.step=0.01")
@@ -55,6 +59,89 @@ def test_a_new_run_removes_what_the_old_one_wrote_and_nothing_else(tmp_path):
     left = ["edited.png", "notes.txt", "own/picture.png", "replaced.png"]
     assert names(tmp_path) == sorted([*RUN, *left])
     assert read_run(tmp_path).arrays["a"][0] == 2.0
+
+
+@pytest.mark.parametrize("name", ["result.npz", "meta.json", "picture.png"])
+@pytest.mark.parametrize("before", [False, True])
+def test_a_run_never_replaces_what_no_run_wrote(tmp_path, name, before):
+    """Whether the folder has a run already or not; nothing else of that run changes."""
+    if before:
+        draw(save(tmp_path, 1.0), "picture.png")
+    (tmp_path / name).write_text("of the user")
+    old = {path.name: path.read_bytes() for path in tmp_path.iterdir() if name != "picture.png"}
+    with pytest.raises(InputError, match="no run wrote this file, or it has changed since: move it away") as caught:
+        draw(save(tmp_path, 2.0), "picture.png")
+    assert caught.value.file == str(tmp_path / name)
+    assert (tmp_path / name).read_text() == "of the user"
+    assert {name: (tmp_path / name).read_bytes() for name in old} == old
+    (tmp_path / name).rename(tmp_path / "moved")
+    draw(save(tmp_path, 3.0), "picture.png")
+    assert read_run(tmp_path).arrays["a"][0] == 3.0
+
+
+def test_a_run_replaces_itself_and_runs_whose_record_is_lost(tmp_path):
+    for value in (1.0, 2.0):
+        draw(save(tmp_path, value), "picture.png")
+        draw(tmp_path, "picture.png", "drawn again")
+    for name in (".run.json", "picture.png"):
+        (tmp_path / name).unlink()
+    assert read_run(save(tmp_path, 3.0)).arrays["a"][0] == 3.0
+
+
+def test_a_link_of_the_user_is_no_file_of_a_run(tmp_path):
+    (tmp_path / "data.npz").write_bytes((save(tmp_path / "other", 1.0) / "result.npz").read_bytes())
+    save(tmp_path, 1.0)
+    (tmp_path / "result.npz").unlink()
+    (tmp_path / "result.npz").symlink_to(tmp_path / "data.npz")
+    with pytest.raises(InputError, match=r"result.npz: no run wrote this file"):
+        save(tmp_path, 2.0)
+
+
+def test_texts_of_a_result_are_checked_before_anything_is_written(tmp_path):
+    (tmp_path / "report.txt").write_text("of the user")
+
+    @dataclass(frozen=True)
+    class Told(Result):
+        kind = "told"
+        texts = (File("report.txt", "json:dumps"),)
+        scene: None = None
+        status: str = "finished"
+        warnings: tuple = ()
+        statistics: dict = field(default_factory=dict)
+
+    with pytest.raises(InputError, match=r"report\.txt: no run wrote this file"):
+        Told().save(tmp_path)
+    assert names(tmp_path) == ["report.txt"]
+    with pytest.raises(InputError, match=r"report\.txt: no run wrote this file"):
+        check_folder(tmp_path, "told")
+    check_folder(tmp_path, "another")
+
+
+TAKEN = {
+    "result.npz": ("simulate", RELEASE, *SHORT),
+    "snapshots.svg": ("simulate", RELEASE, *SHORT),
+    "result.yaml": ("grasp", ROOT / "configs/grasp/mug.yaml"),
+    "report.html": ("grasp", ROOT / "configs/hand/ball.yaml"),
+    "log.csv": ("mpc", ROOT / "configs/mpc/steady_tip.yaml"),
+    "report.txt": ("replay", ROOT / "configs/mpc/steady_tip.yaml", "missing.csv"),
+    "identified_finger.yaml": ("identify", ROOT / "configs/identify/own_finger.yaml"),
+    "series.pdf": ("compare", ROOT / "configs/identify/own_finger.yaml"),
+    "accuracy.md": ("accuracy", RELEASE),
+    "meta.json": ("plan", ROOT / "configs/plan/past_a_post.yaml"),
+    "table.csv": ("sweep", ROOT / "configs/sweep/mug_size_friction.yaml"),
+    "finger.json": ("schema",),
+}
+
+
+@pytest.mark.parametrize("name", but(["finger.json", "report.txt"], TAKEN))
+def test_verbs_refuse_a_folder_with_such_a_file_before_any_work(tmp_path, name):
+    (tmp_path / name).write_text("of the user")
+    verb, *arguments = map(str, TAKEN[name])
+    ended = CliRunner().invoke(app, [verb, *arguments, "--out", str(tmp_path)])
+    assert ended.exit_code == 2
+    assert f"{name}: no " in ended.output
+    assert "wrote this file" in ended.output
+    assert names(tmp_path) == [name]
 
 
 def test_a_run_of_another_kind_leaves_nothing_behind(tmp_path):

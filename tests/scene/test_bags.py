@@ -171,14 +171,11 @@ def test_what_a_bag_does_not_have_is_an_error_that_lists_what_it_has(tmp_path, c
     assert caught.value.file == str(bag)
 
 
-def test_a_text_is_no_number_and_stamps_do_not_step_back(tmp_path):
-    back = joints([1.0, 2.0], [9_000_000, 4_000_000])
-    bag = written(tmp_path / "a.mcap", tips([1.0, 2.0]) + back, in_turn=True)
+def test_a_text_is_no_number_and_a_field_of_two_topics_needs_its_topic(tmp_path):
+    bag = written(tmp_path / "a.mcap", tips([1.0, 2.0]))
     table = DataTable.read(bag, columns=["/finger/tip.label"], leader="/finger/tip")
     with pytest.raises(InputError, match=r"expected a number, got 'ok' \(message 1\)"):
         table.numbers("/finger/tip.label")
-    with pytest.raises(InputError, match=r"topic /joint_states: message 2 has a stamp 0.005 s before"):
-        DataTable.read(bag, columns=["load"])
     both = written(tmp_path / "b.mcap", joints([1.0], [0], "/a") + joints([1.0], [0], "/b"))
     with pytest.raises(InputError, match=r"2 topics have a field load: write /a.load or /b.load"):
         DataTable.read(both, columns=["load"])
@@ -269,7 +266,9 @@ def test_a_bag_in_sqlite_is_read_as_the_same_in_mcap(tmp_path):
     folder = tmp_path / "recorded"
     folder.mkdir()
     (folder / "metadata.yaml").touch()
-    with pytest.raises(InputError, match="got a folder with 0 "):
+    with pytest.raises(
+        InputError, match=r"expected a bag with files \.mcap or \.db3, got a folder with metadata\.yaml"
+    ):
         DataTable.read(folder)
     (folder / "recorded_0.db3").write_bytes(other.read_bytes())
     assert DataTable.read(folder).rows == DataTable.read(bag).rows
@@ -281,6 +280,181 @@ def test_a_bag_in_sqlite_is_read_as_the_same_in_mcap(tmp_path):
     torn.write_bytes(other.read_bytes()[:9000])
     with pytest.raises(InputError, match="cut off or damaged"):
         DataTable.read(torn)
+
+
+def test_a_recording_in_several_files_is_one_bag(tmp_path):
+    """As ``ros2 bag record --max-bag-duration`` splits it; the tenth file comes behind the second one."""
+    folder = tmp_path / "recorded"
+    folder.mkdir()
+    (folder / "metadata.yaml").touch()
+    messages = tips(NUMBERS.tolist()) + joints(NUMBERS.tolist(), range(0, 200_000_000, 10_000_000))
+    for number, first in ((0, 0), (2, 50_000_000), (10, 120_000_000)):
+        part = [each for each in messages if first <= each[2] < {0: 50, 2: 120, 10: 999}[number] * 1_000_000]
+        written(folder / f"recorded_{number}.mcap", part)
+    whole = written(tmp_path / "whole.mcap", messages)
+    asked = {"columns": ["/joint_states.position[1]"], "leader": "/finger/tip.position.x"}
+    for options in ({}, asked):
+        one, parts = DataTable.read(whole, **options), DataTable.read(folder, **options)
+        assert (one.headings, one.rows, one.notes) == (parts.headings, parts.rows, parts.notes)
+    in_sqlite(folder / "recorded_2.mcap", folder / "recorded_2.db3")
+    (folder / "recorded_2.mcap").unlink()
+    assert DataTable.read(folder, **asked).rows == DataTable.read(whole, **asked).rows
+
+
+@pytest.mark.parametrize("named", [None, "take", "take_*.mcap"])
+def test_folders_of_bags_are_data_sets(tmp_path, named):
+    """Two poses, in one file each: together one set by the folder, and a set each by their names."""
+    folder = tmp_path / "take"
+    folder.mkdir()
+    (folder / "metadata.yaml").touch()
+    for k, moment in enumerate((0.01, 0.02)):
+        x, y = on_arc(moment, LENGTH)
+        tip = {"position": {"x": x, "y": y, "z": 0.0}, "label": ""}
+        stamp = k * 1_000_000
+        moved = ("/bench", JOINTS, stamp, {"name": [], "position": [moment], "load": 0.0})
+        written(folder / f"take_{k}.mcap", [moved, ("/camera", POINT, stamp, tip)])
+    data = {
+        "kind": "static",
+        "file": named,
+        "conditions": [{"name": "tip_moment", "column": "/bench.position[0]"}],
+        "measured": [{"quantity": axis, "column": f"/camera.position.{axis}"} for axis in "xy"],
+    }
+    sets = read_data(IdentifyScene(**ROD, data=[data]), [folder])
+    assert [poses.rows for poses in sets] == ([1, 1] if named == "take_*.mcap" else [2])
+    assert np.concatenate([poses.conditions["tip_moment"] for poses in sets]).tolist() == [0.01, 0.02]
+    if named is not None:
+        beside = read_data(IdentifyScene(**ROD, data=[data]), beside=folder if "*" in named else tmp_path)
+        assert [poses.rows for poses in beside] == [poses.rows for poses in sets]
+
+
+@pytest.mark.parametrize("leader", ["/finger/tip.position.x", None])
+def test_stamps_out_of_order_are_sorted_and_reported(tmp_path, leader):
+    """Each message carries its stamp, so the sorted bag is the one whose messages were never late."""
+    messages = tips(NUMBERS.tolist()) + joints(NUMBERS.tolist(), range(0, 200_000_000, 10_000_000))
+    late = messages.copy()
+    late[4], late[5], late[30], late[34] = messages[5], messages[4], messages[34], messages[30]
+    asked = {"columns": ["/finger/tip.position.x", "/joint_states.load"], "leader": leader}
+    plain, mended = (
+        DataTable.read(written(tmp_path / f"{len(each)}.mcap", each, in_turn=True), **asked)
+        for each in (messages, late)
+    )
+    assert plain.rows == mended.rows
+    assert plain.notes == ()
+    assert [note.partition(": ")[2] for note in mended.notes] == [
+        "/finger/tip: 1 of 20 messages come after later ones: sorted by their instants",
+        "/joint_states: 4 of 20 messages come after later ones: sorted by their instants",
+    ]
+    again = written(tmp_path / "again.mcap", messages[:20] + messages[:20], in_turn=True)
+    with pytest.raises(InputError, match=r"topic /finger/tip: a second run begins at number 21 of 40 messages"):
+        DataTable.read(again, **{**asked, "columns": asked["columns"][:1]})
+
+
+TRAJECTORY = "std_msgs/Header header\nstring[] joint_names\nPoint[] points\n" + PARTS
+TRAJECTORY += "=" * 80 + "\nMSG: tests/Point\nfloat64[] positions\nfloat64[] effort\n"
+DYNAMIC = "std_msgs/Header header\nstring[] joint_names\nInterface[] interface_values\n" + PARTS
+DYNAMIC += "=" * 80 + "\nMSG: tests/Interface\nstring[] interface_names\nfloat64[] values\n"
+FRAMES = "std_msgs/Header header\nFrame[] transforms\n" + PARTS
+FRAMES += "=" * 80 + "\nMSG: tests/Frame\nstring child_frame_id\ngeometry_msgs/Point translation\n"
+
+
+def state(names, **fields):
+    return {"name": names, "position": [], "load": 0.0, **fields}
+
+
+def dynamic(joints, interfaces):
+    values = [
+        {"interface_names": [*interfaces], "values": [10.0 * "ab".index(j) + "pv".index(i) for i in interfaces]}
+        for j in joints
+    ]
+    return {"joint_names": [*joints], "interface_values": values}
+
+
+def frames(names):
+    moved = {"y": 0.0, "z": 0.0}
+    return {"transforms": [{"child_frame_id": n, "translation": {"x": float("abc".index(n)), **moved}} for n in names]}
+
+
+NAMED = {
+    "joints change their order": (
+        JOINTS,
+        "position[1]",
+        [state(["a", "b"], position=[1, 2]), state(["b", "a"], position=[2, 1])],
+        [2, 2],
+    ),
+    "a joint by its name": (
+        JOINTS,
+        "position[b]",
+        [state(["a", "b"], position=[1, 2]), state(["b", "a"], position=[2, 1])],
+        [2, 2],
+    ),
+    "a joint is missing": (
+        JOINTS,
+        "position[0]",
+        [state(["a", "b"], position=[1, 2]), state(["b"], position=[2]), state(["c", "a"], position=[3, 1])],
+        [1, None, 1],
+    ),
+    "more joints come": (
+        JOINTS,
+        "position[1]",
+        [state(["a", "b"], position=[1, 2]), state(["c", "a", "b"], position=[3, 1, 2])],
+        [2, 2],
+    ),
+    "readings are missing": (JOINTS, "position[0]", [state(["a"]), state(["a", "b"], position=[1, 2])], [None, 1]),
+    "no names": (JOINTS, "position[1]", [state([], position=[1, 2]), state([], position=[3, 4])], [2, 4]),
+    "names are alike": (
+        JOINTS,
+        "position[1]",
+        [state(["", ""], position=[1, 2]), state(["", ""], position=[3, 4])],
+        [2, 4],
+    ),
+    "a trajectory": (
+        TRAJECTORY,
+        "points[0].positions[0]",
+        [
+            {"joint_names": [*n], "points": [{"positions": p, "effort": []}]}
+            for n, p in (("ab", [1, 2]), ("ba", [2, 1]))
+        ],
+        [1, 1],
+    ),
+    "joints and interfaces": (
+        DYNAMIC,
+        "interface_values[1].values[0]",
+        [dynamic("ab", "pv"), dynamic("ba", "pv"), dynamic("ba", "vp")],
+        [10, 10, 10],
+    ),
+    "an interface by its name": (
+        DYNAMIC,
+        "interface_values[b].values[v]",
+        [dynamic("ab", "pv"), dynamic("ba", "vp")],
+        [11, 11],
+    ),
+    "frames": (FRAMES, "transforms[0].translation.x", [frames("ab"), frames("ba"), frames("b")], [0, 0, None]),
+    "a frame by its name": (FRAMES, "transforms[c].translation.x", [frames("ab"), frames("ca")], [None, 2]),
+}
+
+
+@pytest.mark.parametrize("case", NAMED)
+def test_names_are_the_keys_of_the_entries_of_lists(tmp_path, case):
+    definition, field, messages, expected = NAMED[case]
+    bag = written(tmp_path / "a.mcap", [("/t", definition, 1000 * k, fields) for k, fields in enumerate(messages)])
+    for file in (bag, in_sqlite(bag, tmp_path / "a.db3")):
+        table = DataTable.read(file, columns=[f"/t.{field}"], leader="/t")
+        assert [None if np.isnan(v) else v for v in table.numbers(f"/t.{field}", gaps=True)] == expected
+
+
+WRONG_NAMES = {
+    "position[c]": ([state(["a", "b"], position=[1, 2])], r"no message has /t.position\[c\]: no entry has that name"),
+    "position[a]": ([state([], position=[1, 2])], "nothing names the entries of position: give a number"),
+    "position[0]": ([state(["a", "b"], position=[1])], "2 names and 1 entries of position"),
+}
+
+
+@pytest.mark.parametrize("field", WRONG_NAMES)
+def test_names_that_do_not_fit_are_an_error(tmp_path, field):
+    messages, words = WRONG_NAMES[field]
+    bag = written(tmp_path / "a.mcap", [("/t", JOINTS, 0, fields) for fields in messages])
+    with pytest.raises(InputError, match=words):
+        DataTable.read(bag, columns=[f"/t.{field}"], leader="/t")
 
 
 FAULTS = {

@@ -130,7 +130,7 @@ _LENGTH = "finger.rod.length: wrong type: expected a length [m] such as 0.012 or
 
 
 CHANGES = {
-    "finger.rod.length=600 MM": f"{_LENGTH} '600 MM' (units: m, cm, mm, um, in)",
+    "finger.rod.length=600 MM": f"{_LENGTH} '600 MM' (units: m, cm, mm, um, in, ft, mil)",
     "finger.rod.length='1,200 mm'": (
         f"{_LENGTH} '1,200 mm' (write a decimal point, not a comma, and no separators of thousands)"
     ),

@@ -289,6 +289,18 @@ def test_scale_and_tolerance_of_an_outline_vary(tmp_path):
     assert space.scene(SINGLE, [1.5e-3]).object.size == pytest.approx(0.03, abs=2e-4)
 
 
+def test_columns_of_an_outline_that_nothing_reads_are_named(tmp_path):
+    rows = "".join(f"{x},{y},{k},0\n" for k, (x, y) in enumerate([(0, 0), (40, 0), (40, 30), (0, 30)]))
+    (tmp_path / "box.csv").write_text("x [mm],y [mm],z [mm],note\n" + rows)
+    data = load(SCENE).model_dump(mode="json", exclude_unset=True) | {"schema_version": 1}
+    data["object"] = {"shape": "outline", "file": "box.csv", "mass": 0.1, "position": [0.04, 0.0]}
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(data))
+    read = ConfigurationData.load(tmp_path / "scene.yaml")
+    assert shapely.Polygon(read.scene.object.vertices).area == pytest.approx(1.2e-3, rel=1e-9)
+    (note,) = read.notes
+    assert note.endswith("left out: column z, column note")
+
+
 # -- simplification, and what touches --------------------------------------------------------------------------------
 
 

@@ -16,6 +16,7 @@ import mpmath
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import constants
 
 import continuum_grasp as cg
 from continuum_grasp.addons.sweeps import SweepPlan
@@ -33,8 +34,10 @@ KINDS_OF_SCENES = [sorted(CONFIGS.glob(f"{folder}/*.yaml")) for folder in sorted
 SHIPPED = [path for row in zip_longest(*KINDS_OF_SCENES) for path in row if path is not None]
 """One of each kind first."""
 BASE = {"m": 1.0, "kg": 1.0, "g": 1e-3, "s": 1.0, "N": 1.0, "Pa": 1.0, "rad": 1.0, "Hz": 2.0 * math.pi, "1": 1.0}
-BASE |= {"deg": math.pi / 180.0, "gf": 9.80665e-3, "in": 0.0254, "%": 0.01, "bar": 1e5}
-PREFIXES = {"": 1.0, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6, "G": 1e9}
+BASE |= {"deg": math.pi / 180.0, "gf": 9.80665e-3, "%": 0.01, "bar": 1e5, "rev": math.tau, "rpm": math.tau / 60.0}
+BASE |= {"in": constants.inch, "ft": constants.foot, "mil": constants.mil, "lb": constants.lb, "oz": constants.oz}
+BASE |= {"lbf": constants.lbf, "ozf": constants.lbf / 16.0, "psi": constants.psi, "min": 60.0, "h": constants.hour}
+PREFIXES = {"": 1.0, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6, "G": 1e9}
 
 
 def factor(unit: str) -> float:
@@ -52,6 +55,16 @@ def factor(unit: str) -> float:
 def test_every_unit_of_the_table_is_worth_what_its_parts_are(si):
     for unit, worth in Unit(si).factors.items():
         assert float(worth) == pytest.approx(factor(unit) / factor(si), rel=1e-14), unit
+
+
+@pytest.mark.parametrize("si", QUANTITIES)
+def test_no_spelling_is_one_of_two_units(si):
+    """Without blanks, and with weights for forces, as the table allows."""
+    for unit in Unit(si).factors:
+        for text in {unit, unit.replace(" ", ""), unit.replace(" ", "·"), re.sub(r"f (in|cm)", r" \1", unit)}:
+            assert [other for other in Unit(si).factors if to_si(f"1 {text}", si) == to_si(f"1 {other}", si)] == [
+                other for other in Unit(si).factors if Unit(si).factors[other] == Unit(si).factors[unit]
+            ]
 
 
 @given(st.decimals(allow_nan=False, allow_infinity=False, min_value=-(10**12), max_value=10**12, places=9))
@@ -82,6 +95,12 @@ SPELLINGS = [
     ("9.81 m/s²", "m/s2", 9.81),
     ("6110 N mm^2", "N m2", 6110e-6),
     ("0.5%", "1", 0.005),
+    *[(text, "N m", 25.0) for text in ("25 Nm", "25 N-m", "25N·m")],
+    *[(text, "m", 0.0508) for text in ("2 in", "2 inch", '2"', "2″")],
+    *[(text, "m", 0.000254) for text in ("10 mil", "10 thou")],
+    *[(text, "N m", 1.4709975) for text in ("15 kgf cm", "15 kg·cm", "15kg-cm")],
+    *[(text, "s", 4e-9) for text in ("4 ns", "4 nsec", "0.004 µs", "0.004 usec")],
+    *[(text, "rad/s", math.pi) for text in ("30 rpm", "30 RPM", "180 °/s")],
     ("2 1/mm", "1/m", 2000.0),
 ]
 REFUSED = [
@@ -95,6 +114,8 @@ REFUSED = [
     ("51/mm", "1/m", "units: 1/m, 1/cm, 1/mm"),
     ("5 NM", "N m", "units: N m"),
     ("60 gpa", "Pa", "units: Pa, kPa"),
+    *[(text, "N", "") for text in ("2 lb", "2 oz", "2 kg")],  # masses
+    ("3 M", "s", "units: s, ms, us, ns, min, h"),
 ]
 
 
@@ -203,7 +224,7 @@ WRONG = [
         "finger.rod.length=12 kg",
         "finger.rod.length: wrong type: expected a length [m] such as 0.012 or 12 mm, got text '12 kg'",
     ),
-    ("finger.rod.length=12 MM", "got text '12 MM' (units: m, cm, mm, um, in)"),
+    ("finger.rod.length=12 MM", "got text '12 MM' (units: m, cm, mm, um, in, ft, mil)"),
     ("finger.rod.length='1,200 mm'", "(write a decimal point, not a comma, and no separators of thousands)"),
     ("finger.rod.length=1 nm", "(units: m"),
     (

@@ -201,7 +201,7 @@ def test_byte_order_mark_is_not_part_of_the_first_key(write):
         ("contacts: ['0.3']", "such as 0.012 or 12 mm, got text '0.3' (write it without quotes)"),
         (
             "contacts: [300 MM]",
-            "expected a length [m] such as 0.012 or 12 mm, got text '300 MM' (units: m, cm, mm, um, in)",
+            "expected a length [m] such as 0.012 or 12 mm, got text '300 MM' (units: m, cm, mm, um, in, ft, mil)",
         ),
         (
             "loads:\n- {kind: force, at: 0.1, force: [0, 1], follows: yes}",

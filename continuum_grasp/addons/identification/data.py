@@ -129,6 +129,8 @@ class Poses:
         Direction in which the finger bends, about its straight axis [rad], for estimates ``per: plane``.
     signals : sequence of Signal
         Records that the rows were read from, which pictures show; none where these are not known.
+    notes, unread : sequence of str
+        Warnings of the reader of a file, such as rows that were sorted; and columns of files that nothing reads.
     """
 
     measured: Sequence[Reading]
@@ -139,6 +141,8 @@ class Poses:
     sequence: bool = False
     plane: float | None = None
     signals: Sequence[Signal] = ()
+    notes: Sequence[str] = ()
+    unread: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         _check_readings(self.name, self.measured)
@@ -180,6 +184,8 @@ class TipPath:
     name : str
     plane : float, optional
         Direction in which the finger bends, about its straight axis [rad], for estimates ``per: plane``.
+    notes, unread : sequence of str
+        Warnings of the reader of a file, such as rows that were sorted; and columns of files that nothing reads.
     """
 
     t: ArrayLike
@@ -191,6 +197,8 @@ class TipPath:
     before: Sequence[Reading] = ()
     start_sigma: tuple[float, float] | None = None
     plane: float | None = None
+    notes: Sequence[str] = ()
+    unread: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         t = column(f"{self.name}.t", self.t)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from continuum_grasp.addons.identification.scene import DataSet, IdentifyScene
 from continuum_grasp.base import InputError, check_arguments
-from continuum_grasp.scene import Scene
+from continuum_grasp.scene import DataTable, Scene
 
 VARIABLE = "CONTINUUM_GRASP_DATA"
 """Environment variable with the path of the folder."""
@@ -54,9 +54,11 @@ def folder_of(scene: object) -> Path | None:
 
 
 def files_in(paths: Sequence[Path], sets: Sequence[DataSet]) -> Iterator[Path]:
-    """Files among paths, and those in folders among them that sets name."""
+    """Files among paths, and those in folders among them that sets name; a folder that is a bag counts as a file."""
     for path in paths:
-        if path.is_dir():
+        if DataTable.is_bag_folder(path) and not _names_files_in(path, sets):
+            yield path
+        elif path.is_dir():
             # a folder may hold other files; in the order of their names, which no file system promises
             patterns = [pattern for of in sets for pattern in _patterns(of.file)] or _patterns(None)
             yield from sorted(file for file in path.iterdir() if any(file.resolve().match(p) for p in patterns))
@@ -66,8 +68,14 @@ def files_in(paths: Sequence[Path], sets: Sequence[DataSet]) -> Iterator[Path]:
             raise InputError(f"no such file, nor in the folder that {VARIABLE} names", file=str(path))
 
 
+def _names_files_in(folder: Path, sets: Sequence[DataSet]) -> bool:
+    """Whether a set names a file in a folder."""
+    files = [file.resolve() for file in folder.iterdir()]
+    return any(of.file is not None and any(file.match(of.file) for file in files) for of in sets)
+
+
 def _patterns(file: str | None) -> list[str]:
-    return ["*.csv", "*.mcap"] if file is None else [file]
+    return ["*.csv", "*.mcap", "*.db3"] if file is None else [file]
 
 
 @check_arguments

@@ -17,7 +17,8 @@ from continuum_grasp.addons.identification.fitting import Measurements, posed, r
 from continuum_grasp.addons.identification.inference import allotted, infer, information
 from continuum_grasp.addons.identification.path_block import PathBlock
 from continuum_grasp.addons.identification.problem import FitProblem, Progress, SetInProblem, Solution
-from continuum_grasp.addons.identification.read import choices_of, plain_scene
+from continuum_grasp.addons.identification.read import choices_of
+from continuum_grasp.addons.identification.read_sets import plain_scene
 from continuum_grasp.addons.identification.scene import (
     Column,
     DataSet,

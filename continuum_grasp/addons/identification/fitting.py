@@ -17,6 +17,7 @@ from continuum_grasp.addons.identification.data import Data, Poses, TipPath
 from continuum_grasp.addons.identification.data_files import folder_of
 from continuum_grasp.addons.identification.doubts import doubts, doubts_of_elements
 from continuum_grasp.addons.identification.fit import Fit, estimates
+from continuum_grasp.addons.identification.lost import lost_of
 from continuum_grasp.addons.identification.path_block import block_of, of_one_code
 from continuum_grasp.addons.identification.plausibility import (
     IMPLAUSIBLE,
@@ -27,7 +28,8 @@ from continuum_grasp.addons.identification.plausibility import (
     too_far,
 )
 from continuum_grasp.addons.identification.problem import FitProblem, Solution
-from continuum_grasp.addons.identification.read import changed_at, plain_scene, read_data
+from continuum_grasp.addons.identification.read import read_data
+from continuum_grasp.addons.identification.read_sets import changed_at, plain_scene
 from continuum_grasp.addons.identification.scene import Estimate, IdentifyScene
 from continuum_grasp.addons.identification.searches import LawTrial, choose_law, may_be_local, restarted
 from continuum_grasp.addons.identification.unknowns import read_unknowns
@@ -115,7 +117,7 @@ def identify(
         "iterations": solution.iterations,
         "evaluations": solution.evaluations,
         "total_s": perf_counter() - started,
-        **({"fidelity": task.note} if task.note else {}),
+        **task.told,
     }
     return _fit(task, solution, accepted=accept_implausible, laws=laws, statistics=statistics)
 
@@ -199,22 +201,34 @@ def compare(
     predicted = problem.predicted(start, predictions)
     warned = problem.warnings(start)
     followed = problem.followed
-    slips = doubts_of_data(problem, predictions)
+    slips = () if task.lost else doubts_of_data(problem, predictions)
     problem.followed = followed  # slips are tried elsewhere
     return Comparison(
         **predicted,
         scene=task.scene,
-        warnings=(*warned, *([f"{beyond}: check units and axes of the data"] if beyond else ()), *slips),
-        statistics={"total_s": perf_counter() - started, **({"fidelity": task.note} if task.note else {})},
+        warnings=(
+            *task.notes,
+            *task.lost,
+            *warned,
+            *([f"{beyond}: check units and axes of the data"] if beyond else ()),
+            *slips,
+        ),
+        statistics={"total_s": perf_counter() - started, **task.told},
     )
 
 
 class Task(NamedTuple):
-    """Task of an estimation: the scene, how its fidelity was chosen, and the problem of all sets of data."""
+    """Task of an estimation: the scene, the problem of all sets of data, and what results report of both.
+
+    ``told`` has how the fidelity was chosen, and which columns of the files nothing reads; ``notes`` are warnings of
+    the readers of the files, ``lost`` those about readings that no finger has.
+    """
 
     scene: Scene
-    note: str
     problem: FitProblem
+    told: dict[str, str]
+    notes: tuple[str, ...]
+    lost: tuple[str, ...]
 
 
 def posed(
@@ -241,7 +255,11 @@ def posed(
         blocks.append(block_of(own, pair, unknowns))
         if progress is not None:
             progress(len(blocks) / len(pairs))
-    return Task(scene, note, FitProblem(blocks, unknowns))
+    unread = "; ".join(text for pair in pairs for text in pair.unread)
+    told = {key: text for key, text in (("fidelity", note), ("unread", unread)) if text}
+    notes = dict.fromkeys(text for pair in pairs for text in pair.notes)
+    lost = dict.fromkeys(text for pair in pairs for text in lost_of(pair))
+    return Task(scene, FitProblem(blocks, unknowns), told, tuple(notes), tuple(lost))
 
 
 def resolved(scene: Scene) -> tuple[Scene, str]:
@@ -282,7 +300,7 @@ def _fit(task: Task, solution: Solution, **further: Any) -> Fit:
     inference = inferred.inference
     doubted = doubts_of_elements(problem, solution, inferred)
     followed = problem.followed
-    verdict = judge(problem, solution)
+    verdict = judge(problem, solution, task.lost)
     problem.followed = followed  # slips are tried elsewhere
     return Fit(
         **estimates(unknowns[:shared], solution.values, inference),
@@ -295,6 +313,14 @@ def _fit(task: Task, solution: Solution, **further: Any) -> Fit:
         status=IMPLAUSIBLE if verdict.reason else "converged",
         reason=verdict.reason,
         causes=verdict.causes,
-        warnings=(*inference.warnings, *problem.warnings(solution.values), *evidence, *doubted, *verdict.warnings),
+        warnings=(
+            *task.notes,
+            *task.lost,
+            *inference.warnings,
+            *problem.warnings(solution.values),
+            *evidence,
+            *doubted,
+            *verdict.warnings,
+        ),
         **further,
     )

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from os import PathLike
+from pathlib import Path
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ from scipy.signal import lfilter
 
 from continuum_grasp.addons.identification.calls import calls_of
 from continuum_grasp.addons.identification.inference import middle
+from continuum_grasp.addons.identification.lost import FROZEN, Channel, lost_in
 from continuum_grasp.base import Array, InputError, nearest, split_unit
 from continuum_grasp.control import Controller, ControlLog
 from continuum_grasp.scene import ControlScene, DataTable
@@ -58,7 +60,9 @@ class Periods:
         self.estimation = controller.estimation
         self._names = controller.measurement_names
         inputs = tuple(ControlLog.COMMANDED + n for n in controller.stages.u_names)
-        self._columns, repeated = columns_of(log, (*self._names, *inputs), controller.period, scene)
+        read = columns_of(log, (*self._names, *inputs), controller.period, scene)
+        self._columns = read.channels
+        self.told = {"unread": read.unread} if read.unread else {}
         if not any(self._columns[name][0].size for name in self._names):
             file = None if isinstance(log, ControlLog) else str(log)
             raise InputError(f"the log has none of {', '.join(self._names)}", file=file)
@@ -72,7 +76,8 @@ class Periods:
         missing = [name for name in (*self._names, *inputs) if not self._columns[name][0].size]
         self.warnings = (
             *((f"the log has no {', '.join((split_unit(name).name for name in missing))}",) if missing else ()),
-            *self._doubts(repeated),
+            *self._doubts(read.repeated),
+            *read.notes,
         )
 
     def _last(self, names: Sequence[str]) -> Array:
@@ -144,8 +149,7 @@ class Periods:
         frozen = []
         for name in self._names:
             changes = np.flatnonzero(np.diff(self._columns[name][1], prepend=np.nan, append=np.nan))
-            # 20: equal readings in a row of a sensor that is frozen: noise does not repeat itself
-            if np.diff(changes).max(initial=0) >= 20:
+            if np.diff(changes).max(initial=0) >= FROZEN:
                 frozen.append(split_unit(name).name)
         return tuple(frozen)
 
@@ -291,17 +295,28 @@ def _step(slopes: Array, residuals: Array) -> tuple[Array, float]:
     return -inverse @ flat.T @ residuals.ravel(), float(t.ppf(0.975, freedom)) * math.sqrt(max(variance, 0.0))
 
 
+class LogColumns(NamedTuple):
+    """Channels of a log by name and unit: instants [s], increasing, and values without gaps; none of what it lacks.
+
+    ``repeated`` counts the rows that repeat the instant of the row before, which are left out; ``notes`` are warnings
+    of the reader, ``unread`` names columns that nothing reads.
+    """
+
+    channels: dict[str, tuple[Array, Array]]
+    repeated: int
+    notes: tuple[str, ...]
+    unread: str
+
+
 def columns_of(
     log: ControlLog | str | PathLike[str],
     wanted: Sequence[str],
     period: float | None = None,
     scene: ControlScene | None = None,
-) -> tuple[dict[str, tuple[Array, Array]], int]:
-    """Instants [s] and values of channels by name and unit: increasing, without gaps; none of what a log lacks.
-
-    Beside them the number of rows that repeat the instant of the row before, which are left out. ``period`` is the time
-    between rows that is expected [s]; the ``scene`` names columns.
-    """
+) -> LogColumns:
+    """Read channels by name and unit. ``period`` is the expected time between rows [s]; the ``scene`` names columns."""
+    notes = tuple[str, ...]()
+    unread = ""
     if isinstance(log, ControlLog):
         names = [*(ControlLog.COMMANDED + name for name in log.u_names), *log.y_names]
         t = log.t
@@ -311,26 +326,47 @@ def columns_of(
         table = _table(str(log), [split_unit(label).name for label in wanted], called, scene)
         usual = "t" if "t" in table.headings else "time"
         heading, unit = split_unit(called.get("t", usual))
-        named = table.named()
-        columns = {}
         t = table.in_si(heading, "s", unit or None)
-        table.check_order(t, heading, np.arange(t.size), strict=False)
         table.check_clock(t, heading, unit or None, period)
-        for label in wanted:
-            name, unit = split_unit(label)
-            if name in called:
-                column, spelled = split_unit(called[name])
-                columns[label] = table.in_si(column, unit, spelled or None, gaps=True)
-            elif name in named:
-                heading, in_name = named[name]
-                columns[label] = table.in_si(heading, unit, in_name, gaps=True)
+        table, t = table.in_time(t, heading, several=True)
+        notes = table.notes
+        columns, read = _columns(table, wanted, called)
+        others = [name for name in table.headings if name not in {*read, table.headings[table.index(heading)]}]
+        if others and not table.topics:
+            unread = f"{Path(table.file).name}: {', '.join(others)}"
     channels = {}
     for label in wanted:
         values = columns.get(label, np.full(t.size, np.nan))
         there = np.isfinite(values)
         instants, first = np.unique(t[there], return_index=True)
         channels[label] = instants, values[there][first]
-    return channels, t.size - np.unique(t).size
+    shape = [Channel(*split_unit(label), columns[label]) for label in wanted if label in columns and _is_shape(label)]
+    commands = [columns[label] for label in wanted if label.startswith(ControlLog.COMMANDED) and label in columns]
+    return LogColumns(channels, t.size - np.unique(t).size, (*notes, *lost_in(shape, commands)), unread)
+
+
+def _columns(table: DataTable, wanted: Sequence[str], called: Mapping[str, str]) -> tuple[dict[str, Array], list[str]]:
+    """Channels of a table by name and unit, NaN in empty cells, and the headings of their columns."""
+    columns = dict[str, Array]()
+    read = list[str]()
+    named = table.named()
+    for label in wanted:
+        name, unit = split_unit(label)
+        if name in called:
+            column, spelled = split_unit(called[name])
+        elif name in named:
+            column, spelled = named[name][0], named[name][1] or ""
+        else:
+            continue
+        columns[label] = table.in_si(column, unit, spelled or None, gaps=True)
+        read.append(table.headings[table.index(column)])
+    return columns, read
+
+
+def _is_shape(label: str) -> bool:
+    """Whether a channel measures the shape of the finger, which moves without jumps: drives and forces may jump."""
+    name, unit = split_unit(label)
+    return unit in ("m", "rad") and name.startswith(("tip_", "angle_", "object_"))
 
 
 def _table(file: str, channels: Sequence[str], called: Mapping[str, str], scene: ControlScene | None) -> DataTable:

@@ -95,13 +95,16 @@ def _far(problem: FitProblem, solution: Solution) -> list[tuple[Unknown, float]]
     return [(u, times) for u, times in pairs if u.target in _SCALES and not 1.0 / _FAR <= times <= _FAR]
 
 
-def judge(problem: FitProblem, solution: Solution) -> Plausibility:
+def judge(problem: FitProblem, solution: Solution, lost: Sequence[str] = ()) -> Plausibility:
+    """Judge whether the finger can have the measurements; readings that are ``lost`` explain what it misses."""
     left = misfits(problem, solution.predictions)
     reason = too_far(problem, solution.values, solution.sigma)
     unexplained = [misfit for misfit in left if misfit.is_unexplained]
-    causes = explain(problem, left) if reason or unexplained else ()
+    causes = tuple(lost)
+    if not lost and (reason or unexplained):
+        causes = explain(problem, left)
     worst = max(left, key=lambda misfit: misfit.rms / misfit.limit)
-    if worst.rms > worst.limit or (causes and not reason):
+    if worst.rms > worst.limit or (causes and not lost and not reason):
         plausible = "which a slip in the data explains"
         if worst.rms > worst.limit:
             plausible = f"at most {worst.limit:.2g} {worst.unit} is plausible"
@@ -116,7 +119,7 @@ def judge(problem: FitProblem, solution: Solution) -> Plausibility:
         if misfit.rms > misfit.scatter
     ]
     for unknown, times in _far(problem, solution):
-        slips = " or ".join(explain(problem)) or "none of the usual ones explains it"
+        slips = " or ".join(lost or explain(problem)) or "none of the usual ones explains it"
         warnings.append(
             f"{unknown.name} comes out as {times:.3g} times the scene's; slips that may be behind it: {slips}"
         )

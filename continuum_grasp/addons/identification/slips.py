@@ -7,13 +7,14 @@ import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.addons.identification.data import UNIT_OF, Data, Reading, TipPath
-from continuum_grasp.addons.identification.read import unit_of_entry
+from continuum_grasp.addons.identification.read_sets import unit_of_entry
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.scene import Scene, Unit
 
@@ -40,6 +41,11 @@ _GROUPS = {
     "frequencies": {"frequency": 1, "decay_rate": 1},
 }
 """Columns whose units are taken for others together, with the power of that unit; all others by their names."""
+
+
+_OLD = ("deg", "deg/s", "in", "gf", "kgf", "lbf")
+"""Units that are tried beside those that differ by powers of ten: software counts in degrees and inches, and load cells
+show weights. Each costs predictions anew, so minutes and feet, which nobody logs unawares, are not tried."""
 
 
 class PossibleMistake(NamedTuple):
@@ -152,10 +158,16 @@ def _factors(group: str, unit: str, scene: Scene, name: str) -> Iterator[tuple[s
     verb = "are" if group in _GROUPS else "is"
     if group not in _GROUPS:
         yield "has the other sign in the data", -1.0
-    sizes = {float(size): other for other, size in Unit(si).factors.items() if other != si}
+    factors = Unit(si).factors.items()
+    sizes = {float(size): other for other, size in factors if other != si and (other in _OLD or _is_decimal(size))}
     for size, other in sizes.items():
         yield f"{verb} in {other}, read as {si}", size
         yield f"{verb} in {si}, read as {other}", 1.0 / size
+
+
+def _is_decimal(size: Fraction) -> bool:
+    """Whether a unit is the SI unit times a power of ten."""
+    return {*str(size.numerator * size.denominator)} <= {"0", "1"}
 
 
 def _renumbered(names: Sequence[str]) -> Columns:

@@ -50,6 +50,7 @@ def store_plan(folder: Path, plan: SweepPlan) -> list[str]:
         if (folder / TABLE).exists():
             raise InputError(f"the folder has {TABLE} but no {PLAN}; choose another folder", file=str(folder))
         check_folder(folder, "sweep")
+        begin_run(folder, "sweep")
         about = {"name": plan.sweep.name, "created": now["created"], "versions": now["versions"]}
         _write(folder, {**about, "columns": list(plan.columns), "units": plan.units, "pictures": pictures, **new})
         return []

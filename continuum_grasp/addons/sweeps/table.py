@@ -197,6 +197,11 @@ class SweepTable(Result):
     def _own_folder(self) -> Path:
         return self.folder
 
+    @classmethod
+    def file_names(cls, kind: str) -> set[str]:
+        """Names of the files of a sweep, its growing table among them."""
+        return super().file_names(kind) | ({CSV} if kind == cls.kind else set())
+
     @check_arguments
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Write the table as arrays into another folder than the sweep's own, which has it as it grows."""

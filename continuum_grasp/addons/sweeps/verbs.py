@@ -18,12 +18,13 @@ def sweep(
     plot_only: bool = option("Compute nothing: draw the rows of the table so far.", default=False),
 ) -> None:
     """Find the grasps of many scenes. Keys vary on a grid or at random; a sweep resumes after an interruption."""
+    from continuum_grasp.addons.sweeps.table import CSV, sweep_table
+
     folder = output.folder
     output.check_folder(alone=False)  # a sweep locks its table, which may be drawn while it grows
     if plot_only:
         from continuum_grasp.addons.sweeps.folder import PLAN
         from continuum_grasp.addons.sweeps.plan import SweepPlan
-        from continuum_grasp.addons.sweeps.table import CSV, sweep_table
         from continuum_grasp.results import begin_run
 
         # The pictures are those that the configuration asks for now; those of before go.

@@ -37,13 +37,18 @@ _FRICTION = 0.01
 
 
 class Log(NamedTuple):
-    """Commands (K, nu) held from instants t (K,) on, and readings (T, ny) by names with units at instants (T,)."""
+    """Commands (K, nu) held from instants t (K,) on, and readings (T, ny) by names with units at instants (T,).
+
+    ``notes`` are warnings of the reader, ``unread`` names columns that nothing reads.
+    """
 
     t: Array
     u: Array
     at: Array
     readings: Array
     names: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    unread: str = ""
 
 
 class Bench:

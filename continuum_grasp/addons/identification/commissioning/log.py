@@ -127,7 +127,8 @@ def _log_of(scene: ControlScene, bench: Bench, given: ControlLog | str | PathLik
     """The log's commands and readings, at instants that have them all, and what it lacks."""
     names = [name for name in names_of(scene) if name in bench.names]
     commands = [ControlLog.COMMANDED + name for name in bench.model.u_names]
-    columns, _ = columns_of(given, (*names, *commands), scene.controller.step, scene)
+    read = columns_of(given, (*names, *commands), scene.controller.step, scene)
+    columns = read.channels
     file = None if isinstance(given, ControlLog) else str(given)
     absent = [split_unit(name).name for name in (*Wiring.TIP, *commands) if not columns[name][0].size]
     if absent:
@@ -150,7 +151,8 @@ def _log_of(scene: ControlScene, bench: Bench, given: ControlLog | str | PathLik
         raise InputError(f"the log has {at.size} instants with all readings; expected at least 50", file=file)
     at = at[:: math.ceil(at.size / _INSTANTS)]
     rows = np.column_stack([columns[name][1][np.isin(columns[name][0], at)] for name in present])
-    return Log(t, u, at, rows, tuple(present)), [split_unit(name).name for name in names if name not in present]
+    log = Log(t, u, at, rows, tuple(present), read.notes, read.unread)
+    return log, [split_unit(name).name for name in names if name not in present]
 
 
 def _last(t: Array, values: Array, at: Array, max_age: float) -> tuple[Array, Array]:
@@ -299,8 +301,12 @@ def _result(
         **problem.predicted(solution.values, predictions),
         scene=scene,
         status=status,
-        warnings=(*found.inference.warnings, *doubted),
-        statistics={"ways": len(alike), "evaluations": solution.evaluations},
+        warnings=(*log.notes, *found.inference.warnings, *doubted),
+        statistics={
+            "ways": len(alike),
+            "evaluations": solution.evaluations,
+            **({"unread": log.unread} if log.unread else {}),
+        },
         mounting=mounting,
         alternatives=tuple(Alternative(_words(of.way), missed) for missed, of, *_ in alike),
         undetermined=tuple(undetermined),

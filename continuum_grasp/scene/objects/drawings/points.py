@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from typing import TYPE_CHECKING, NamedTuple
 
 from continuum_grasp.base import Array
@@ -42,7 +43,8 @@ def read_csv(given: OutlineFile) -> Drawing:
     ratio = factors[1] / factors[0] if factors else 1.0
     points = distinct(zip(x.values.tolist(), (ratio * y.values).tolist(), strict=True))
     curves = [DrawnCurve("curve", (), points)] if len(points) > 2 else []
-    return Drawing(factors[0] if factors else 1.0, curves)
+    unread = (heading for at, heading in enumerate(table.headings) if at not in (x.at, y.at))
+    return Drawing(factors[0] if factors else 1.0, curves, Counter(f"column {heading}" for heading in unread))
 
 
 def _column(table: DataTable, name: str) -> _Column:
