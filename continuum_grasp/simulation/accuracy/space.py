@@ -22,7 +22,7 @@ from continuum_grasp.simulation.accuracy.elements import (
     whole_error,
 )
 from continuum_grasp.simulation.contacts import greatest_motion
-from continuum_grasp.simulation.rest import model_at_rest, rest_at
+from continuum_grasp.simulation.resting import model_at_rest, rest_at
 from continuum_grasp.simulation.run import integrate
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.trajectory import Trajectory, error_text
