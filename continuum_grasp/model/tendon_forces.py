@@ -142,13 +142,16 @@ class TendonForces:
             scale, factor = (0.5 * mu, 1.0) if isinstance(mu, float) else (0.5, mu)
             halves: list[Scalar] = [0.0 for _ in cells.cells]
             if cells.has_friction:
-                # Bends with those at rest, without sign, times the scale.
-                bends = [self._bent([(cell, cell.bend)], self._full, scale, rest=True) for cell in cells.cells]
-                inside = zip(ways[-len(cells.cells) :], bends, cells.cells, strict=True)
-                halves = [factor * (way * rounded(bend, scale * cell.share)) for way, bend, cell in inside]
+                inside = zip(ways[-len(cells.cells) :], cells.cells, strict=True)
+                halves = [factor * (way * self._turned(cell, scale)) for way, cell in inside]
             conduit = ways[0] * (cells.conduit_bend * mu) if cells.conduit_bend else None
             per_set.append(shares(halves, conduit, cells.sides))
         return per_set
+
+    def _turned(self, cell: Cell, scale: Scalar) -> Scalar:
+        """Bend of a cell with that at rest, without sign, times a scale."""
+        bends = [self._bent([(cell, bend)], self._full, scale, rest=True) for bend in cell.bends]
+        return sum((rounded(bend, scale * cell.share) for bend in bends[1:]), rounded(bends[0], scale * cell.share))
 
     # -- winches --------------------------------------------------------------------------------------------------
 
