@@ -399,6 +399,14 @@ class FingerModel(Model):
         *states, moved = history
         return np.asarray(np.clip(states + moved * self.slid(q, u, p), -1.0, 1.0))
 
+    def friction_in(self, x: Array) -> Array:
+        """Direction of friction in a state x (nx,) of a motion, per friction state, from -1 to 1."""
+        count = self.structure.tendon_friction_states
+        states = np.clip(x[self.nx - len(self.friction_names) :], -1.0, 1.0)
+        # As `Memory.direction`: tendon friction of a motion acts by a cubic of its states.
+        states[:count] *= 1.5 - 0.5 * states[:count] ** 2
+        return states
+
     def curvatures(self) -> ca.Function:
         """``(q, u, p) -> kappa, at, bend``: curvature and bends of the N elements.
 

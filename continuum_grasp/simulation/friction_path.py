@@ -145,7 +145,10 @@ class FrictionPath:
         ]
         # Slopes up to thrice the secant, to the same side, leave a cubic monotone (F. N. Fritsch, R. E. Carlson, 1980,
         # doi:10.1137/0717021), as friction that wears off does.
-        first, last = (np.where(rate * change > 0.0, np.sign(change) * np.minimum(np.abs(rate), 3.0 * np.abs(change)), rate) for rate in rates)
+        first, last = (
+            np.where(rate * change > 0.0, np.sign(change) * np.minimum(np.abs(rate), 3.0 * np.abs(change)), rate)
+            for rate in rates
+        )
         states = start.states
         before: Array = np.zeros(self._count)
         for t in _PLACES:
