@@ -125,8 +125,8 @@ class FingerModel(Model):
     tendons on the -X side slide towards the base. Then the states of dry friction in bending, cell by cell with one
     per branch: +1 where it slides towards positive curvature. Functions of q then take a ``history``, [friction
     states, h], by which friction acts as clip(state + h slid), ``slid`` as `sliding` gives it: all zero for no
-    friction, h = 1 alone for a finger that was bent from its unloaded shape. In a motion the history is [S(z), 0] of its
-    states, with S = z (3 - z^2) / 2 for tendons and z in bending; drives then are where they rest under u. u =
+    friction, h = 1 alone for a finger that was bent from its unloaded shape. In a motion the history is [S(z), 0] of
+    its states, with S = z (3 - z^2) / 2 for tendons and z in bending; drives then are where they rest under u. u =
     tensions, or the tip moment, then the moments of loads on the tip and of those with ``input``. w = world forces at
     the contacts, then at the tip (if any), then the loads.
     Positions s beyond the finger are taken as its ends; a compiled core refuses them.

@@ -32,8 +32,8 @@ class Memory:
 
     ``moved`` is a number h of a finger at rest, where friction acts as ``clip(z + h u)`` of the sliding u from the
     unloaded shape on: states alone are frictions that stay; h = 1 alone means a finger that slid one way from its
-    unloaded shape to where it is. ``part`` [s]: of a step that is implicit in it. ``return_time`` [s]: in which states come
-    back to their range.
+    unloaded shape to where it is. ``part`` [s]: of a step that is implicit in it. ``return_time`` [s]: in which states
+    come back to their range.
     """
 
     return_time: float

@@ -135,9 +135,9 @@ def solve_elastica(
 
     Own weight, point masses, dead and following forces, couples, the moment of tip or tendons (with friction: the
     capstan law along the bent backbone, rounded off where it is straight, by what slid since the loads alone bent the
-    rod) and the rest curvature are taken without further approximation; the balance of moments is solved by collocation of high order on panels that are
-    refined until two meshes agree. Stiffness, density, rest curvature and tendon offsets may change along the rod and
-    jump.
+    rod) and the rest curvature are taken without further approximation; the balance of moments is solved by collocation
+    of high order on panels that are refined until two meshes agree. Stiffness, density, rest curvature and tendon
+    offsets may change along the rod and jump.
 
     Without a guess the equilibrium is followed from the unloaded shape while all loads grow together. Given a guess,
     the equilibrium near it is sought: the minimum of the energy below it, or with ``stable=False``, or where loads have

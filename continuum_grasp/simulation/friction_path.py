@@ -1,22 +1,20 @@
 """How a finger with friction comes to its shape: equilibria along a path of inputs and loads.
 
-Friction remembers: the same tensions hold a finger in many shapes, and the path there says in which. Nothing has slid in
-the unloaded shape. From there weight and loads come first, while the drives are idle, and then what the drives do.
+Friction remembers: the same tensions hold a finger in many shapes, and the path there says in which one it is. Nothing
+has slid in the unloaded shape. Weight and loads come first, while the drives are idle, and then what the drives do.
 
 A leg of the path is one equilibrium, in which each friction state is a stop of what slides from the start of the leg to
-its end. That is exact as long as nothing slides to and fro within the leg : rates of sliding at both ends tell, and a leg in which
-friction turns around is followed in halves.
+its end. That is exact as long as nothing slides to and fro within the leg. The rates of sliding at both ends show where
+it does; such a leg is followed in halves.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, CheckedArgument, InputError, SolverError
+from continuum_grasp.base import Array, SolverError
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.simulation.rest import EquilibriumSearch, LoadState, RestingShape

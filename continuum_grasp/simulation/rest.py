@@ -35,8 +35,8 @@ of their number."""
 
 @dataclass(frozen=True)
 class LoadState:
-    """What acts on a finger at rest: input u (nu,), forces w (nw,), parameters p (np,), and a generalized force ``held``
-    that holds it beside them, (n,) or none.
+    """What acts on a finger at rest: input u (nu,), forces w (nw,), parameters p (np,), and a further generalized force
+    ``held`` (n,), or none.
     """
 
     u: Array

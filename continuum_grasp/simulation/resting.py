@@ -17,7 +17,6 @@ from continuum_grasp.simulation.friction_path import FrictionPath
 from continuum_grasp.simulation.rest import EquilibriumSearch, LoadState, RestingShape
 from continuum_grasp.simulation.signals import Signals
 
-
 _NO_REST = (
     "without its drives the finger finds no rest: friction counts from the unloaded shape, as if weight, loads and "
     "tensions came together"
@@ -106,8 +105,7 @@ def rest_under(
         return search.find(search.rest() if start is None else start, stable, side)
     idle = _idle(model, end)
     way = FrictionPath(model, idle, stable=stable, side=side)
-    stages = [replace(end, u=np.append(row, end.u[len(row) :])) for row in (np.ravel(row) for row in path)]
-    stages = [*stages, end]
+    stages = [*(replace(end, u=_commanded(model, end.u, row)) for row in path), end]
     lost: tuple[str, ...] = ()
     if way.loaded and not np.array_equal(stages[0].u, idle.u):
         try:
@@ -121,6 +119,14 @@ def rest_under(
     if reached_by == "releasing":
         found = way.released(found, before)
     return replace(found, warnings=(*found.warnings, *lost))
+
+
+def _commanded(model: FingerModel, u: Array, row: ArrayLike) -> Array:
+    """An input with other commands of drives and chambers."""
+    commands, count = CheckedArgument("path", row).array(), len(model.finger.inputs)
+    if commands.shape != (count,) or not np.all(np.isfinite(commands)):
+        raise InputError(f"path: expected rows of {count} finite entries, got {commands.tolist()}")
+    return np.append(commands, u[count:])
 
 
 def _idle(model: FingerModel, end: LoadState) -> LoadState:

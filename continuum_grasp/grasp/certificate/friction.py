@@ -60,7 +60,7 @@ class TendonFriction:
 
     @cached_property
     def _drawn_in(self) -> Array:
-        """What bending from rest draws in of the tendons along the halves of each cell (K, 2), per offset at the base."""
+        """What bending from rest draws in of the tendons along the halves of each cell (K, 2), per base offset."""
         channel = self._shape.channels[0]
         profile = self._shape.profile
         ends = np.append(np.stack([self.edges[:-1], self.edges[:-1] + 0.5 * self._widths], axis=1), self.edges[-1])

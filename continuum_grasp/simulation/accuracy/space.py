@@ -110,7 +110,7 @@ def at_both_ends(motion: Trajectory) -> Trajectory:
     reached_by = (scene.initial.reached_by or "pulling") if model.friction_names else None
     if reached_by == "state":  # friction states of these elements say nothing of finer ones
         return motion
-    held = scene.replaced(initial=Initial(pose="equilibrium", reached_by=reached_by))
+    held = scene.replaced(initial=Initial(pose="equilibrium", reached_by=reached_by, path=scene.initial.path))
     try:
         finer_scene = refined(held, model)
         finer = FingerModel(finer_scene, loads=model.loads, input_rates=False)

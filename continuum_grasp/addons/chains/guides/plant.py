@@ -13,7 +13,6 @@ from continuum_grasp.addons.chains.guides.system import ChainSystem
 from continuum_grasp.base import Array
 from continuum_grasp.closed_loop import PlantModel, SharedModel
 from continuum_grasp.model import System
-from continuum_grasp.scene import Scene
 
 
 class ChainPlant(PlantModel):
