@@ -57,7 +57,6 @@ from continuum_grasp.scene import (
     ConfigurationData,
     ControlScene,
     Fidelity,
-    Initial,
     Samples,
     Scene,
     Surroundings,
@@ -114,8 +113,7 @@ def chain_of_guides(scene: Scene) -> Iterator[object]:
     """What a plant with guides makes of a finger and its surroundings."""
     chain = ChainSystem(scene, 3, 1e4)
     yield chain.numbers(np.array(chain.p_nominal)).tolist()
-    states = sum(one.states for one in chain.winches)
-    start = chain.start(*np.zeros((2, 3)), np.zeros(states), np.zeros(chain.nu), Initial(pose="straight"))
+    start = chain.start(np.zeros(chain.finger_model.nx), np.zeros(chain.nu))
     yield from (repr(chain.tendons), repr(chain.winches), start.tolist())
     yield from (one.serialize() for one in (chain.drums, chain.around, chain.tensions, chain.touch))
 

@@ -383,9 +383,9 @@ class PlantModel(Remade):
         pose = list(scene.start_pose) or None
         drive_states = np.zeros(self.nx - self.system.nx)
         drive_states[: self._lags] = self.rest_input[: self._lags]
-        return np.concatenate([self._begun(scene, initial_state(scene, model), pose), drive_states])
+        return np.concatenate([self._begun(initial_state(scene, model), pose), drive_states])
 
-    def _begun(self, scene: Scene, finger: Array, pose: list[float] | None) -> Array:
+    def _begun(self, finger: Array, pose: list[float] | None) -> Array:
         """State of the system at time zero, by the state of the finger alone and the pose of an object that moves."""
         return np.concatenate([finger, self.elements.state(pose=pose)[self.system.finger_model.nx :]])
 

@@ -29,7 +29,7 @@ def plant_scene(scene: ControlScene) -> Scene:
         if plant.time_constant is not None:
             finger = finger.with_lags(plant.time_constant)
         if not finger.has_tendon_friction:
-            initial = initial.replaced(reached_by=None, friction_states=None)
+            initial = initial.without_history
         elif not scene.finger.has_tendon_friction and initial.pose == "equilibrium":
             # Friction that the plant alone has: the scene states no history.
             initial = initial.replaced(reached_by="pulling")

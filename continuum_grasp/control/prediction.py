@@ -319,7 +319,7 @@ class Prediction(Remade):
         if coordinates is not None and len(coordinates) != finger.n:
             initial = initial.replaced(pose="rest", q=None, qd=None)
         if cells is not None and len(cells) != len(finger.friction_names):
-            initial = initial.replaced(reached_by=None, friction_states=None)
+            initial = initial.without_history
         return self.start_state(initial, self.scene.rest_input)
 
     def start_state(self, initial: Initial, u: Sequence[float], loads: Sequence[ForceLoad] = ()) -> Array:

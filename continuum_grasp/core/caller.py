@@ -100,7 +100,7 @@ class Caller:
             raise InputError(
                 f"{self.function.name()}: the finger has friction, and its shape does not determine the direction of "
                 f"friction: give history ({self._inputs[at].size} entries), the friction states and then h; h = 1 "
-                "alone means a finger that was pulled from straight, all zeros a finger without friction"
+                "alone means a finger that was bent from its unloaded shape, all zeros a finger without friction"
             )
 
     def rows(self, values: Sequence[ArrayLike | None]) -> list[Array]:

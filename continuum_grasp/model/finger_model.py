@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from typing import Any, Unpack
 
@@ -124,8 +125,8 @@ class FingerModel(Model):
     tendons on the -X side slide towards the base. Then the states of dry friction in bending, cell by cell with one
     per branch: +1 where it slides towards positive curvature. Functions of q then take a ``history``, [friction
     states, h], by which friction acts as clip(state + h slid), ``slid`` as `sliding` gives it: all zero for no
-    friction, h = 1 alone for a finger that was pulled from straight. In a motion the history is [S(z), 0] of its
-    states, with S = z (3 - z^2) / 2 for tendons and z in bending; drives then are where they rest under u. u =
+    friction, h = 1 alone for a finger that was bent from its unloaded shape. In a motion the history is [S(z), 0] of
+    its states, with S = z (3 - z^2) / 2 for tendons and z in bending; drives then are where they rest under u. u =
     tensions, or the tip moment, then the moments of loads on the tip and of those with ``input``. w = world forces at
     the contacts, then at the tip (if any), then the loads.
     Positions s beyond the finger are taken as its ends; a compiled core refuses them.
@@ -343,7 +344,7 @@ class FingerModel(Model):
         return places
 
     def sliding(self) -> ca.Function:
-        """``(q, u, p) -> slid``: the sliding that moves friction states, since the finger was straight [1].
+        """``(q, u, p) -> slid``: the sliding that moves friction states, from the unloaded shape on [1].
 
         An entry per state: how far tendons have slid, per presliding, positive towards the base on the -X
         side; of dry friction in bending the curvature above rest, per that at which the branch slides.
@@ -367,17 +368,21 @@ class FingerModel(Model):
         p: Array,
         reached_by: str | None = None,
         friction_states: ArrayLike | None = None,
+        path: Sequence[object] = (),
     ) -> Array:
-        """Friction in a shape q (n,) by how it was reached, as functions of the model take it: [states, h].
+        """Friction in a stated shape q (n,) by how it was reached, as functions of the model take it: [states, h].
 
-        Empty without friction; of a shape whose history is not stated nothing slid.
+        The finger was bent there from its unloaded shape, or back from further. Empty without friction; of a shape
+        whose history is not stated nothing slid. InputError for a ``path`` of inputs, which ends in an equilibrium.
         """
+        if path:
+            raise InputError("a path of inputs ends in an equilibrium: state no coordinates", key="initial.path")
         count = len(self.friction_names)
         history = np.zeros(count + bool(count))
         if count and reached_by == "state":
             history[:count] = friction_states
         elif reached_by == "pulling":
-            # From straight: states are what was slid and bent, most at an end of their range.
+            # From the unloaded shape: states are what was slid and bent, most at an end of their range.
             history[count:] = 1.0
         elif count and reached_by == "releasing":
             # A stop that was at 1 far out is at -1 once it slid back by twice its range, however little is left of
@@ -393,6 +398,14 @@ class FingerModel(Model):
             return np.zeros(0)
         *states, moved = history
         return np.asarray(np.clip(states + moved * self.slid(q, u, p), -1.0, 1.0))
+
+    def friction_in(self, x: Array) -> Array:
+        """Direction of friction in a state x (nx,) of a motion, per friction state, from -1 to 1."""
+        count = self.structure.tendon_friction_states
+        states = np.clip(x[self.nx - len(self.friction_names) :], -1.0, 1.0)
+        # As `Memory.direction`: tendon friction of a motion acts by a cubic of its states.
+        states[:count] *= 1.5 - 0.5 * states[:count] ** 2
+        return states
 
     def curvatures(self) -> ca.Function:
         """``(q, u, p) -> kappa, at, bend``: curvature and bends of the N elements.

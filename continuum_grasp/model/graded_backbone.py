@@ -183,17 +183,19 @@ class GradedBackbone(Backbone):
 
     # -- what laws see -------------------------------------------------------------------------------------------
 
-    def _integrals(self, k: int, a: Any, b: Any) -> ca.SX:
-        """Along a part of an element, of what both coordinates bend, and of the curvature at rest (3, 3): plain, where
-        the tendons run; with their shape; and with the place too.
+    def _integrals(self, k: int, a: Any, b: Any) -> list[ca.SX]:
+        """Along each part of an element between breaks, of what both coordinates bend, and of the curvature at rest
+        (3, 3): plain, where the tendons run; with their shape; and with the place too.
         """
-        total = ca.SX.zeros(3, 3)
-        for value, s, weight in self._nodes(a, b):
+        parts = [ca.SX.zeros(3, 3) for _ in self._edges(a, b)[1:]]
+        nodes = self._nodes(a, b)
+        for j, (value, s, weight) in enumerate(nodes):
             shape = value("channel")
             hats = self._hats(k, s) / value("stiffness")
             integrand = weight * ca.vertcat(hats, value("rest"))
-            total += ca.horzcat(ca.if_else(shape != 0.0, integrand, 0.0), shape * integrand, shape * integrand * s)
-        return total
+            plain = ca.if_else(shape != 0.0, integrand, 0.0)
+            parts[j * len(parts) // len(nodes)] += ca.horzcat(plain, shape * integrand, shape * integrand * s)
+        return parts
 
     def _bounds(self, count: int) -> Iterator[tuple[int, Any, Any]]:
         """Elements, and both ends of as many equal parts of each."""
@@ -207,11 +209,12 @@ class GradedBackbone(Backbone):
         cells = []
         for k, a, b in self._bounds(count):
             middle = 0.5 * (a + b)
-            late = self._integrals(k, middle, b)
-            whole, drawn, first = ca.horzsplit(self._integrals(k, a, middle) + late)
+            early, late = self._integrals(k, a, middle), self._integrals(k, middle, b)
+            parts = [one + other for one, other in zip(early, late, strict=True)]
+            _, drawn, first = ca.horzsplit(sum(parts[1:], parts[0]))
             leaning = (first - middle * drawn) / (b - a)
-            bend, work, lean, beyond = (ca.vertsplit(each) for each in (whole, drawn, leaning, late[:, 1]))
-            cells.append(Cell(k, b - a, b - a, bend, work, lean[:-1], beyond))
+            work, lean, beyond = (ca.vertsplit(each) for each in (drawn, leaning, sum(late[1:], late[0])[:, 1]))
+            cells.append(Cell(k, b - a, b - a, [ca.vertsplit(part[:, 0]) for part in parts], work, lean[:-1], beyond))
         return cells
 
     def _ports(self, count: int) -> list[Port]:

@@ -55,6 +55,7 @@ class FrictionHistory(TypedDict, total=False):
 
     reached_by: str
     friction_states: Sequence[float] | None
+    path: Sequence[Sequence[float]]
 
 
 class Structure:
@@ -404,8 +405,8 @@ class Structure:
         if initial.reached_by is None:
             holds = "dry friction holds" if self.finger.damping.dry_friction else "tendons with friction hold"
             raise InputError(
-                f"{holds} a finger anywhere between two shapes: state how it got there (pulling, releasing, or "
-                "state with friction_states)",
+                f"{holds} a finger anywhere between two shapes: state how it got there (pulling, releasing, path with "
+                "path, or state with friction_states)",
                 key="initial.reached_by",
             )
         states = initial.friction_states
@@ -422,7 +423,8 @@ class Structure:
             self.check_reached_by(initial)
         if initial.reached_by is None or not self.friction_states:
             return {}
-        return {"reached_by": initial.reached_by, "friction_states": initial.friction_states}
+        path = [inputs.constants for inputs in initial.path]
+        return {"reached_by": initial.reached_by, "friction_states": initial.friction_states, "path": path}
 
     def _mesh(self) -> Mesh:
         """Elements, with the finger along them."""

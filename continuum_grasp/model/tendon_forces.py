@@ -98,13 +98,11 @@ class TendonForces:
                 weights[a] = weights.get(a, 0.0) + factor * w * k
         return sum((w * values[a] for a, w in weights.items() if not is_zero(w)), total)
 
-    def _sliding(
-        self, cells: CellSet, values: Sequence[Scalar], *, rest: bool, grown: Sequence[Scalar] = ()
-    ) -> list[Scalar]:
-        """Per state the sliding per presliding that a curvature of ``values`` brings, of a tendon on the -X side.
+    def _sliding(self, cells: CellSet, values: Sequence[Scalar], grown: Sequence[Scalar] = ()) -> list[Scalar]:
+        """Per state the sliding per presliding that a change of curvature brings, of a tendon on the -X side.
 
-        It is taken at the middle of the cell: the integral of the tendon's shape times the curvature from there on, and
-        the length ``grown`` in the half cells there.
+        It is taken at the middle of the cell: the integral of the tendon's shape times the change ``values`` of the
+        coordinates from there on, and the length ``grown`` in the half cells there.
         """
         per_path = self._arm_size(cells) / self._presliding(cells)
         halves: list[tuple[Cell, Sequence[Scalar]]] = []  # from base to tip
@@ -117,7 +115,7 @@ class TendonForces:
         slid: Scalar = 0.0
         # One step per cell: the halves on both sides of a boundary at once.
         for k in range(len(cells.cells), -1, -1):
-            change = self._bent(halves[max(2 * k - 1, 0) : 2 * k + 1], values, per_path, rest=rest)
+            change = self._bent(halves[max(2 * k - 1, 0) : 2 * k + 1], values, per_path, rest=False)
             slid = slid + (change + sum(grown[max(k - 1, 0) : k + 1]))
             slidings.append(slid)
         return slidings[::-1] if cells.conduit_bend else slidings[-2::-1]
@@ -126,8 +124,8 @@ class TendonForces:
 
     @cached_property
     def slid(self) -> list[Scalar]:
-        """Sliding of the tendons per presliding since the finger was straight, per friction state."""
-        return [slid for cells in self._made.cell_sets for slid in self._sliding(cells, self._full, rest=True)]
+        """Sliding of the tendons per presliding since the finger was at rest without loads, per friction state."""
+        return [slid for cells in self._made.cell_sets for slid in self._sliding(cells, self._full)]
 
     @cached_property
     def directions(self) -> list[list[Scalar]]:
@@ -144,13 +142,16 @@ class TendonForces:
             scale, factor = (0.5 * mu, 1.0) if isinstance(mu, float) else (0.5, mu)
             halves: list[Scalar] = [0.0 for _ in cells.cells]
             if cells.has_friction:
-                # Bends with those at rest, without sign, times the scale.
-                bends = [self._bent([(cell, cell.bend)], self._full, scale, rest=True) for cell in cells.cells]
-                inside = zip(ways[-len(cells.cells) :], bends, cells.cells, strict=True)
-                halves = [factor * (way * rounded(bend, scale * cell.share)) for way, bend, cell in inside]
+                inside = zip(ways[-len(cells.cells) :], cells.cells, strict=True)
+                halves = [factor * (way * self._turned(cell, scale)) for way, cell in inside]
             conduit = ways[0] * (cells.conduit_bend * mu) if cells.conduit_bend else None
             per_set.append(shares(halves, conduit, cells.sides))
         return per_set
+
+    def _turned(self, cell: Cell, scale: Scalar) -> Scalar:
+        """Bend of a cell with that at rest, without sign, times a scale."""
+        bends = [self._bent([(cell, bend)], self._full, scale, rest=True) for bend in cell.bends]
+        return sum((rounded(bend, scale * cell.share) for bend in bends[1:]), rounded(bends[0], scale * cell.share))
 
     # -- winches --------------------------------------------------------------------------------------------------
 
@@ -323,7 +324,7 @@ class TendonForces:
             if not cells.states:
                 continue
             grown = self._elongating(cells, pulled) if self.held else ()
-            sliding += self._sliding(cells, self._rates, rest=False, grown=grown)
+            sliding += self._sliding(cells, self._rates, grown)
         return [self._memory.rate(z, slid) for z, slid in zip(self._states, sliding, strict=True)]
 
     # -- forces ---------------------------------------------------------------------------------------------------

@@ -25,15 +25,16 @@ from continuum_grasp.scene import Channel, Curve, Tendon
 class Cell:
     """A part of an element along which one friction state holds; sequences have an entry per local coordinate.
 
-    Integrals along the cell are of the curvature shapes: ``bend``; with the shape of the tendon's moment ``work``;
-    this with the fraction of the cell less a half, per ``most``, ``lean``; and ``late`` is ``work`` of the half towards
-    the tip. The same of the rest curvature is one more entry, but of ``lean``; of one where it is a run-time number.
+    Integrals along the cell are of the curvature shapes: ``bends``, one per part between jumps of the rest curvature,
+    at which the finger may bend to the other side; with the shape of the tendon's moment ``work``; this with the
+    fraction of the cell less a half, per ``most``, ``lean``; and ``late`` is ``work`` of the half towards the tip. The
+    same of the rest curvature is one more entry, but of ``lean``; of one where it is a run-time number.
     """
 
     element: int
     share: Scalar  # length per that of the finger [1]
     length: Scalar  # [m]
-    bend: Sequence[Scalar]
+    bends: Sequence[Sequence[Scalar]]
     work: Sequence[Scalar]
     lean: Sequence[Scalar]
     late: Sequence[Scalar]
@@ -107,13 +108,15 @@ def _cell(family: Family, shape: Curve, element: int, a: float, b: float, unit_r
 
     curves = mesh.stiffness, mesh.rest, shape
     early, late = (mesh.integral(*half, parts, *curves) for half in ((a, middle), (middle, b)))
-    bend, work, lean = early + late
+    _, work, lean = early + late
+    ends = [a, *(at for at in mesh.rest.jumps if a < at < b), b]
+    bends = [mesh.integral(*part, parts, *curves)[0].tolist() for part in pairwise(ends)]
     lean = np.where(np.abs(lean) > 1e-12 * np.abs(work[:-1]).max(), lean, 0.0)[:-1]
     # Of two nodes they often differ by their sign alone: one product serves both.
     greatest_lean = max(lean.tolist(), key=abs) or 1.0
     leaning = [round(each / greatest_lean, 12) for each in lean.tolist()]
     share = (b - a) / mesh.ends[-1]
-    return Cell(element, share, b - a, bend.tolist(), work.tolist(), leaning, late[1].tolist(), greatest_lean)
+    return Cell(element, share, b - a, bends, work.tolist(), leaning, late[1].tolist(), greatest_lean)
 
 
 def rounded(bend: Scalar, share: Scalar) -> Scalar:

@@ -7,13 +7,13 @@ tip as far as on the uniform rod.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from continuum_grasp.base import InputError
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.rod.mesh import PanelMesh, panel_edges, with_places
 from continuum_grasp.scene import (
     Consumer,
@@ -75,11 +75,28 @@ class RodProblem:
     tendons: tuple[TendonMoment, ...]
     # Curvature from which on links touch, in SI units; signs of the curvatures that are stopped; stiffness added there.
     stops: tuple[Curve, tuple[float, ...], float] | None
+    # Curvature from which on tendons slid, in SI units; None: that of the unloaded rod.
+    slid_from: Callable[[Array], Array] | None = None
 
     @property
     def conservative(self) -> bool:
         """Whether all loads have a potential."""
-        return not self.following and not any(tendon.friction for tendon in self.tendons)
+        return not self.following and not self.has_friction
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether tendons have friction."""
+        return any(tendon.friction for tendon in self.tendons)
+
+    @property
+    def loaded(self) -> bool:
+        """Whether anything beside tendons and chambers acts."""
+        return bool(self.weight or self.dead or self.levers or self.following or self.couples)
+
+    @property
+    def unpulled(self) -> RodProblem:
+        """The rod under its loads, without tendons and chambers."""
+        return replace(self, tendons=())
 
     @classmethod
     def of(
@@ -102,7 +119,7 @@ class RodProblem:
         ``base`` is the world position [m] and angle [rad] of the clamp, by default the finger's; ``tensions`` [N]
         belong to the finger's tendons and ``pressures`` [Pa] to its chambers, by default zero, or ``wound`` is
         cable that is wound up [m]; with ``released`` tendons with friction slid back from further bends; ``marks`` are
-        further places [m] at which panels are to end.
+        further places [m] at which panels are to end. Tendons slid from the unloaded rod on.
         """
         profile = finger.profile
         length = finger.profile.length

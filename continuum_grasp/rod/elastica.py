@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -133,10 +134,10 @@ def solve_elastica(
     """The equilibrium of an inextensible, unshearable elastic rod under a scene's loads at time zero.
 
     Own weight, point masses, dead and following forces, couples, the moment of tip or tendons (with friction: the
-    capstan law along the bent backbone, rounded off where it is straight) and the rest curvature are taken without
-    further approximation; the balance of moments is solved by collocation of high order on panels that are
-    refined until two meshes agree. Stiffness, density, rest curvature and tendon offsets may change along the rod and
-    jump.
+    capstan law along the bent backbone, rounded off where it is straight, by what slid since the loads alone bent the
+    rod) and the rest curvature are taken without further approximation; the balance of moments is solved by collocation
+    of high order on panels that are refined until two meshes agree. Stiffness, density, rest curvature and tendon
+    offsets may change along the rod and jump.
 
     Without a guess the equilibrium is followed from the unloaded shape while all loads grow together. Given a guess,
     the equilibrium near it is sought: the minimum of the energy below it, or with ``stable=False``, or where loads have
@@ -145,7 +146,8 @@ def solve_elastica(
     Parameters
     ----------
     scene : Scene
-        The scene; ``fidelity``, ``contacts``, ``parameters``, ``initial`` and ``time`` do not matter.
+        The scene; ``fidelity``, ``contacts``, ``parameters`` and ``time`` do not matter, and of ``initial`` only
+        ``reached_by``, to tendons with friction.
     tolerance : float
         Greatest estimated error of position, per length.
     guess : callable or (K,) array_like, optional
@@ -194,6 +196,16 @@ def solve_elastica(
     tolerance = CheckedArgument("tolerance", tolerance).number(1e-13, 1e-2)
     CheckedArgument("side", side).choice((1, -1))
     problem = read_problem(scene, extra_loads)
+    if problem.has_friction and problem.loaded:
+        # As the loads had bent the rod before its tendons were pulled; where they leave it no rest, from rest on.
+        with suppress(SolverError):
+            loaded = _solved(problem.unpulled, None, tolerance, stable, side)
+            problem = replace(problem, slid_from=loaded.curvature)
+    return _solved(problem, guess, tolerance, stable, side)
+
+
+def _solved(problem: RodProblem, guess: Guess | None, tolerance: float, stable: bool, side: int) -> Elastica:
+    """The equilibrium of a problem; arguments as in ``solve_elastica``."""
     equations = _first_equations(problem)
     descends = stable and problem.conservative
     curvature, iterations = _find(equations, guess, descends, side)

@@ -40,11 +40,11 @@ class RodEquations:
     The tension of a tendon that is wound up by y is what it is longer, (y - integral of e k) rounded off where it is
     slack, per its compliance c0 + integral of exp(-friction b) / EA.
 
-    Where links touch beyond a curvature c, the elastic moment grows by EI added (|k| - c), rounded off. Tendons slid
-    from the straight rod on, and each drive changes by the capstan law, by its own friction, negative where the rod
-    bends away from its tendon when that is pulled: b(s) is the integral of w |k| from the base, with |k| rounded off
-    to k^2 / sqrt(k^2 + (1e-3 rad / L)^2) and the way w = u / sqrt(u^2 + (1e-3 rad)^2) of the sliding u(s), the bend
-    beyond s. The mesh has panels between the problem's breaks.
+    Where links touch beyond a curvature c, the elastic moment grows by EI added (|k| - c), rounded off. Each drive
+    changes by the capstan law, by its own friction, negative where the rod bends away from its tendon when that is
+    pulled: b(s) is the integral of w |k| from the base, with |k| rounded off to k^2 / sqrt(k^2 + (1e-3 rad / L)^2) and
+    the way w = u / sqrt(u^2 + (1e-3 rad)^2) of the sliding u(s), the change of the bend beyond s since the shape from
+    which the tendons slid. The mesh has panels between the problem's breaks.
     """
 
     def __init__(self, problem: RodProblem, mesh: PanelMesh) -> None:
@@ -55,6 +55,8 @@ class RodEquations:
         self.bending_stiffness: Array = problem.profile.bending_stiffness(place) / problem.stiffness
         self.rest: Array = problem.length * problem.profile.rest_curvature(place)
         density = problem.profile.linear_density(place)
+        begun = problem.slid_from
+        self._begun: Array = self.rest if begun is None else problem.length * begun(place)
         self._density: Array = density / (mesh.weights @ density)
         self._force: Complex = np.asarray(problem.weight * (mesh.backward @ self._density), dtype=complex)
         for at, value in problem.dead:
@@ -184,7 +186,7 @@ class RodEquations:
         bend = mesh.forward @ (slid * size)
         if tendon.conduit_bend:
             # It slides there as at the base.
-            whole = float(mesh.weights @ curvature)
+            whole = float(mesh.weights @ (curvature - self._begun))
             root = float(np.hypot(whole, BEND_ROUNDING))
             bend = bend + tendon.conduit_bend * whole / root
             by_bend = by_bend + (tendon.conduit_bend * BEND_ROUNDING**2 / root**3) * mesh.weights
@@ -215,7 +217,7 @@ class RodEquations:
 
     def _ways(self, curvature: Array) -> tuple[Array, Array]:
         """Direction in which tendons slid, from -1 to 1, and its derivative by the bend beyond."""
-        slid = self.mesh.backward @ curvature
+        slid = self.mesh.backward @ (curvature - self._begun)
         root = np.sqrt(slid**2 + BEND_ROUNDING**2)
         return slid / root, BEND_ROUNDING**2 / root**3
 

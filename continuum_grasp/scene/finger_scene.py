@@ -75,10 +75,14 @@ class Initial(Value):
         """
         friction_states without reached_by=state: friction_states and reached_by: state need each other
         reached_by=state without friction_states: friction_states and reached_by: state need each other
+        path without reached_by=path: path and reached_by: path need each other
+        reached_by=path without path: path and reached_by: path need each other
+        path with motor_angles: has no effect: motors that stand at one angle are not commanded
         qd with pose: a named pose is at rest
-        {held_by,motor_angles} without pose=equilibrium
+        {held_by,motor_angles,path} without pose=equilibrium
         held_by.input: has no effect: what holds the finger is released at time zero
         held_by.{force,moment}.times: must be constant
+        path.{tip_moment,tensions,lengths,torques,angles,pressures}.times: must be constant
         """
     )
 
@@ -92,16 +96,24 @@ class Initial(Value):
     (clothoids)."""
     qd: Annotated[ListOf[Real], Unit("rad/s or 1/(m s)")] | None = None
     """Rates of the bending coordinates [rad/s] (arcs) or [1/(m s)] (clothoids)."""
-    reached_by: Literal["pulling", "releasing", "state"] | None = None
-    """Path by which the finger came to its posture, where tendons or bending have friction. pulling: from straight,
-    tendons slid and the finger was bent all the way; releasing: it was bent so much further, to the same side, that all
-    has slid back since, by twice its presliding or more; state: by ``friction_states``. None: nothing slid, and
-    friction is zero; an equilibrium needs one of the others."""
+    reached_by: Literal["pulling", "releasing", "path", "state"] | None = None
+    """Path by which the finger came to its posture, where tendons or bending have friction. pulling: from its unloaded
+    shape; weight and loads came first, then the drives pulled. releasing: the drives pulled so much further that all
+    has slid back since, by twice its presliding or more. path: through the inputs of ``path``. state: by
+    ``friction_states``. None: nothing slid, and friction is zero; an equilibrium needs one of the others."""
+    path: ListOf[Actuation] = ()
+    """Inputs through which the drives went, one after the other, before they came to those at time zero, as
+    ``[{tensions: [20, 0]}, {tensions: [5, 0]}]``."""
     friction_states: Annotated[ListOf[Real], Unit("1")] | None = None
     """Direction of friction in each friction cell, from -1 to 1 [1]: as ``x_names`` of the model lists them."""
     motor_angles: Annotated[ListOf[Real], Unit("rad")] | None = None
     """Angles at which motors stand in an equilibrium [rad], one per motor: held there by dry friction, a worm gear or a
     brake, whatever is commanded. A motion begins with the command from there. None: where the commands lead."""
+
+    @property
+    def without_history(self) -> Self:
+        """The same of a finger that has no friction, or another one."""
+        return self.replaced(reached_by=None, friction_states=None, path=())
 
     def _check(self) -> None:
         self._check_one_given("pose", "q")
@@ -174,7 +186,7 @@ class LoadedFinger(FingerScene):
     """One finger with gravity, contacts, inputs, loads and initial state: what a model is made of."""
 
     REFUSALS = Consumer.refusals(
-        "\n".join(f"actuation.{key} without finger.input_keys={key}: {TAKES}" for key in COMMANDS)
+        "\n".join(f"{{actuation,initial.path}}.{key} without finger.input_keys={key}: {TAKES}" for key in COMMANDS)
     )
 
     actuation: Actuation | None = None
@@ -188,15 +200,20 @@ class LoadedFinger(FingerScene):
         self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
         self.finger.rod.check_inside("initial.held_by[{}].at", (load.at for load in self.initial.held_by))
         if self.actuation is not None:
-            commands, finger = self.actuation.given, self.finger
-            for key in dict.fromkeys(finger.input_keys):
-                limits = [
-                    (finger_input.least, finger_input.most) for finger_input in finger.inputs if finger_input.key == key
-                ]
-                allowed = _ALLOWED.get(key, "what drive.torque_max allows, {:g} to {:g}")
-                finger.check_commands(f"actuation.{key}", commands.get(key, ()), limits, allowed)
+            self._check_commands("actuation", self.actuation)
+        for k, inputs in enumerate(self.initial.path):
+            self._check_commands(f"initial.path[{k}]", inputs)
         motors = sum(isinstance(drive, MotorDrive) for drive in self.finger.winches)
         self._check_count("initial.motor_angles", self.initial.motor_angles, motors, "drive.kind: motor")
+
+    def _check_commands(self, place: str, inputs: Actuation) -> None:
+        """Refuse commands that do not fit the drives and chambers, or are beyond their limits."""
+        finger, commands = self.finger, inputs.given
+        for key in dict.fromkeys(finger.input_keys):
+            limits = [each for each in finger.inputs if each.key == key]
+            allowed = _ALLOWED.get(key, "what drive.torque_max allows, {:g} to {:g}")
+            ends = [(each.least, each.most) for each in limits]
+            finger.check_commands(f"{place}.{key}", commands.get(key, ()), ends, allowed)
 
     @property
     def simulated(self) -> Self:

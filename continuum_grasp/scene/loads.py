@@ -150,3 +150,8 @@ class Actuation(Value):
     def values(self) -> tuple[float | Samples, ...]:
         """All commands, in the order of the inputs."""
         return tuple(value for values in self.given.values() for value in values)
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """All commands of an actuation that does not vary, in the order of the inputs."""
+        return tuple(value for value in self.values if not isinstance(value, Samples))

@@ -56,6 +56,7 @@ _BEYOND_THE_ROD = {
     # Of what is at rest, quadratic damping and relaxation are no part.
     **Consumer.unknown_laws("the exact rod", "finger.stops", "finger.damping.quadratic", "finger.damping.relaxation"),
     "initial.reached_by=state": "the exact rod has no friction cells: expected pulling or releasing",
+    "initial.reached_by=path": "the exact rod follows no path: expected pulling or releasing",
 }
 _EXACT_ROD = Consumer(
     "accuracy by the exact rod",

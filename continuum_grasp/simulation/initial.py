@@ -9,7 +9,7 @@ import numpy as np
 from continuum_grasp.base import Array, check_arguments
 from continuum_grasp.model import FingerModel, Memory, System
 from continuum_grasp.scene import Scene
-from continuum_grasp.simulation.rest import model_at_rest, rest_at, states_of_motors
+from continuum_grasp.simulation.resting import model_at_rest, rest_at, states_of_motors
 from continuum_grasp.simulation.signals import Signals
 
 
@@ -51,21 +51,26 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
     u = signals.u(0.0)[0]
     initial, n = scene.initial, model.n
     q, qd = np.zeros(n), np.zeros(n)
-    stands = np.zeros(0)
+    stands, rest = np.zeros(0), None
     if initial.q is not None:
         model.structure.check_initial(initial)
         q = np.array(initial.q, dtype=float)
         qd = np.zeros(n) if initial.qd is None else np.array(initial.qd, dtype=float)
     elif initial.pose == "equilibrium":
-        held = model_at_rest(scene, model, (*scene.loads, *initial.held_by))
-        rest = rest_at(scene, held)
+        # A model may have other friction cells than the scene says.
+        own = scene.replaced(finger=model.finger)
+        rest = rest_at(own, model_at_rest(own, model, (*scene.loads, *initial.held_by)))
         q, stands = rest.q, rest.u[: len(initial.motor_angles or ())]
     elif initial.pose == "straight":
         q = model.structure.straight()
     # Drives have reached what is commanded at time zero: nothing moves because of them.
     p = np.array(model.p_nominal)
-    history = model.friction_history(q, u, p, **model.structure.friction_of(initial, needed=False))
-    ways = model.friction_after(q, u, p, history)
+    if rest is not None:
+        ways = rest.friction_states
+    else:
+        # Coordinates, or the unloaded or straight shape, without loads that hold them: as if bent there by hand.
+        history = model.friction_history(q, u, p, **model.structure.friction_of(initial, needed=False))
+        ways = model.friction_after(q, u, p, history)
     at_rest = np.concatenate([stands, u[stands.size :]])
     drives = np.array(model.drives_at(q, at_rest, ways))
     if stands.size:

@@ -4,26 +4,21 @@
    down to Newton's method (C. T. Kelley, D. E. Keyes, SIAM J. Numer. Anal. 35 (1998), doi:10.1137/S0036142996304796).
 2. Judge the stability: by the least stiffness, or, without a potential, by the poles of the motion.
 3. An unstable one is left along its weakest direction, and 1 follows.
-4. Where tendons with friction are released, the shape decides which way they slid back: again until that settles.
+
+Friction is given here; ``friction_path`` says where it comes from.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, CheckedArgument, InputError, SolverError, check_arguments
+from continuum_grasp.base import Array, SolverError, check_arguments
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import Actuation, LengthDrive, Load, Scene
 from continuum_grasp.simulation.linearized import damping_matrix, in_mass_metric, poles
-from continuum_grasp.simulation.signals import Signals
 
 LOST = 3.0
 """Multiple of the declared bending range beyond which the model means nothing."""
@@ -36,6 +31,27 @@ _NEAR_BUCKLING, _NEAR_BUCKLING_ARCS = 0.02, 0.25
 error; the second for families of order 2, arcs, divided by the square of their number. Column under P: below 0.02, 2
 matched clothoids have errors of 4e-3 to 4e-2 of the length; arcs shift the buckling load by 0.21 of it over the square
 of their number."""
+
+
+@dataclass(frozen=True)
+class LoadState:
+    """What acts on a finger at rest: input u (nu,), forces w (nw,), parameters p (np,), and a further generalized force
+    ``held`` (n,), or none.
+    """
+
+    u: Array
+    w: Array
+    p: Array
+    held: Array | float = 0.0
+
+    def towards(self, other: LoadState, share: float) -> LoadState:
+        """A share [1] of the straight way to another one."""
+        return LoadState(
+            self.u + share * (other.u - self.u),
+            self.w + share * (other.w - self.w),
+            self.p + share * (other.p - self.p),
+            self.held + share * (other.held - self.held),
+        )
 
 
 @dataclass(frozen=True)
@@ -81,10 +97,11 @@ class RestingShape:
 
 
 class EquilibriumSearch:
-    """Equilibria of a model at given input, forces and parameters; ``history`` belongs to tendon friction."""
+    """Equilibria of a model under loads; ``history`` belongs to its friction."""
 
-    def __init__(self, model: FingerModel, u: Array, w: Array, p: Array, history: Array) -> None:
-        self._model, self._u, self._w, self._p, self._history = model, u, w, p, history
+    def __init__(self, model: FingerModel, under: LoadState, history: Array) -> None:
+        self._model, self._held, self._history = model, under.held, history
+        self._u, self._w, self._p = under.u, under.w, under.p
         self._friction = (history,) if history.size else ()
         self._core = Core(model, compiled=False)
 
@@ -92,6 +109,11 @@ class EquilibriumSearch:
         """The unloaded shape: elastic forces vanish."""
         force, stiffness = self._elasticity()
         return np.asarray(-np.linalg.solve(stiffness, force))
+
+    def _statics(self, q: Array) -> tuple[Array, Array]:
+        """Force that is missing in a shape, and its derivative."""
+        missing, stiffness = self._core.statics(q, self._u, self._w, self._p, *self._friction)
+        return missing + self._held, stiffness
 
     def _elasticity(self) -> tuple[Array, Array]:
         """Elastic force at q = 0 and its derivative; it is linear in q."""
@@ -113,7 +135,7 @@ class EquilibriumSearch:
                 q, iterations = self._descend(q + size * kick, iterations)
                 margin, _, steady = self._stability(q)
             warnings = (*self._checked(q), *self._buckling(q, margin))
-            missing = self._core.statics(q, self._u, self._w, self._p, *self._friction)[0]
+            missing = self._statics(q)[0]
         except np.linalg.LinAlgError as error:
             raise SolverError(
                 "no equilibrium found",
@@ -159,7 +181,7 @@ class EquilibriumSearch:
 
     def _descend(self, start: Array, iterations: int) -> tuple[Array, int]:
         q = start.copy()
-        missing, stiffness = self._core.statics(q, self._u, self._w, self._p, *self._friction)
+        missing, stiffness = self._statics(q)
         mass = self._core.mass_matrix(q, self._u, self._p)
         if not (np.all(np.isfinite(missing)) and np.all(np.isfinite(stiffness)) and np.all(np.isfinite(mass))):
             raise np.linalg.LinAlgError("not finite at the start")
@@ -177,7 +199,7 @@ class EquilibriumSearch:
             change = np.linalg.solve(stiffness + (shift + 2.0 * max(0.0, -weakest)) * mass, -missing)
             change *= min(1.0, limit / max(np.abs(change).max(), 1e-300))
             trial = q + change
-            after, stiffness_after = self._core.statics(trial, self._u, self._w, self._p, *self._friction)
+            after, stiffness_after = self._statics(trial)
             if not np.all(np.isfinite(after)):
                 shift = 10.0 * max(shift, rate)
                 continue
@@ -202,6 +224,7 @@ class EquilibriumSearch:
         """Size of the forces that balance, and that below which they may be rounding."""
         core, u, w, p = self._core, self._u, self._w, self._p
         parts = [
+            self._held,
             core.elastic(q, u, p),
             core.elastic(np.zeros_like(q), u, p),
             core.gravity(q, u, p),
@@ -210,12 +233,12 @@ class EquilibriumSearch:
         ]
         # Where nothing loads the finger, or tendons pull alike: a bend of a part in 1e4 of the range, of which the
         # tolerance is rounding.
-        floor = 1e-4 * np.abs(core.statics(q, u, w, p, *self._friction)[1]).max() * self._reach()
+        floor = 1e-4 * np.abs(self._statics(q)[1]).max() * self._reach()
         return float(max(np.abs(part).max(initial=0.0) for part in parts)), float(floor)
 
     def _stability(self, q: Array) -> tuple[float, Array, bool]:
         """Smallest stiffness eigenvalue in the metric of the mass matrix, its direction, and the verdict."""
-        _, stiffness = self._core.statics(q, self._u, self._w, self._p, *self._friction)
+        _, stiffness = self._statics(q)
         mass = self._core.mass_matrix(q, self._u, self._p)
         root, scaled, symmetric = in_mass_metric(mass, stiffness)
         values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
@@ -225,99 +248,3 @@ class EquilibriumSearch:
         # Without a potential the energy decides nothing: flutter shows in the motion alone (H. Ziegler, 1952).
         eigenvalues = poles(mass, stiffness, damping_matrix(self._core, q, self._u, self._p))
         return margin, direction, bool(eigenvalues.real.max() <= 1e-9 * np.abs(eigenvalues).max())
-
-
-def rest_at(scene: Scene, model: FingerModel, *, at: float = 0.0, **search: Any) -> RestingShape:
-    """Find a model's shape at rest under a scene's inputs and its own loads at an instant [s], time zero by default.
-
-    Where motors stand at ``initial.motor_angles``, tendons are as long as on winches that follow a length, behind a
-    play where there is one, and the input of the result balances the tensions without dry friction of the motors;
-    SolverError if that is more than their ``torque_max``.
-    """
-    angles = scene.initial.motor_angles
-    if angles is None:
-        signals, friction = Signals(scene, model), model.structure.friction_of(scene.initial)
-        return rest_under(model, signals.u(at)[0], signals.w(at)[0], **friction, **search)
-    motors, finger = model.structure.motors, scene.finger.with_drives(_locked)
-    wound = tuple(motor.radius * angle for motor, angle in zip(motors, angles, strict=True))
-    # Chambers beside the tendons have their pressures.
-    pressures = scene.actuation.values[len(wound) :] if scene.actuation else (0.0,) * len(finger.chambers)
-    held_at = wound if "lengths" in finger.input_keys else tuple(angles)
-    actuation = Actuation.of(finger.input_keys, (*held_at, *pressures))
-    same = scene.replaced(finger=finger, actuation=actuation, initial=scene.initial.replaced(motor_angles=None))
-    solution = rest_at(same, model_at_rest(same, model, model.loads), **search)
-    tensions = [] if solution.tensions is None else solution.tensions.tolist()
-    held = solution.u.copy()  # moments that are inputs come after the drives
-    for k, (motor, angle) in enumerate(zip(motors, angles, strict=True)):
-        least, greatest = motor.holding([angle], [tensions[j] for j in motor.tendons], 0.0)
-        if not math.isfinite(least + greatest):
-            raise SolverError(
-                "no equilibrium found",
-                status="torque limit",
-                violated=[f"motor {k + 1} does not balance its tendons at {angle:.4g} rad: {tensions} N"],
-                advice="raise tendons.drive.torque_max, or let initial.motor_angles wind up less",
-            )
-        held[k] = 0.5 * (least + greatest)
-    return replace(solution, model=model, u=held, p=np.array(model.p_nominal))
-
-
-def model_at_rest(scene: Scene, model: FingerModel, loads: Sequence[Load]) -> FingerModel:
-    """The elements of a model under other loads, whose inputs have no rates."""
-    accuracy = model.structure.accuracy
-    return FingerModel(
-        scene, family=model.family, elements=model.lengths, accuracy=accuracy, loads=loads, input_rates=False
-    )
-
-
-def _locked(drive: Any) -> Any:
-    """A winch that follows a length in place of a motor, or the motor that stands before its gear."""
-    if drive.gear_stiffness is None:
-        same = {key: getattr(drive, key) for key in ("arrangement", "pretension", "slack")}
-        return LengthDrive(kind="length", time_constant=1.0, **same)  # of no effect at rest
-    # A servo and a gear of twice the stiffness each yield together what the gear does.
-    stiffness = 2.0 * drive.gear_stiffness
-    servo = drive.replaced(gear_stiffness=stiffness, position_gain=stiffness, rate_gain=0.0)
-    return servo.unlimited()
-
-
-def rest_under(
-    model: FingerModel,
-    u: ArrayLike,
-    w: ArrayLike,
-    *,
-    guess: ArrayLike | None = None,
-    stable: bool = True,
-    side: int = 1,
-    reached_by: str = "pulling",
-    friction_states: ArrayLike | None = None,
-) -> RestingShape:
-    """Find the shape at rest under constant input and forces; arguments are as in ``equilibrium_under``."""
-    CheckedArgument("side", side).choice((1, -1))
-    CheckedArgument("reached_by", reached_by).choice(("pulling", "releasing", "state"))
-    command, forces, p = CheckedArgument("u", u).array(), CheckedArgument("w", w).array(), np.array(model.p_nominal)
-    start = None if guess is None else CheckedArgument("guess", guess).array()
-    if start is not None and (start.shape != (model.n,) or not np.all(np.isfinite(start))):
-        raise InputError(f"guess: expected {model.n} finite entries, got {start.tolist()}")
-    states = np.array(() if friction_states is None else friction_states, dtype=float).ravel()
-    count = len(model.friction_names)
-    if count and reached_by == "state" and states.size != count:
-        raise InputError(f"friction_states: expected {count} entries, got {states.tolist()}")
-    first = "pulling" if reached_by == "releasing" else reached_by
-    search = EquilibriumSearch(
-        model, command, forces, p, model.friction_history(np.zeros(model.n), command, p, first, states)
-    )
-    solution = search.find(search.rest() if start is None else start, stable, side)
-    # 8: searches in which the directions of friction settle
-    for _ in range(8 if reached_by == "releasing" else 0):
-        # The shape decides which way the tendons slid back; it seldom changes that.
-        history = model.friction_history(solution.q, command, p, reached_by)
-        if np.array_equal(history, solution.history):
-            break
-        solution = EquilibriumSearch(model, command, forces, p, history).find(solution.q, stable, side)
-    return solution
-
-
-def states_of_motors(model: FingerModel, drives: Array) -> list[Array]:
-    """Parts of the states of all drives that belong to each motor, which come last; views of the array."""
-    ends = np.cumsum([motor.states for motor in reversed(model.structure.motors)])
-    return np.split(drives, len(drives) - ends[::-1])[1:]

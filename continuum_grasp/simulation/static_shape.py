@@ -12,7 +12,8 @@ from continuum_grasp.base import Array, named_value
 from continuum_grasp.core import Core
 from continuum_grasp.results import Dimension, Picture, Result, Stored
 from continuum_grasp.scene import Scene
-from continuum_grasp.simulation.rest import RestingShape, states_of_motors
+from continuum_grasp.simulation.rest import RestingShape
+from continuum_grasp.simulation.resting import states_of_motors
 from continuum_grasp.simulation.tension_limits import TensionLimit, tension_limits
 from continuum_grasp.simulation.trajectory import acting_forces, error_text
 

@@ -10,7 +10,9 @@ from numpy.typing import ArrayLike
 from continuum_grasp.base import check_arguments
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Consumer, Load, Scene
-from continuum_grasp.simulation.rest import EquilibriumSearch, RestingShape, rest_at, rest_under
+from continuum_grasp.simulation.friction_path import FrictionPath
+from continuum_grasp.simulation.rest import LoadState
+from continuum_grasp.simulation.resting import rest_at, rest_under
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.static_shape import Equilibrium
 
@@ -84,6 +86,7 @@ def equilibrium_under(
     side: int = 1,
     reached_by: str = "pulling",
     friction_states: ArrayLike | None = None,
+    path: Sequence[ArrayLike] = (),
 ) -> Equilibrium:
     """Find the equilibrium of a model under constant input and forces.
 
@@ -101,11 +104,14 @@ def equilibrium_under(
         Whether to leave an unstable equilibrium for a stable one.
     side : {1, -1}
         Side to which it is left.
-    reached_by : {"pulling", "releasing", "state"}
-        Path of a finger with friction to this shape: from straight, where tendons slid and dry friction was bent all
-        the way; from a further bend, with all of them sliding back; or with ``friction_states``.
+    reached_by : {"pulling", "releasing", "path", "state"}
+        How a finger with friction came to this shape. ``pulling``: from its shape at rest under the forces, without
+        drives, to this input. ``releasing``: all that slid on this way has slid back from further. ``path``: through
+        the inputs of ``path`` first. ``state``: with ``friction_states``.
     friction_states : array_like, optional
         Direction of friction, per cell, from -1 to 1, for ``state``.
+    path : sequence of (K,) array_like
+        Inputs of drives and chambers that come before this one, in order, for ``path``.
 
     Examples
     --------
@@ -117,7 +123,15 @@ def equilibrium_under(
     [1.0]
     """
     found = rest_under(
-        model, u, w, guess=guess, stable=stable, side=side, reached_by=reached_by, friction_states=friction_states
+        model,
+        u,
+        w,
+        guess=guess,
+        stable=stable,
+        side=side,
+        reached_by=reached_by,
+        friction_states=friction_states,
+        path=path,
     )
     return Equilibrium.of(found)
 
@@ -159,15 +173,11 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
     w = signals.w(0.0)[0]
     p = np.array(model.p_nominal)
     gravity = [k for k, label in enumerate(model.p_names) if label.startswith("gravity_")]
-    path: list[RestingShape] = []
-    states = np.zeros(len(model.friction_names))
-    for factor in factors:
-        scaled = p.copy()
-        scaled[gravity] *= factor
-        arguments = model, factor * u, factor * w, scaled
-        q = path[-1].q if path else EquilibriumSearch(*arguments, np.zeros(0)).rest()
-        # A friction state follows what slides in the step as a stop does.
-        history = np.append(states - model.slid(q, u, scaled), 1.0) if states.size else states
-        path.append(EquilibriumSearch(*arguments, history).find(q, True, side))
-        states = path[-1].friction_states
-    return [Equilibrium.of(found) for found in path]
+
+    def scaled(factor: float) -> LoadState:
+        parameters = p.copy()
+        parameters[gravity] *= factor
+        return LoadState(factor * u, factor * w, parameters)
+
+    path = FrictionPath(model, scaled(0.0), side=side)
+    return [Equilibrium.of(path.go(scaled(factor))) for factor in factors]

@@ -81,6 +81,24 @@ def test_bends_at_rest_are_those_of_closed_forms_with_the_square_of_the_number_o
     assert few[2] < 1e-8
 
 
+@pytest.mark.parametrize("reached_by", ["pulling", "releasing"])
+def test_it_starts_in_the_balance_that_its_history_says(reached_by):
+    """A preshaped finger under 8 N: by the capstan law along it, and nothing moves."""
+    rest, friction, steps = -12.0, 0.3, 4000
+    tendon = PAIR | {"friction": friction, "min_tension": 8.0}
+    finger = {**STILL, "damping": {"material": 1e-12}, "tendons": [tendon], "rest_curvature": rest}
+    chain = Chain(finger, 40, initial={"pose": "equilibrium", "reached_by": reached_by})
+    tension, bent = 8.0, 0.0
+    for _ in range(steps):
+        curvature = rest + OFFSET * tension / STIFFNESS
+        bent += curvature * LENGTH / steps
+        lost = friction * abs(curvature) * LENGTH / steps
+        tension *= np.exp(-lost if reached_by == "pulling" else lost)
+    assert chain.angle == pytest.approx(bent, rel=2e-3)
+    before = chain.angle
+    assert chain.go([8.0], count=3) == pytest.approx(before, abs=1e-4)
+
+
 def test_it_moves_as_the_chain_of_the_tests_does_but_for_its_steps():
     chain = Chain({**PASSIVE, "tendons": pair(0.15)}, 16)
     pulls = [(1.0 + 9.0 * np.sin(0.04 * k) ** 2, 2.0) for k in range(80)]

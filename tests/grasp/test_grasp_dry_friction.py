@@ -21,7 +21,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import Damping, Finger, ForceLoad, MomentLoad, PointMass, Rod, Tendons, load
 from continuum_grasp.simulation import equilibrium_under
-from continuum_grasp.simulation.rest import EquilibriumSearch
+from continuum_grasp.simulation.rest import EquilibriumSearch, LoadState
 from tests import certificate_cases as cases
 from tests.grasp_scenes import CONFIGS
 
@@ -233,8 +233,8 @@ def test_histories_of_a_simulation_end_where_the_grasp_says():
             # The last step is that to the tensions of the grasp, under the forces that it has there.
             for share in [0.3, 0.6, *shares]:
                 # A stop follows the curvature from where it was.
-                given = model, share * u, share * w, np.array(model.p_nominal)
-                at = EquilibriumSearch(*given, np.append(states - sliding, 1.0)).find(q, True, 1)
+                under = LoadState(share * u, share * w, np.array(model.p_nominal))
+                at = EquilibriumSearch(model, under, np.append(states - sliding, 1.0)).find(q, True, 1)
                 states, sliding, q = at.friction_states, bent(model, at.q, u), at.q
             response = responder.to(np.concatenate([np.zeros(OBJECT), states]))
             arrays = {**found.arrays, **response.arrays}

@@ -287,13 +287,13 @@ def test_an_equilibrium_names_its_history():
 
 
 @pytest.mark.parametrize("parameters", [(), ("rest_curvature",)])
-def test_at_rest_a_tapered_tendon_has_slid_by_its_offset(parameters):
-    """Closed form: the curvature at rest times the integral of the offset beyond the middle of each cell."""
-    rest, tip, presliding = 4.0, 0.003, 20e-6
+def test_a_tapered_tendon_slides_by_its_offset_from_rest_on(parameters):
+    """Closed form: the curvature above rest times the integral of the offset beyond the middle of each cell."""
+    rest, bent, tip, presliding = 7.0, 4.0, 0.003, 20e-6
     tendon = {"offset": [OFFSET, tip], "max_tension": 60.0, "friction": 0.1, "presliding": presliding}
     whole = cg.Finger(**PASSIVE, tendons=[tendon], rest_curvature=rest)
     made = cg.FingerModel(whole, family="clothoid", elements=2, parameters=parameters)
     beyond = 1.0 - made.tension_places()[0] / LENGTH
-    drawn = rest * LENGTH * beyond * (OFFSET + (tip - OFFSET) * (1.0 - 0.5 * beyond))
-    slid = np.array(made.sliding()(np.zeros(made.n), [0.0], made.p_nominal)).ravel()
+    drawn = bent * LENGTH * beyond * (OFFSET + (tip - OFFSET) * (1.0 - 0.5 * beyond))
+    slid = np.array(made.sliding()(np.full(made.n, bent), [0.0], made.p_nominal)).ravel()
     assert slid == pytest.approx(drawn / math.hypot(1.0, (tip - OFFSET) / LENGTH) / presliding, rel=1e-12)

@@ -200,11 +200,13 @@ class PathBlock(MeasuredBlock):
         count = self._count
         x = np.zeros(model.nx)
         slope = np.zeros((model.nx, len(values)))
+        history: Array | None = None
         if self.own:
             x[: 2 * n], slope[: 2 * n, count:] = values[count:], np.eye(2 * n)
         elif self._shape is not None:
             last, settled = self.followed
             (resting,) = shapes = self._shape.all(values, last)
+            history = resting.history.value
             self.followed = shapes, settled
             x[:n], slope[:n] = resting.q
         elif self._initial.q is not None:
@@ -217,9 +219,10 @@ class PathBlock(MeasuredBlock):
         if self._late is not None:
             late[:, self._late] = row[model.nu :]
         u = row[: model.nu]
-        how = model.structure.friction_of(self._initial, needed=False)
-        # friction is that of the first shape, and goes on from there
-        history = model.friction_history((*self._passed, x[:n])[0], u, p, **how)
+        if history is None:
+            how = model.structure.friction_of(self._initial, needed=False)
+            # friction is that of the first shape, and goes on from there
+            history = model.friction_history((*self._passed, x[:n])[0], u, p, **how)
         x[2 * n :], slope[2 * n :] = self._start(Dual(x[:n], slope[:n]), Dual(u, late), Dual(p, self._turned), history)
         return Dual(x, slope)
 
@@ -274,10 +277,12 @@ def _start_function(model: FingerModel, passed: Sequence[Array]) -> Chained:
     if model.friction_names:
         # From shape to shape friction stays where it is, or slides.
         slid = [model.sliding()(shape, u, p) for shape in (*map(ca.SX, passed), q)]
-        # Of a tendon's state in a motion friction acts by the cubic, of which this is the inverse.
+        # Of a tendon's state in a motion friction acts by the cubic, of which this is the inverse; a history that goes
+        # beyond the range is less what slid before.
         count = model.structure.tendon_friction_states
-        of_tendons = 2.0 * ca.sin(ca.asin(history[:count]) / 3.0)
         clipped = model.structure.memory.clipped
+        way = clipped(history[:count])
+        of_tendons = 2.0 * ca.sin(ca.asin(way) / 3.0) + history[:count] - way
         states = ca.SX(clipped(ca.vertcat(of_tendons, history[count:-1]) + history[-1] * slid[0]))
         for before, now in pairwise(slid):
             states = ca.SX(clipped(states + now - before))

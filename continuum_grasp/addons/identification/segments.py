@@ -205,8 +205,7 @@ class CommandDesign:
         """
         finger = self._scene.finger.model_copy(update={"tendons": None, "pressure": None})
         alone = self._scene.model_copy(update={"finger": finger, "actuation": None, "loads": ()})
-        initial = alone.initial.model_copy(update={"reached_by": None, "friction_states": None})
-        spectrum = modes(alone.model_copy(update={"initial": initial}))
+        spectrum = modes(alone.model_copy(update={"initial": alone.initial.without_history}))
         return float(spectrum.frequencies_hz[0])
 
     def scene(self, scale: float) -> Scene:

@@ -219,7 +219,7 @@ class PlannedMotion:
         return [*self.tendon_friction, *self.motor_friction]
 
     def slid(self, q: Array, u: Array) -> Array:
-        """Sliding per presliding from the straight finger to coordinates q (n) under inputs u (nu), per friction state.
+        """Sliding per presliding from the unloaded finger to coordinates q (n) under inputs u (nu), per friction state.
 
         Of tendons, and of the motors that balance them.
         """

@@ -73,7 +73,8 @@ class SlidingStarts:
             return False
         now = self.x0[motion.friction_states]
         # Of a straight finger friction of tendons is none, whatever its states; motors turn theirs around soon.
-        turns = (np.abs(begin[:count]) > _SLIDES) & (ways * now < _TURNED)[:count]
+        bent = motion.scene.finger.profile.rest_curvature.constant != 0.0 or np.abs(begin[:count]) > _SLIDES
+        turns = bent & (ways * now < _TURNED)[:count]
         if (turns & (ways != 0.0)[:count]).any() or (ways * now < -_TURNED)[count:].any():
             return (yield from self._turning(change, warm))
         one_way = OneWay(ways, float(np.abs(change).max()) / motion.first_duration)

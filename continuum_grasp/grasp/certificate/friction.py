@@ -44,7 +44,7 @@ def cell_nodes(edges: Array, *breaks: Sequence[float]) -> tuple[Array, Array, ND
 class TendonFriction:
     """The friction cells of a finger's tendons, between the ends of its elements.
 
-    ``states`` (K,) belong to the cells; None: of tendons that slid from the straight finger on.
+    ``states`` (K,) belong to the cells; None: of tendons that slid from the unloaded finger on.
     """
 
     def __init__(self, setup: FingerSetup, shape: FingerShape, states: Array | None = None) -> None:
@@ -59,25 +59,36 @@ class TendonFriction:
         return np.diff(self.edges)
 
     @cached_property
-    def _halves(self) -> tuple[Array, Array]:
-        """Along the halves of each cell (K, 2) the turn of the finger where the tendons run, and what it draws in of
-        them per offset at the base.
-        """
+    def _drawn_in(self) -> Array:
+        """What bending from rest draws in of the tendons along the halves of each cell (K, 2), per base offset."""
         channel = self._shape.channels[0]
         profile = self._shape.profile
         ends = np.append(np.stack([self.edges[:-1], self.edges[:-1] + 0.5 * self._widths], axis=1), self.edges[-1])
         s, weights, half = cell_nodes(ends, profile.breaks, channel.shape.breaks)
-        bent = weights * self._shape.curvature(s)
-        drawn = channel.shape(s)
-        turned, path = (np.bincount(half, each, ends.size - 1) for each in (bent * (drawn != 0.0), bent * drawn))
-        return turned.reshape(-1, 2), path.reshape(-1, 2)
+        return np.bincount(half, weights * self._shape.elastic(s) * channel.shape(s), ends.size - 1).reshape(-1, 2)
+
+    @cached_property
+    def _turned(self) -> Array:
+        """Turn (K,) of the finger without sign along each cell, where the tendons run [rad].
+
+        It is that of the law of the model that is verified: rounded off, of each part between places where the finger
+        may bend to the other side at once.
+        """
+        channel, profile = self._shape.channels[0], self._shape.profile
+        inside = np.concatenate([self.edges, profile.breaks, channel.shape.breaks])
+        ends = np.unique(inside[(inside >= self.edges[0]) & (inside <= self.edges[-1])])
+        s, weights, part = cell_nodes(ends, profile.breaks, channel.shape.breaks)
+        turned = np.bincount(part, weights * self._shape.curvature(s) * (channel.shape(s) != 0.0), ends.size - 1)
+        cell = np.searchsorted(self.edges, 0.5 * (ends[1:] + ends[:-1])) - 1
+        rounding = 1e-3 * (self._widths / self.edges[-1])[cell]
+        return np.bincount(cell, turned**2 / np.sqrt(turned**2 + rounding**2), self._widths.size)
 
     @cached_property
     def pulled(self) -> Array:
-        """States (K,) of tendons that slid from the straight finger on: by the length drawn in beyond the middle of
+        """States (K,) of tendons that slid from the unloaded finger on: by the length drawn in beyond the middle of
         each cell.
         """
-        early, late = self._halves[1].T
+        early, late = self._drawn_in.T
         beyond = np.append(np.cumsum((early + late)[::-1])[::-1][1:], 0.0) + late
         # 1e-3: bend beyond a friction cell from which on it slides [rad]: that of the law that is verified
         return np.asarray(np.clip(beyond / 1e-3, -1.0, 1.0))
@@ -85,10 +96,7 @@ class TendonFriction:
     @cached_property
     def losses(self) -> Array:
         """Change (K,) of the logarithm of the tension across each cell, of a tendon on the -X side."""
-        turned = self._halves[0].sum(axis=1)
-        # The law of the model that is verified: of a constant curvature in a cell, without sign, and rounded off.
-        rounding = 1e-3 * self._widths / self.edges[-1]
-        return np.asarray(self._setup.tendons.friction * turned**2 / np.sqrt(turned**2 + rounding**2) * self.states)
+        return np.asarray(self._setup.tendons.friction * self._turned * self.states)
 
     def _shares(self, arm: float) -> tuple[Array, Array]:
         """Change of a tendon's tension across each cell, and its mean tension there per that at the base."""

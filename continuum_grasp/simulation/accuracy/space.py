@@ -22,7 +22,7 @@ from continuum_grasp.simulation.accuracy.elements import (
     whole_error,
 )
 from continuum_grasp.simulation.contacts import greatest_motion
-from continuum_grasp.simulation.rest import model_at_rest, rest_at
+from continuum_grasp.simulation.resting import model_at_rest, rest_at
 from continuum_grasp.simulation.run import integrate
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.trajectory import Trajectory, error_text
@@ -110,7 +110,7 @@ def at_both_ends(motion: Trajectory) -> Trajectory:
     reached_by = (scene.initial.reached_by or "pulling") if model.friction_names else None
     if reached_by == "state":  # friction states of these elements say nothing of finer ones
         return motion
-    held = scene.replaced(initial=Initial(pose="equilibrium", reached_by=reached_by))
+    held = scene.replaced(initial=Initial(pose="equilibrium", reached_by=reached_by, path=scene.initial.path))
     try:
         finer_scene = refined(held, model)
         finer = FingerModel(finer_scene, loads=model.loads, input_rates=False)

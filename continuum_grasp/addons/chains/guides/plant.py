@@ -13,7 +13,6 @@ from continuum_grasp.addons.chains.guides.system import ChainSystem
 from continuum_grasp.base import Array
 from continuum_grasp.closed_loop import PlantModel, SharedModel
 from continuum_grasp.model import System
-from continuum_grasp.scene import Scene
 
 
 class ChainPlant(PlantModel):
@@ -64,12 +63,8 @@ class ChainPlant(PlantModel):
         n = self.chain.n
         return ca.vertcat(self._x[n : 2 * n], ca.SX(self.nx - n, 1))
 
-    def _begun(self, scene: Scene, finger: Array, pose: list[float] | None) -> Array:
-        model = self.system.finger_model
-        q = finger[: model.n]
-        qd = finger[model.n : 2 * model.n]
-        drives = finger[2 * model.n : 2 * model.n + model.structure.drive_states]
-        x = self.chain.start(q, qd, drives, self.rest_input, scene.initial)
+    def _begun(self, finger: Array, pose: list[float] | None) -> Array:
+        x = self.chain.start(finger, self.rest_input)
         if pose is not None:
             x[self.system.object_states] = pose
         return x

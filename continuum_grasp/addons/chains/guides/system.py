@@ -30,7 +30,7 @@ from continuum_grasp.model import (
     Winch,
     column,
 )
-from continuum_grasp.scene import Consumer, ForceLoad, Initial, Scene
+from continuum_grasp.scene import Consumer, ForceLoad, Scene
 
 OF_FINGER = ("bending_stiffness", "material_damping", "tendon_friction")
 """Numbers of the finger that may be changed without compiling anew."""
@@ -309,21 +309,24 @@ class ChainSystem(Model):
 
     # -- the start ----------------------------------------------------------------------------------------------------
 
-    def start(self, q: Array, qd: Array, drives: Array, u: Array, initial: Initial) -> Array:
-        """State at rest in bends (N) under drives; guides have slid as a pose was ``reached_by``, or not at all."""
-        x = np.zeros(self.nx)
-        x[: self.n], x[self.n : 2 * self.n] = q, qd
+    def start(self, finger: Array, u: Array) -> Array:
+        """State at rest in the shape and with the friction that ``finger_model`` has in a state ``finger`` (nx,)."""
+        model, x = self.finger_model, np.zeros(self.nx)
+        bends, rates, drives, _ = np.split(finger, np.cumsum([self.n, self.n, model.structure.drive_states]))
+        # The model's bends count from the shape at rest.
+        q = bends + self.links.rest
+        x[: self.n], x[self.n : 2 * self.n] = q, rates
         x[self.first_other : self.first_other + len(drives)] = drives
         x[self.object_states] = self._touched.start
-        way = {"pulling": 1.0, "releasing": -1.0}.get(initial.reached_by or "", 0.0)
-        passed = list[Array]()
-        for tendon in self.tendons:
-            drawn = tendon.arms * q
-            beyond = np.cumsum(drawn[::-1])[::-1] - 0.5 * drawn
-            losses = way * np.sign(beyond) * tendon.friction * np.abs(q)
-            if tendon.conduit:
-                losses = np.append(way * np.sign(drawn.sum()) * tendon.friction * tendon.conduit, losses)
-            passed.append(np.exp(-np.cumsum([0.0, *losses[: tendon.guides]])))
+        ways = model.friction_in(finger)
+        passed = [np.ones(tendon.guides + 1) for tendon in self.tendons]
+        for cells in model.structure.cell_sets:
+            own, ways = np.split(ways, [cells.states])
+            for k, side in zip(cells.tendons, cells.sides, strict=True):
+                tendon = self.tendons[k]
+                bent = np.append(tendon.conduit, np.abs(q)) if tendon.conduit else np.abs(q)
+                losses = side * tendon.friction * own[: tendon.guides] * bent[: tendon.guides]
+                passed[k] = np.exp(-np.cumsum([0.0, *losses]))
         compliances = [float(tendon.gives @ shares) for tendon, shares in zip(self.tendons, passed, strict=True)]
         paths = [float(tendon.arms @ q) for tendon in self.tendons]
         tensions = self._pulls(x[self.first_other :], u, compliances, paths)

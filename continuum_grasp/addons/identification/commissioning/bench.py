@@ -67,7 +67,7 @@ class Bench:
     def __init__(self, scene: ControlScene, friction: bool = False, compiled: bool = True) -> None:
         self.scene = scene
         finger = scene.finger
-        initial = scene.initial.replaced(reached_by=None, friction_states=None)
+        initial = scene.initial.without_history
         finger = finger.with_tendons(friction=0.0) if finger.has_tendon_friction else finger
         # A tip moment that depends on the shape, as friction makes it, is not for all families.
         plant: dict[str, Any] = {"fidelity": scene.fidelity}

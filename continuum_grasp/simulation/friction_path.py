@@ -1,0 +1,165 @@
+"""How a finger with friction comes to its shape: equilibria along a path of inputs and loads.
+
+Friction remembers: the same tensions hold a finger in many shapes, and the path there says in which one it is. Nothing
+has slid in the unloaded shape. Weight and loads come first, while the drives are idle, and then what the drives do.
+
+A leg of the path is one equilibrium, in which each friction state is a stop of what slides from the start of the leg to
+its end. That is exact as long as nothing slides to and fro within the leg. The rates of sliding at both ends show where
+it does; such a leg is followed in halves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from continuum_grasp.base import Array, SolverError
+from continuum_grasp.core import Core
+from continuum_grasp.model import FingerModel
+from continuum_grasp.simulation.rest import EquilibriumSearch, LoadState, RestingShape
+
+_HALVINGS = 8
+"""Halvings of a leg, at most [1]: 2 N of a pull of 500 N, or 20 um of 5 mm that slide, a usual presliding."""
+_TURNED = 0.05
+"""Change of a friction state [1] that a turn within a leg may be worth: 2.5 % of the range from -1 to 1, less than what
+the friction cells leave."""
+_NEARBY = 1e-4
+"""Share of a leg over which rates along it are taken [1]: small against the rounding of slack tendons, and large
+against rounding."""
+_PLACES = np.linspace(0.0, 1.0, 9)[1:]
+"""Places along a leg at which sliding is compared [1]."""
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A shape on the path, and the friction states there."""
+
+    under: LoadState
+    q: Array
+    states: Array
+
+
+class FrictionPath:
+    """Equilibria of a model along a path of loads, each with the friction that the path leaves.
+
+    It begins in the unloaded shape, which a generalized force holds under the first load until the path goes on.
+    """
+
+    def __init__(self, model: FingerModel, first: LoadState, *, stable: bool = True, side: int = 1) -> None:
+        self._model, self._stable, self._side = model, stable, side
+        self._core = Core(model, compiled=False)
+        self._count = len(model.friction_names)
+        none, rest = np.zeros(self._count), EquilibriumSearch(model, first, np.zeros(0)).rest()
+        place = _Place(first, rest, none)
+        missing, _ = self._statics(place, first)
+        self._place = replace(place, under=replace(first, held=-missing))
+
+    @property
+    def q(self) -> Array:
+        """Shape (n,) to which the path has come."""
+        return self._place.q
+
+    @property
+    def loaded(self) -> bool:
+        """Whether the first load moves the finger out of its unloaded shape."""
+        held, (_, stiffness) = np.abs(self._place.under.held), self._statics(self._place, self._place.under)
+        # 1e-9: bend per bending range that is none: above rounding
+        return bool(held.max() > 1e-9 * np.abs(stiffness).max() * self._reach)
+
+    @property
+    def _reach(self) -> float:
+        model = self._model
+        return float(model.structure.family.coordinate_size(min(model.ranges), max(model.lengths)))
+
+    def go(self, end: LoadState, guess: Array | None = None) -> RestingShape:
+        """Follow the path to another load; the last search begins at a ``guess`` where there is one.
+
+        Raises
+        ------
+        SolverError
+            If the path is lost.
+        """
+        found = self._leg(self._place, end, guess, _HALVINGS)
+        self._place = _Place(end, found.q, found.friction_states)
+        return found
+
+    def released(self, pulled: RestingShape, before: Array) -> RestingShape:
+        """The shape from which all slid back that slid one way from the shape ``before`` (n,) to a pulled one.
+
+        Where nothing slid, nothing says from which side it came, and friction is none.
+        """
+        found, none = pulled, np.zeros(1)
+        under = LoadState(pulled.u, pulled.w, pulled.p)
+        # 8: searches in which the directions of friction settle: the shape decides them, and seldom changes them
+        for _ in range(8):
+            slid = self._slid(found.q, under) - self._slid(before, under)
+            # 1e-6: sliding per its range that is none: far above rounding
+            history = np.append(np.where(np.abs(slid) > 1e-6, -np.sign(slid), 0.0), none)
+            if np.array_equal(history, found.history):
+                break
+            search = EquilibriumSearch(self._model, under, history)
+            found = search.find(found.q, self._stable, self._side)
+        return found
+
+    def _slid(self, q: Array, under: LoadState) -> Array:
+        return self._model.slid(q, under.u, under.p)
+
+    def _history(self, place: _Place, states: Array) -> Array:
+        """History by which friction is a stop of what slides from a place on."""
+        return np.append(states - self._slid(place.q, place.under), 1.0) if self._count else np.zeros(0)
+
+    def _statics(self, place: _Place, under: LoadState) -> tuple[Array, Array]:
+        """Missing force and stiffness, where what slides at a place slides on."""
+        # 1e-6: beyond its range, a state does not change with what slides
+        states = np.where(np.abs(place.states) >= 1.0, (1.0 + 1e-6) * place.states, place.states)
+        history = (self._history(place, states),) if self._count else ()
+        missing, stiffness = self._core.statics(place.q, under.u, under.w, under.p, *history)
+        return missing + under.held, stiffness
+
+    def _leg(self, start: _Place, end: LoadState, guess: Array | None, halvings: int) -> RestingShape:
+        history = self._history(start, start.states)
+        try:
+            search = EquilibriumSearch(self._model, end, history)
+            found = search.find(start.q if guess is None else guess, self._stable, self._side)
+        except SolverError:
+            if not halvings or not self._count:
+                raise
+        else:
+            if not halvings or not self._turns(start, _Place(end, found.q, found.friction_states)):
+                return found
+        middle = start.under.towards(end, 0.5)
+        half = self._leg(start, middle, None, halvings - 1)
+        return self._leg(_Place(middle, half.q, half.friction_states), end, guess, halvings - 1)
+
+    def _turns(self, start: _Place, end: _Place) -> bool:
+        """Whether something slides to and fro between two places, by the cubic with what slides at both."""
+        if not self._count:
+            return False
+        change = self._slid(end.q, end.under) - self._slid(start.q, start.under)
+        rates = [
+            self._rates(start, end.under, _NEARBY),
+            self._rates(end, start.under, -_NEARBY),
+        ]
+        # Slopes up to thrice the secant, to the same side, leave a cubic monotone (F. N. Fritsch, R. E. Carlson, 1980,
+        # doi:10.1137/0717021), as friction that wears off does.
+        first, last = (
+            np.where(rate * change > 0.0, np.sign(change) * np.minimum(np.abs(rate), 3.0 * np.abs(change)), rate)
+            for rate in rates
+        )
+        states = start.states
+        before: Array = np.zeros(self._count)
+        for t in _PLACES:
+            slid = t * (1.0 - t) ** 2 * first + t**2 * (3.0 - 2.0 * t) * change - t**2 * (1.0 - t) * last
+            states, before = np.clip(states + slid - before, -1.0, 1.0), slid
+        return bool(np.abs(states - end.states).max() > _TURNED)
+
+    def _rates(self, place: _Place, other: LoadState, share: float) -> Array:
+        """Rates of sliding (states,) at a place per leg, towards another load or, of a negative share, from there."""
+        near = place.under.towards(other, abs(share))
+        missing, stiffness = self._statics(place, place.under)
+        try:
+            change = np.linalg.solve(stiffness, missing - self._statics(place, near)[0])
+        except np.linalg.LinAlgError:
+            return np.zeros(self._count)
+        return (self._slid(place.q + change, near) - self._slid(place.q, place.under)) / share
