@@ -34,8 +34,8 @@ class Fidelity(Value):
 
     DEFAULT_RANGE: ClassVar = 2.0 * math.pi / 3.0
     """Bending range of one element by default [rad]; equation (44) of the paper."""
-    WIDEST: ClassVar = 20.0
-    """Greatest bending range [rad]: the series for arcs are then off by 5e-9, by cancellation; at one turn by 4e-15."""
+    WIDEST: ClassVar = 40.0
+    """Greatest bend of one element [rad], six turns: clothoids then need all of 32 quadrature nodes."""
 
     tolerance: Annotated[float, Field(ge=1e-9, le=0.5, examples=[0.005, "0.5 %"]), Unit("1")] | None = None
     """Greatest error of position per length, and of frequency where the scene moves [1], such as 0.005 or 0.5 %.
