@@ -352,16 +352,16 @@ class FingerModel(Model):
 
     def with_accuracy(self, accuracy: float) -> FingerModel:
         """Model of the same finger, evaluated with another accuracy."""
-        return self._remade({"accuracy": accuracy})
+        finger, options = self.structure.asked
+        changed: ModelOptions = {**options, "accuracy": accuracy}
+        return FingerModel(finger, **changed)
 
     def reaching(self, bends: ArrayLike) -> FingerModel:
         """Model of the same finger, with the same coordinates, evaluated up to greater bends (elements,) [rad]."""
         reached = np.maximum(self.ranges, np.minimum(np.asarray(bends, dtype=float), Fidelity.WIDEST))
-        return self._remade({"reached": reached.tolist()})
-
-    def _remade(self, changed: ModelOptions) -> FingerModel:
         finger, options = self.structure.asked
-        return FingerModel(finger, **{**options, **changed})
+        changed: ModelOptions = {**options, "reached": reached.tolist()}
+        return FingerModel(finger, **changed)
 
     def slid(self, q: Array, u: Array, p: Array) -> Array:
         """Values of `sliding` (states,) in a shape at rest."""

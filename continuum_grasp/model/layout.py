@@ -214,7 +214,7 @@ def rest_bends(lengths: Sequence[float], finger: Finger) -> NDArray[np.float64]:
         # At a jump both sides, each from inside.
         values = np.concatenate([side for s in parts for side in (rest(s[:-1], tip_side=True), rest(s[1:]))])
         extremes.append((values.min(), values.max()))
-    return np.array(extremes).T * np.asarray(lengths)
+    return np.asarray(np.array(extremes).T * np.asarray(lengths))
 
 
 def element_ranges(

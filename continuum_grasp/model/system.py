@@ -130,6 +130,7 @@ class System(Model):
         object_parameters: Sequence[str] = (),
         **options: Unpack[ModelOptions],
     ) -> None:
+        self._asked = given, surroundings, object_parameters, options
         self.finger_model = model = FingerModel(given, **options)
         if surroundings is None and isinstance(given, Surroundings):
             surroundings = given
@@ -143,6 +144,13 @@ class System(Model):
         touches = touching_nothing if around is None else partial(Contacts, around, rod=model.finger.rod)
         super().__init__(model.structure.beside(touches, more))
         self.touch_names = [pair.name for pair in self._equations.contacts.pairs]
+
+    def reaching(self, bends: Sequence[float]) -> System:
+        """System of the same finger, evaluated up to greater bends (elements,) [rad]; see ``FingerModel.reaching``."""
+        given, surroundings, object_parameters, options = self._asked
+        reached = self.finger_model.reaching(bends).ranges
+        changed: ModelOptions = {**options, "reached": reached}
+        return System(given, surroundings=surroundings, object_parameters=object_parameters, **changed)
 
     @property
     def touch_law(self) -> TouchLaw | None:

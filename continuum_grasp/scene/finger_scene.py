@@ -142,17 +142,6 @@ class FingerScene(Configuration):
     """Names of model parameters that stay run-time arguments of the generated functions and controllers."""
 
     @property
-    def stated_ranges(self) -> list[float]:
-        """Greatest bending range of each element [rad]; empty where the scene does not say how many there are, or where
-        stops are what limits them.
-        """
-        elements, reach = self.fidelity.elements, self.fidelity.bending_range
-        if elements is None or (reach is None and self.finger.stops is not None):
-            return []
-        count = elements if isinstance(elements, int) else len(elements)
-        return [Fidelity.DEFAULT_RANGE if reach is None else reach] * count
-
-    @property
     @abstractmethod
     def simulated(self) -> LoadedFinger:
         """The scene as models and simulations take it."""

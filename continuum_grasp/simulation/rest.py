@@ -136,8 +136,10 @@ class EquilibriumSearch:
             raise SolverError(
                 "the equilibrium found bends an element further than it can be evaluated",
                 status="beyond the bending range",
-                violated=[f"element {k + 1} is bent by {use[k] * self._model.ranges[k]:.3g} rad, expected at most "
-                f"{self._model.ranges[k]:.3g} rad"],
+                violated=[
+                    f"element {k + 1} is bent by {use[k] * self._model.ranges[k]:.3g} rad, expected at most "
+                    f"{self._model.ranges[k]:.3g} rad"
+                ],
                 advice="take more elements, lower the loads, or give a guess nearer to the shape",
             )
         return self._model.limit_warnings(use[None])
@@ -171,7 +173,8 @@ class EquilibriumSearch:
 
     def _reach(self) -> float:
         """Typical size of a bending coordinate."""
-        return float(self._model.structure.family.coordinate_size(min(self._model.structure.spans), max(self._model.lengths)))
+        made = self._model.structure
+        return float(made.family.coordinate_size(min(made.spans), max(made.lengths)))
 
     def _descend(self, start: Array, iterations: int) -> tuple[Array, int]:
         q = start.copy()
