@@ -233,14 +233,25 @@ class Structure:
         turns = any(runtime(f"tip_body_{key}") for key in ("inertia", "across", "along"))
         return "tendon friction" if runtime("tendon_friction") else "a body at the tip that turns" if turns else ""
 
-    def coordinate_limits(self, lengths: Sequence[float] | None = None) -> list[float]:
-        """Greatest absolute value of each coordinate (n) at which elements of these lengths [m] use up their spans."""
+    def coordinate_limits(self) -> list[float]:
+        """Greatest absolute value of each coordinate (n) at which elements use up their spans."""
+        return self._tightest(self.spans, self.lengths)[: self.n]
+
+    def coordinate_bounds(self, lengths: Sequence[float]) -> tuple[list[float], list[float]]:
+        """Least and greatest value of each coordinate (n) at which no element of these lengths [m] leaves its range."""
+        least, greatest = self.rest_bends * (np.array(lengths) / self.lengths)
+        lows = self._tightest((self.ranges + least).tolist(), lengths)
+        highs = self._tightest((self.ranges - greatest).tolist(), lengths)
+        return [-low for low in lows[: self.n]], highs[: self.n]
+
+    def _tightest(self, bends: Sequence[float], lengths: Sequence[float]) -> list[float]:
+        """Size of each full coordinate at which it bends an element above rest by its part of ``bends`` [rad]."""
         limits = [math.inf] * self.family.size
-        for k, (reach, h) in enumerate(zip(self.spans, self.lengths if lengths is None else lengths, strict=True)):
+        for k, (bend, h) in enumerate(zip(bends, lengths, strict=True)):
             # Neighbors may share a coordinate: the tighter one limits it.
             for a in self.family.local(k):
-                limits[a] = min(limits[a], self.family.coordinate_size(reach, h) / self.family.peak(k, a))
-        return limits[: self.n]
+                limits[a] = min(limits[a], self.family.coordinate_size(bend, h) / self.family.peak(k, a))
+        return limits
 
     def straight(self) -> Array:
         """Coordinates (n) of the straight finger, or near it where the shape at rest is not one of the family's."""
