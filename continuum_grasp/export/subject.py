@@ -307,12 +307,12 @@ def _greatest_rates(
     NumericalError where it is not finite.
     """
     rng = np.random.default_rng(0)  # a package must come out the same every time
-    bounds = np.array([(field.low, field.high) for field in states[: model.n]]).T
+    low, high = np.array([(field.low, field.high) for field in states[: model.n]]).T
     radius = 0.0
     resolved = 0.0
     moving = model if touching is None else touching
     for p in _corners(moving, parameters, rng):
-        for shape in _shapes(*bounds, rng):
+        for shape in _shapes(low, high, rng):
             for rest, u in _driven(model, shape, p[: model.np]):
                 x = np.concatenate([shape, np.zeros(model.n), rest])
                 x[model.n : 2 * model.n] = model.rates_sprung_back(x, u, p[: model.np])

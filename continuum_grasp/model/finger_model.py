@@ -358,7 +358,9 @@ class FingerModel(Model):
 
     def reaching(self, bends: ArrayLike) -> FingerModel:
         """Model of the same finger, with the same coordinates, evaluated up to greater bends (elements,) [rad]."""
-        reached = np.maximum(self.ranges, np.minimum(np.asarray(bends, dtype=float), Fidelity.WIDEST))
+        # Up to the next hundredth: elements that bend alike share their code.
+        rounded = np.minimum(np.ceil(100.0 * np.asarray(bends, dtype=float)) / 100.0, Fidelity.WIDEST)
+        reached = np.where(np.asarray(bends) > self.ranges, rounded, self.ranges)
         finger, options = self.structure.asked
         changed: ModelOptions = {**options, "reached": reached.tolist()}
         return FingerModel(finger, **changed)

@@ -7,7 +7,7 @@ import numpy as np
 from continuum_grasp.base import InputError, SolverError, check_arguments
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import Initial, Scene
+from continuum_grasp.scene import Scene
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.rest import model_at_rest, rest_at
 from continuum_grasp.simulation.signals import Signals
@@ -44,8 +44,10 @@ def bends_of(scene: Scene, model: FingerModel) -> list[float]:
     shares = [np.asarray(core.range_use(initial_state(scene, model)[: model.n], signals.u(0.0)[0], p))]
     acts = scene.actuation is not None or scene.loads
     if acts and scene.object is None:
-        reached_by = "pulling" if model.friction_names else None
-        held = scene.replaced(initial=Initial(pose="equilibrium", reached_by=reached_by))
+        reached_by = scene.initial.reached_by or ("pulling" if model.friction_names else None)
+        held = scene.replaced(
+            initial=scene.initial.replaced(pose="equilibrium", q=None, qd=None, reached_by=reached_by)
+        )
         at_rest = model_at_rest(held, model, model.loads)
         resting = Core(at_rest, compiled=False)
         for at in signals.instants(np.inf):
