@@ -218,15 +218,17 @@ def rest_bends(lengths: Sequence[float], finger: Finger) -> NDArray[np.float64]:
 
 
 def element_ranges(
-    spans: Sequence[float], rest: NDArray[np.float64], reached: Sequence[float] | None
+    spans: Sequence[float], rest: NDArray[np.float64], reached: Sequence[float] | None, *, stated: bool
 ) -> tuple[float, ...]:
     """Greatest bend [rad] up to which each element is evaluated, its bend at rest included.
 
-    That is the span where the shape at ``rest``, of `rest_bends`, takes less than half of it, and else leaves half of
-    it on both sides; more where a shape has ``reached`` more.
+    That is the span where the shape at ``rest``, of `rest_bends`, takes less than half of it, or of a ``stated`` one
+    less than all; else half of the span is left on both sides of that shape. More where a shape has ``reached`` more.
     """
+    bent = np.abs(rest).max(axis=0)
     # 0.5: slightly preshaped fingers have the terms and nodes of straight ones, and each can bend on.
-    ranges = np.maximum(spans, np.abs(rest).max(axis=0) + 0.5 * np.array(spans))
+    taken = bent if stated else 2.0 * bent
+    ranges = np.where(taken < spans, spans, bent + 0.5 * np.array(spans))
     return tuple((ranges if reached is None else np.maximum(ranges, reached)).tolist())
 
 

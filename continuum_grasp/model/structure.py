@@ -110,9 +110,10 @@ class Structure:
             self.lengths = open_lengths(self.finger, breaks)
         self.spans = element_spans(self.lengths, choices["bending_range"], self.finger)
         self.rest_bends = rest_bends(self.lengths, self.finger)
-        self.ranges = element_ranges(self.spans, self.rest_bends, choices["reached"])
+        stated = choices["bending_range"] is not None
+        self.ranges = element_ranges(self.spans, self.rest_bends, choices["reached"], stated=stated)
         if self.finger.winches:
-            self._stay_within_arms(stated=choices["bending_range"] is not None)
+            self._stay_within_arms(stated=stated)
         self.parameters = Parameters(
             self.finger, (gravity[0], gravity[1]), self.lengths, tuple(choices["parameters"] or ())
         )

@@ -233,7 +233,7 @@ class CommandedScene(FingerScene, Surroundings):
         profile = self.finger.profile
         bent = max(map(abs, profile.rest_curvature.extremes))
         if stated is not None:
-            return [max(stated, bent * h + 0.5 * stated) for h in lengths]
+            return [stated if bent * h < stated else bent * h + 0.5 * stated for h in lengths]
         driven = 2.0 * self.greatest_moment / min(profile.bending_stiffness.extremes)
         return [bent * h + max(self.fidelity.DEFAULT_RANGE, driven * h) for h in lengths]
 

@@ -155,7 +155,9 @@ def _bending_range(scene: Scene, truth: Truth, lengths: tuple[float, ...]) -> fl
         limit = float(scene.finger.curvature_limit_at(np.linspace(start, start + h, 9)).max())
         wanted = max(wanted, h * min(reach, limit))
         start += h
-    return next((r for r in RANGES if r >= wanted), None)
+    # Beyond one turn more elements are cheaper, where their number is open.
+    further = wanted if scene.fidelity.elements is not None and wanted <= Fidelity.WIDEST else None
+    return next((r for r in RANGES if r >= wanted), further)
 
 
 @dataclass(frozen=True)
