@@ -108,19 +108,19 @@ def test_stumpff_functions_are_exact_over_many_turns(reach):
         truth = [math.cos(angle)] + [
             float(w @ ((1.0 - v) ** (k - 1) * np.cos(v * angle))) / math.factorial(k - 1) for k in range(1, 8)
         ]
-        assert found == pytest.approx(truth, abs=2e-14)
+        assert found == pytest.approx(truth, abs=1e-13)
 
 
 def test_the_range_of_a_winch_ends_before_its_tendon_turns_inside_out():
     """A stated one is refused there; a finger that is bent so far at rest, too."""
     drive = {"kind": "length", "time_constant": 0.05}
-    tendons = {"offset": 0.1, "max_tension": 10.0, "drive": drive}
+    tendons = {"offset": 0.1, "max_tension": 10.0, "series_stiffness": 1e4, "drive": drive}
     finger = Finger.model_validate({"rod": ROD, "tendons": tendons})
     (reach, _) = FingerModel(finger, elements=2).ranges
     assert reach == pytest.approx(2 * math.pi / 3)
     short = Finger.model_validate({"rod": ROD, "tendons": {**tendons, "offset": 0.2}})
     assert FingerModel(short, elements=2).ranges[0] == pytest.approx(0.9 * 0.3 / 0.2)
-    with pytest.raises(InputError, match="may bend by 1.6 rad"):
+    with pytest.raises(InputError, match=r"may bend by 1\.6 rad"):
         FingerModel(short, elements=2, bending_range=1.6)
-    with pytest.raises(InputError, match="is bent at rest by 1.8 rad"):
+    with pytest.raises(InputError, match=r"is bent at rest by 1\.8 rad"):
         FingerModel(short.replaced(rest_curvature=6.0), elements=2)
