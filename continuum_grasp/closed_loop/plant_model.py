@@ -341,7 +341,7 @@ class PlantModel(Remade):
 
     @cached_property
     def range_use(self) -> ca.SX:
-        """Share of the declared bending range that each element uses."""
+        """Share of its bending range that each element uses."""
         return self.system.range_use(*self._of_system)
 
     @cached_property

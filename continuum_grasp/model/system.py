@@ -77,7 +77,7 @@ class System(Model):
     | tip                   | x, u, p           | r (2) [m], world |
     | bending               | x, u, p           | bend of each element [rad] |
     | curvature             | x, u, p           | kappa [1/m]: at the nodes of clothoids, one per arc |
-    | range_use             | x, u, p           | use of the declared bending range, per element [1] |
+    | range_use             | x, u, p           | use of the bending range, per element [1] |
     | touch                 | x, u, w, p        | gap [m], normal_force, friction, lift [N], force, point, normal |
     | slip                  | x, u, w, p        | speed [m/s] at which surfaces move along each other, (K)        |
     | energy                | x, u, p           | kinetic, potential [J] |

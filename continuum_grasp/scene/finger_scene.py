@@ -52,9 +52,12 @@ class Fidelity(Value):
     jumps of the rest curvature; with stops as many, up to 16, as bend by one turn at most where links touch. For a
     grasp None is eight, or 16 where exact rods take clearly other forces."""
     bending_range: Annotated[float, Field(ge=1e-3, le=WIDEST, examples=[2.5]), Unit("rad")] | None = None
-    """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature); None: 2 pi / 3, or
-    less where there are more than four elements, which share 8 pi / 3, or the strain limit allows less;
-    with stops 1.5 times the bend at which links touch where that is more, up to 20 rad."""
+    """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature), the bend at rest
+    included, that controllers, grasps and C packages allow. None: chosen. Equilibria and motions choose by the shapes
+    that they meet, packages by the scene's inputs and loads too, controllers and plans by the angles that are asked
+    for. All begin with 2 pi / 3, or less where more than four elements share 8 pi / 3 or the strain limit allows less;
+    with stops with 1.5 times the bend at which links touch where that is more; half of that range is left beyond the
+    shape at rest. The most is 40 rad."""
     accuracy: Annotated[float, Field(ge=1e-16, le=1e-2, examples=[1e-6]), Unit("1")] | None = None
     """Relative accuracy to which the chosen family is evaluated over the bending range (Horner terms, quadrature
     nodes) [1]; None: rounding for arcs, and for clothoids about as small as their discretization error."""

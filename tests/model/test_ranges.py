@@ -114,7 +114,7 @@ def test_stumpff_functions_are_exact_over_many_turns(reach):
 def test_the_range_of_a_winch_ends_before_its_tendon_turns_inside_out():
     """A stated one is refused there; a finger that is bent so far at rest, too."""
     drive = {"kind": "length", "time_constant": 0.05}
-    tendons = {"offset": 0.1, "max_tension": 10.0, "series_stiffness": 1e4, "drive": drive}
+    tendons = {"offset": 0.1, "max_tension": 10.0, "axial_stiffness": 1e4, "series_stiffness": 1e4, "drive": drive}
     finger = Finger.model_validate({"rod": ROD, "tendons": tendons})
     (reach, _) = FingerModel(finger, elements=2).ranges
     assert reach == pytest.approx(2 * math.pi / 3)
