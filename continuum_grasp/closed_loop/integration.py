@@ -52,6 +52,6 @@ class Integration(Remade):
         states, valid = self.run(begin, count, 1, step, u, rows, model.p)
         why = (
             "the plant's state is not finite after t = {time} s (last finite state {last}): its loads or inputs bend "
-            "it beyond the valid range of its model; see plant.fidelity.bending_range and loads"
+            "it further than its elements can; see plant.fidelity.elements and loads"
         )
         return states[0], int(valid[0]), why

@@ -60,7 +60,8 @@ class PlantModel(Remade):
     ``plant_scene``. What of finger and object ``parameters`` name may be changed without compiling anew, by assigning
     to ``p``; ``drive_time_constant`` of commanded tensions is the last one there. ``falls``: w has a last entry
     ``friction_fall [1]``, by whose share friction is less than the parameter ``friction_factor`` has it. ``outside``
-    has entries of w, by name, as functions of instants [s], on top of the scene's loads.
+    has entries of w, by name, as functions of instants [s], on top of the scene's loads. Elements are evaluated up to
+    bends ``reached`` (elements,) [rad] at least.
 
     A scene with ``plant.guides`` takes the plant of an add-on.
     """
@@ -86,7 +87,9 @@ class PlantModel(Remade):
         parameters: Sequence[str] = (),
         object_parameters: Sequence[str] = (),
         falls: bool = False,
+        reached: Sequence[float] | None = None,
     ) -> None:
+        self._reached = reached
         self.control, self.scene = scene, self.plant_scene(scene) if given is None else given
         varies = given is None and scene.object_moves
         finger = self.scene.finger
@@ -159,6 +162,7 @@ class PlantModel(Remade):
             input_rates=FAMILIES[family].matches_tip or None,
             parameters=self.parameters,
             object_parameters=self.object_parameters,
+            reached=self._reached,
         )
 
     def __getstate__(self) -> tuple[Array, dict[str, Callable[[Array], Array]]]:
@@ -337,7 +341,7 @@ class PlantModel(Remade):
 
     @cached_property
     def range_use(self) -> ca.SX:
-        """Share of the declared bending range that each element uses."""
+        """Share of its bending range that each element uses."""
         return self.system.range_use(*self._of_system)
 
     @cached_property

@@ -76,7 +76,7 @@ class Readings:
         return self._rows(ca.vec(where), x, u, w).reshape(len(x), len(at), 2)
 
     def range_use(self, x: Array, u: Array, w: Array) -> Array:
-        """Share of the plant's declared bending range that each element uses (K, elements)."""
+        """Share of its bending range that each element of the plant uses (K, elements)."""
         return self._rows(self.plant.range_use, x, u, w)
 
     def contacts(self, x: Array, u: Array, w: Array) -> ContactHistory | None:

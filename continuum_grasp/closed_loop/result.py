@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.base import Array, amount_text, split_unit
 from continuum_grasp.closed_loop.bags import Topics, columns_of_rows, named_topics, write_topics
+from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.readings import Bound, Metrics, PhaseTimes, Readings, violation_of
 from continuum_grasp.closed_loop.tracking import Tracked, amount, missed_setpoints, rms, tracked_groups, tracking_of
 from continuum_grasp.control import Adapted, ControlLog, spread
@@ -342,13 +343,29 @@ class ControlRun(MotionResult):
                     f"{beyond}; likely cause: a start or a setpoint beyond it, a low penalty, or a finger that differs "
                     "from the model (more clearance, or a tighter bound)"
                 )
-        use = self.readings.range_use(self.x, self._inputs, self.w)
+        use = self._range_use
         if use.max(initial=0.0) > 1.0:
             warnings.append(
-                f"the plant is bent to {use.max():.2f} times its declared range, where its model loses accuracy: raise "
-                "plant.fidelity.bending_range"
+                f"the plant is bent to {use.max():.2f} times its bending range, where its model loses accuracy: take "
+                "more plant.fidelity.elements"
             )
         return tuple(warnings)
+
+    @cached_property
+    def _range_use(self) -> Array:
+        """Share of its bending range that each element of the plant uses at each instant (K + 1, elements)."""
+        return self.readings.range_use(self.x, self._inputs, self.w)
+
+    def wider_plant(self) -> PlantModel | None:
+        """The plant's model, evaluated as far as it was bent; None where it is already, or as far as can be."""
+        plant = self.readings.plant
+        peaks = self._range_use.max(axis=0, initial=0.0)
+        if peaks.max() <= 1.0 or plant.control.plant.guides is not None:
+            return None
+        ranges = plant.system.finger_model.ranges
+        # 1.25: range per bend of a motion that left the range before, of which twice the range can be believed
+        wider = PlantModel(plant.control, reached=(1.25 * np.minimum(peaks, 2.0) * ranges).tolist())
+        return None if wider.system.finger_model.ranges == ranges else wider
 
     @property
     def _inputs(self) -> Array:

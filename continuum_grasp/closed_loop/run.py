@@ -118,8 +118,13 @@ def run_closed_loop(
     model = control.prediction
     tried = Plant(scene, model, control.period) if plant is None else plant
     rows = Setpoints.of(Outputs.of(scene.controller.cost, model), scene.reference, functions).rows
-    loop = FingerLoop(scene, control, tried, rows)
-    (run,), error = FingerLoop.run_together([loop], scene.duration, progress, began=began)
+    while True:
+        loop = FingerLoop(scene, control, tried, rows)
+        (run,), error = FingerLoop.run_together([loop], scene.duration, progress, began=began)
+        wider = None if plant is not None or isinstance(error, Interrupted) else run.wider_plant()
+        if wider is None:
+            break
+        tried = Plant(scene, model, control.period, wider)
     if error is not None:
         error.result = run
         raise error

@@ -87,7 +87,7 @@ class Prediction(Remade):
         friction = map(Contacts.friction_parameter, stations) if "contact_friction" in scene.disturbances else ()
         self._own_lag = scene.lag if "tip_moment" in finger.input_keys else None
         matches_tip = FAMILIES[scene.model_family].matches_tip
-        self.system = System(
+        system = System(
             finger,
             surroundings=scene.surroundings,
             object_parameters=(*(("object_x", "object_y") if moved else ()), *friction),
@@ -104,7 +104,8 @@ class Prediction(Remade):
             tip_force=tip_force,
             input_rates=(matches_tip and self._own_lag is not None) or None,
         )
-        system = self.system
+        reached = scene.reached(system.finger_model.ranges)
+        self.system = system = system if reached is None else system.reaching(reached)
         lag_names = ["tip_moment [N m]", "tip_moment_rate [N m/s]"] if self._own_lag is not None else []
         self.x_names = (*system.x_names, *lag_names)
         self.u_names = tuple(system.u_names[: len(scene.input_limits[0])])
@@ -117,16 +118,6 @@ class Prediction(Remade):
         self.p_nominal = (*system.p_nominal, *[0.0] * system.nw, *extra.values())
         self.nx, self.nu, self.np = len(self.x_names), len(self.u_names), len(self.p_names)
         self.x, self.u, self.p = (_symbols(names) for names in (self.x_names, self.u_names, self.p_names))
-
-    @property
-    def greatest_moment(self) -> float:
-        """Greatest bending moment that inputs, or tensions within their limits, exert at the base [N m]."""
-        finger = self.scene.finger
-        channels = [c for c in finger.channels if any(c.arms)]
-        if not channels:
-            return _greatest((1.0,), self.scene.input_limits)
-        limits = [pull.least for pull in finger.pulls], [pull.most for pull in finger.pulls]
-        return sum(abs(c.gain) * _greatest(c.arms, limits) for c in channels)
 
     @property
     def driven(self) -> tuple[DriveState, ...]:
@@ -144,7 +135,7 @@ class Prediction(Remade):
             DriveState(
                 state,
                 arms,
-                _greatest(arms, limits),
+                self.scene.greatest_sum(arms, *limits),
                 lag,
                 (state + 1,) if "_rate [" in "".join(self.x_names[state + 1 : state + 2]) else (),
             )
@@ -419,8 +410,3 @@ def _drives(scene: CommandedScene) -> list[tuple[tuple[float, ...], float | None
         lags += [chamber.time_constant for chamber in finger.chambers]
         drives = [(tuple(np.eye(inputs)[k - len(lags)].tolist()), lag) for k, lag in enumerate(lags)]
     return drives
-
-
-def _greatest(arms: tuple[float, ...], limits: tuple[Sequence[float], Sequence[float]]) -> float:
-    extremes = np.array(limits) * np.array(arms)
-    return float(max(extremes.max(axis=0).sum(), -extremes.min(axis=0).sum()))

@@ -65,12 +65,13 @@ class ModelFields:
         return tuple(fields)
 
     def states(self, parameters: Sequence[Field] = ()) -> tuple[Field, ...]:
-        """Entries of the state: bends within the declared range, rates, drives and friction states around usual ones.
+        """Entries of the state: bends within their ranges, rates, drives and friction states around usual ones.
 
         Bends reach as far as the ranges of ``parameters`` let them.
         """
         model = self.finger
-        reach = _reach(model, parameters)
+        lows, highs = _bounds(model, parameters)
+        reach = [max(-low, high) for low, high in zip(lows, highs, strict=True)]
         states = identifiers(model.friction_names)
         stiffness = _greatest(parameters, "bending_stiffness", model.finger.rod.stiffness)
         # E I / L times an angle is the moment that bends the whole rod by it.
@@ -78,7 +79,7 @@ class ModelFields:
         fields = []
         for k, field in enumerate(_fields(model, model.x_names)):
             if k < model.n:
-                fields.append(field.within(-reach[k], reach[k], reach[k]))
+                fields.append(field.within(lows[k], highs[k], reach[k]))
             elif k < 2 * model.n:
                 fields.append(field.around(_USUAL_RATE * reach[k - model.n]))
             elif field.name in states:
@@ -156,12 +157,12 @@ def _fields(model: FingerModel, labels: Sequence[str]) -> list[Field]:
     return [replace(field, text=_description(model, field.name)) for field in Field.named(labels)]
 
 
-def _reach(model: FingerModel, parameters: Sequence[Field]) -> list[float]:
-    """Greatest absolute value of each coordinate within the declared bending ranges."""
+def _bounds(model: FingerModel, parameters: Sequence[Field]) -> tuple[list[float], list[float]]:
+    """Least and greatest value of each coordinate within the bending ranges."""
     lengths = [_greatest(parameters, f"element_lengths_{k + 1}", h) for k, h in enumerate(model.lengths)]
     if len(lengths) == 1:
         lengths = [_greatest(parameters, "element_lengths", lengths[0])]
-    return model.structure.coordinate_limits(lengths)
+    return model.structure.coordinate_bounds(lengths)
 
 
 def _greatest(parameters: Sequence[Field], name: str, value: float) -> float:

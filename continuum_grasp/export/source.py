@@ -26,7 +26,7 @@ from continuum_grasp.scene import (
     kinds,
     load,
 )
-from continuum_grasp.simulation import resolve_fidelity
+from continuum_grasp.simulation import bends_of, resolve_fidelity
 
 _MEANT = re.compile(r"[^\w .,:;()+=%'/-]")
 """Characters that may mean something in a comment of C, in XML, CMake, pkg-config or Markdown."""
@@ -130,7 +130,8 @@ def source_of(given: Given, real: CReal, finger: str | None = None) -> ModelSour
             key="given",
         )
     scene, _ = resolve_fidelity(described)
-    model = _of_precision(FingerModel(scene), real)
+    model = FingerModel(scene)
+    model = _of_precision(model.reaching(bends_of(scene, model)), real)
     step = scene.time.step if scene.time is not None else None
     return ModelSource(
         model, title_of(scene), _origin_of(scene), step, scene.model_dump(mode="json"), surroundings=scene

@@ -307,12 +307,12 @@ def _greatest_rates(
     NumericalError where it is not finite.
     """
     rng = np.random.default_rng(0)  # a package must come out the same every time
-    reach = np.array([field.high for field in states[: model.n]])
+    low, high = np.array([(field.low, field.high) for field in states[: model.n]]).T
     radius = 0.0
     resolved = 0.0
     moving = model if touching is None else touching
     for p in _corners(moving, parameters, rng):
-        for shape in _shapes(reach, rng):
+        for shape in _shapes(low, high, rng):
             for rest, u in _driven(model, shape, p[: model.np]):
                 x = np.concatenate([shape, np.zeros(model.n), rest])
                 x[model.n : 2 * model.n] = model.rates_sprung_back(x, u, p[: model.np])
@@ -364,16 +364,18 @@ def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Arr
     return [(np.array([*drive, *[z] * count]), u) for drive in drives for z in structure.stiffest_friction]
 
 
-def _shapes(reach: Array, rng: np.random.Generator) -> Array:
-    """Straight, every bend at a limit (half of them, since the others mirror them), and in between."""
-    count = len(reach)
+def _shapes(low: Array, high: Array, rng: np.random.Generator) -> Array:
+    """At rest, every bend at a limit (half of them, where the others mirror them), and in between."""
+    count = len(low)
     # 32: shapes within the bending range, as many again: the radius is not monotonic in the shape
     between = rng.uniform(-1.0, 1.0, (32, count))
     if 2 ** (count - 1) <= _CORNERS:
         signs = np.array([(1.0, *rest) for rest in itertools.product((-1.0, 1.0), repeat=count - 1)])
     else:
         signs = np.where(rng.integers(0, 2, (_CORNERS, count)) == 1, 1.0, -1.0)
-    return np.vstack([np.zeros(count), signs, between]) * reach
+    mirrored = np.zeros((0, count)) if np.array_equal(-low, high) else -signs
+    shares = np.vstack([np.zeros(count), signs, mirrored, between])
+    return np.where(shares > 0.0, shares * high, -shares * low)
 
 
 def _corners(model: FingerModel | System, parameters: Sequence[Field], rng: np.random.Generator) -> list[Array]:

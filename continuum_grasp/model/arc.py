@@ -22,7 +22,7 @@ from continuum_grasp.model.graded import CurvatureShapes, GradedLink, measured_r
 from continuum_grasp.model.link import Bias, Inertia, Link, LinkSection, is_end
 from continuum_grasp.model.planar import Rotation, Scalar, Vec, weighted_sum
 from continuum_grasp.model.stumpff_functions import ROUNDING, stumpff
-from continuum_grasp.scene import ONE_TURN, Curve
+from continuum_grasp.scene import Curve
 
 _MOMENTS = ((1.0,), (1.0, -1.0), (1.0, -2.0, 2.0))
 """Weights of c_1, c_2, ... in the cosine part of J_0, J_1, J_2, by integration by parts."""
@@ -170,7 +170,7 @@ class ArcFamily(Family):
             shapes = self._shapes(element)
             # 1e-6: accuracy of the evaluation of arcs whose mass is spread unevenly, where none is asked for: a
             # thousandth of what 8 arcs are off by
-            rule = measured_rule(shapes, min(reach, ONE_TURN), self.accuracy or 1e-6)
+            rule = measured_rule(shapes, reach, self.accuracy or 1e-6)
             return GradedLink(local, shapes, rod, reach, rule, 0.0)
         rest = mean(mesh, element, mesh.rest) if rod.rest is None else rod.rest
         theta, accuracy = local[0] + h * rest, self.accuracy or self.default_accuracy

@@ -280,7 +280,7 @@ class Equations:
 
     @cached_property
     def range_use(self) -> list[Scalar]:
-        """Share of the declared bending range that each element uses."""
+        """Share of its bending range that each element uses."""
         peaks = [reduce(ca.fmax, [ca.fabs(ca.SX(bend)) for bend in bends]) for bends in self.greatest_bends]
         return [peak / reach for peak, reach in zip(peaks, self._structure.ranges, strict=True)]
 

@@ -44,9 +44,12 @@ class FingerModel(Model):
         uniform rod. Default: two, or one per segment between contacts and jumps of rest curvature, stiffness or density
         where that is more; with stops as many, up to 16, as bend by one turn at most where links touch.
     bending_range : float, optional
-        Greatest bend of an element [rad] (for clothoids: its length times its greatest curvature); 2 pi / 3, or less
-        where there are more than four elements, which share 8 pi / 3, or the finger's strain limit allows less; with
-        stops 1.5 times the bend at which links touch where that is more, up to 6.3 rad.
+        Greatest bend of an element [rad] (for clothoids: its length times its greatest curvature), the bend at rest
+        included. Default: 2 pi / 3, or less where there are more than four elements, which share 8 pi / 3, or the
+        finger's strain limit allows less; with stops 1.5 times the bend at which links touch where that is more. Half
+        of that range is left beyond the shape at rest, where it bends that far.
+    reached : sequence of float, optional
+        Bends [rad] up to which each element is evaluated at least; see ``reaching``.
     accuracy : float, optional
         Relative accuracy of the evaluation over the bending range; sets Horner terms and quadrature nodes.
     parameters : sequence of str, optional
@@ -75,7 +78,7 @@ class FingerModel(Model):
     lengths : tuple of float
         Element lengths [m].
     ranges : tuple of float
-        Declared bending range of each element [rad].
+        Greatest bend [rad], the bend at rest included, up to which each element is evaluated.
     n, nx, nu, nw, np : int
         Numbers of coordinates q, states x, inputs u, force components w and parameters p.
     q_names, x_names, u_names, w_names, p_names : list of str
@@ -108,7 +111,7 @@ class FingerModel(Model):
     | joints           | q, u, p             | r (2, N) [m], world, angle (N) [rad], of the elements' end sections |
     | energy           | x, u, p             | kinetic, potential [J] |
     | bending          | q, u, p             | bend of each element [rad] |
-    | range_use        | q, u, p             | use of the declared bending range, per element [1] |
+    | range_use        | q, u, p             | use of the bending range, per element [1] |
     | internal         | x, u, p             | M, K, D (n, n): inertia, elasticity, damping [Q s2/q, Q/q, Q s/q] |
     | statics          | q, u, w, p (, history) | Q (n) [Q], K (n, n) [Q/q]: missing for equilibrium, and dQ/dq |
     | linearization    | x, u, w, p          | A (nx, nx) [1/s x/x], B (nx, nu) [1/s x/u] |
@@ -286,7 +289,7 @@ class FingerModel(Model):
         return np.vstack([straight if start is None else start, straight, spread])
 
     def limit_warnings(self, use: Array, t: ArrayLike | None = None) -> tuple[str, ...]:
-        """Warnings about bends beyond the declared range and of strains beyond the limit.
+        """Warnings about bends beyond the ranges and of strains beyond the limit.
 
         ``use`` (T, elements) is the share of its bending range that each element uses, at instants (T,) [s] of a
         motion.
@@ -306,9 +309,8 @@ class FingerModel(Model):
                 )
             if beyond.size and reach < limit * length * (1 - 1e-9):
                 warnings.append(
-                    f"element {k + 1} is bent beyond its declared range of {reach:.3g} rad{first(beyond)} "
-                    f"(greatest: {use[:, k].max():.2f} times the range), where the model loses its accuracy: "
-                    f"{'take more elements' if reach >= Fidelity.WIDEST else 'raise fidelity.bending_range'}"
+                    f"element {k + 1} is bent beyond its range of {reach:.3g} rad{first(beyond)} (greatest: "
+                    f"{use[:, k].max():.2f} times the range), where the model loses its accuracy: take more elements"
                 )
         return tuple(warnings)
 
@@ -355,6 +357,30 @@ class FingerModel(Model):
         """Model of the same finger, evaluated with another accuracy."""
         finger, options = self.structure.asked
         changed: ModelOptions = {**options, "accuracy": accuracy}
+        return FingerModel(finger, **changed)
+
+    def reaching(self, bends: ArrayLike) -> FingerModel:
+        """Make the model of the same finger, with the same coordinates, that is evaluated up to greater bends.
+
+        Parameters
+        ----------
+        bends : (elements,) array_like
+            Greatest bend of each element [rad], the bend at rest included; no range becomes smaller by them, and none
+            greater than 40 rad.
+
+        Examples
+        --------
+        >>> import continuum_grasp as cg
+        >>> finger = cg.Finger(rod=cg.Rod(length=0.18, linear_density=0.02, bending_stiffness=0.01))
+        >>> model = cg.FingerModel(finger, family="arc", elements=2)
+        >>> model.reaching([9.0, 0.0]).ranges == (9.0, model.ranges[1])
+        True
+        """
+        # Up to the next hundredth: elements that bend alike share their code.
+        rounded = np.minimum(np.ceil(100.0 * np.asarray(bends, dtype=float)) / 100.0, Fidelity.WIDEST)
+        reached = np.where(np.asarray(bends) > self.ranges, rounded, self.ranges)
+        finger, options = self.structure.asked
+        changed: ModelOptions = {**options, "reached": reached.tolist()}
         return FingerModel(finger, **changed)
 
     def slid(self, q: Array, u: Array, p: Array) -> Array:

@@ -19,6 +19,7 @@ from continuum_grasp.scene import (
     ForceLoad,
     Load,
     MomentLoad,
+    Panels,
     Profile,
 )
 
@@ -173,11 +174,12 @@ def _given(length: float, contacts: Sequence[float], lengths: list[float]) -> tu
     return tuple(lengths)
 
 
-def element_ranges(lengths: Sequence[float], bending_range: float | None, finger: Finger) -> tuple[float, ...]:
-    """Bending range of each element [rad]: as declared, or the default, or less where the strain limit allows less.
+def element_spans(lengths: Sequence[float], bending_range: float | None, finger: Finger) -> tuple[float, ...]:
+    """Bend [rad] that each element has above its shape at rest: as declared, or by default.
 
     By default a finger of many elements bends by 240 degrees as a whole, and twice as sharply anywhere; thin parts bend
-    more than thick ones, and each by its share where there are stops, or as far as these let it, up to 20 rad.
+    more than thick ones, and each by its share where there are stops, or as far as these let it. A strain limit may
+    allow less.
     """
     if bending_range is not None:
         if not 0.0 < bending_range <= Fidelity.WIDEST:
@@ -201,6 +203,33 @@ def element_ranges(lengths: Sequence[float], bending_range: float | None, finger
     allowed = np.minimum(WHOLE_RANGE * shares, Fidelity.DEFAULT_RANGE)
     allowed = np.maximum(allowed, np.minimum(_beyond_stops(finger, lengths), Fidelity.WIDEST))
     return tuple(np.minimum(allowed, limits * lengths).tolist())
+
+
+def rest_bends(lengths: Sequence[float], finger: Finger) -> NDArray[np.float64]:
+    """Least and greatest rest curvature on each element, times the element's length (2, elements) [rad]."""
+    rest, whole = finger.profile.rest_curvature, finger.rod.length
+    extremes = []
+    for a, b in itertools.pairwise([0.0, *itertools.accumulate(lengths)]):
+        parts = [np.linspace(*part, _LOOKED) for part in Panels.of(whole, (rest,), a, b)]
+        # At a jump both sides, each from inside.
+        values = np.concatenate([side for s in parts for side in (rest(s[:-1], tip_side=True), rest(s[1:]))])
+        extremes.append((values.min(), values.max()))
+    return np.asarray(np.array(extremes).T * np.asarray(lengths))
+
+
+def element_ranges(
+    spans: Sequence[float], rest: NDArray[np.float64], reached: Sequence[float] | None, *, stated: bool
+) -> tuple[float, ...]:
+    """Greatest bend [rad] up to which each element is evaluated, its bend at rest included.
+
+    That is the span where the shape at ``rest``, of `rest_bends`, takes less than half of it, or of a ``stated`` one
+    less than all; else half of the span is left on both sides of that shape. More where a shape has ``reached`` more.
+    """
+    bent = np.abs(rest).max(axis=0)
+    # 0.5: slightly preshaped fingers have the terms and nodes of straight ones, and each can bend on.
+    taken = bent if stated else 2.0 * bent
+    ranges = np.where(taken < spans, spans, bent + 0.5 * np.array(spans))
+    return tuple((ranges if reached is None else np.maximum(ranges, reached)).tolist())
 
 
 def place_at(at: float, lengths: Sequence[float]) -> ChainPlace:

@@ -168,6 +168,7 @@ class ModelOptions(TypedDict, total=False):
     family: str | None
     elements: int | Sequence[float] | None
     bending_range: float | None
+    reached: Sequence[float] | None
     accuracy: float | None
     parameters: Sequence[str] | None
     loads: Sequence[ForceLoad | MomentLoad] | None

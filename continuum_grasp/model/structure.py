@@ -18,7 +18,15 @@ from continuum_grasp.model.chain import ChainPlace
 from continuum_grasp.model.family import Family, Mesh
 from continuum_grasp.model.laws import laws_of
 from continuum_grasp.model.laws.section import STATEFUL, Kind
-from continuum_grasp.model.layout import element_lengths, element_ranges, open_lengths, place_at, with_breaks
+from continuum_grasp.model.layout import (
+    element_lengths,
+    element_ranges,
+    element_spans,
+    open_lengths,
+    place_at,
+    rest_bends,
+    with_breaks,
+)
 from continuum_grasp.model.memory import RETURN_SHARE, Memory
 from continuum_grasp.model.parameters import Choices, ModelOptions, Parameters
 from continuum_grasp.model.stations import Touches, touching_nothing
@@ -101,9 +109,12 @@ class Structure:
             continuous = Family.named(family).continuous
             breaks = with_breaks(self.contacts, self.finger, loads, continuous=continuous)
             self.lengths = open_lengths(self.finger, breaks)
-        self.ranges = element_ranges(self.lengths, choices["bending_range"], self.finger)
+        self.spans = element_spans(self.lengths, choices["bending_range"], self.finger)
+        self.rest_bends = rest_bends(self.lengths, self.finger)
+        stated = choices["bending_range"] is not None
+        self.ranges = element_ranges(self.spans, self.rest_bends, choices["reached"], stated=stated)
         if self.finger.winches:
-            self._check_within_arms()
+            self._stay_within_arms(stated=stated)
         self.parameters = Parameters(
             self.finger, (gravity[0], gravity[1]), self.lengths, tuple(choices["parameters"] or ())
         )
@@ -163,16 +174,23 @@ class Structure:
         """Whether there is something that the finger may touch."""
         return self.touches is not touching_nothing
 
-    def _check_within_arms(self) -> None:
-        """Refuse bends that would turn the path of a tendon on a winch inside out."""
+    def _stay_within_arms(self, *, stated: bool) -> None:
+        """End ranges before bends that turn the path of a tendon on a winch inside out; refuse stated ones beyond."""
         arm = max(tendon.greatest_offset for tendon in self.finger.tendon_list)
+        within = []
         for k, (reach, h) in enumerate(zip(self.ranges, self.lengths, strict=True)):
-            if arm * reach >= h:
+            bent = float(np.abs(self.rest_bends[:, k]).max())
+            if arm * (reach if stated else bent) >= h:
+                what, key = ("may bend", "bending_range") if stated else ("is bent at rest", "finger.rest_curvature")
+                bent = reach if stated else bent
                 raise InputError(
-                    f"element {k + 1} may bend by {reach:.3g} rad, to a radius of {h / reach:.3g} m, within the "
-                    f"tendons' offset of {arm:.3g} m: expected a smaller range",
-                    key="bending_range",
+                    f"element {k + 1} {what} by {bent:.3g} rad, to a radius of {h / bent:.3g} m, within the "
+                    f"tendons' offset of {arm:.3g} m: expected less",
+                    key=key,
                 )
+            # 0.9: share of the bend at which the path has no length left
+            within.append(reach if arm * reach < h else bent + 0.9 * (h / arm - bent))
+        self.ranges = tuple(within)
 
     def check_initial(self, initial: Initial) -> None:
         """Raise InputError where coordinates or rates at time zero are not as many as the model has."""
@@ -217,17 +235,25 @@ class Structure:
         turns = any(runtime(f"tip_body_{key}") for key in ("inertia", "across", "along"))
         return "tendon friction" if runtime("tendon_friction") else "a body at the tip that turns" if turns else ""
 
-    def coordinate_limits(self, lengths: Sequence[float] | None = None) -> list[float]:
-        """Greatest absolute value of each coordinate (n) at which no element of these lengths [m] is over its range.
+    def coordinate_limits(self) -> list[float]:
+        """Greatest absolute value of each coordinate (n) at which elements use up their spans."""
+        return self._tightest(self.spans, self.lengths)[: self.n]
 
-        Above the shape at rest.
-        """
+    def coordinate_bounds(self, lengths: Sequence[float]) -> tuple[list[float], list[float]]:
+        """Least and greatest value of each coordinate (n) at which no element of these lengths [m] leaves its range."""
+        least, greatest = self.rest_bends * (np.array(lengths) / self.lengths)
+        lows = self._tightest((self.ranges + least).tolist(), lengths)
+        highs = self._tightest((self.ranges - greatest).tolist(), lengths)
+        return [-low for low in lows[: self.n]], highs[: self.n]
+
+    def _tightest(self, bends: Sequence[float], lengths: Sequence[float]) -> list[float]:
+        """Size of each full coordinate at which it bends an element above rest by its part of ``bends`` [rad]."""
         limits = [math.inf] * self.family.size
-        for k, (reach, h) in enumerate(zip(self.ranges, self.lengths if lengths is None else lengths, strict=True)):
+        for k, (bend, h) in enumerate(zip(bends, lengths, strict=True)):
             # Neighbors may share a coordinate: the tighter one limits it.
             for a in self.family.local(k):
-                limits[a] = min(limits[a], self.family.coordinate_size(reach, h) / self.family.peak(k, a))
-        return limits[: self.n]
+                limits[a] = min(limits[a], self.family.coordinate_size(bend, h) / self.family.peak(k, a))
+        return limits
 
     def straight(self) -> Array:
         """Coordinates (n) of the straight finger, or near it where the shape at rest is not one of the family's."""

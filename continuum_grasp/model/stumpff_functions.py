@@ -9,11 +9,13 @@ which has no division and no cancellation near zero (K. Stumpff, Himmelsmechanik
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import casadi as ca
 
 from continuum_grasp.base import CheckedArgument, check_arguments
 from continuum_grasp.model.planar import Rotation, Scalar
+from continuum_grasp.scene import ONE_TURN
 
 ROUNDING = 1.5e-16
 """Truncation error below which a series is as good as exact in double precision."""
@@ -72,6 +74,9 @@ def stumpff(theta: Scalar, angle_range: float, accuracy: float = ROUNDING, top: 
     CheckedArgument("angle_range", angle_range).number()
     CheckedArgument("accuracy", accuracy).number(1e-300, 1.0)
     CheckedArgument("top", top).whole()
+    if angle_range > ONE_TURN:
+        # The terms of a series grow with the exponential of the angle and cancel: 4e-15 at one turn, 5e-9 at 20 rad.
+        return _doubled(stumpff(0.5 * theta, 0.5 * angle_range, accuracy, top + 1), 0.25 * (theta * theta))
     x = theta * theta
     c: list[Scalar] = [0.0] * (top + 1)
     for k in (top, top - 1):
@@ -84,6 +89,20 @@ def stumpff(theta: Scalar, angle_range: float, accuracy: float = ROUNDING, top: 
     for k in range(top - 2, -1, -1):
         c[k] = 1.0 / math.factorial(k) - x * c[k + 2]
     return c
+
+
+def _doubled(c: Sequence[Scalar], x: Scalar) -> list[Scalar]:
+    """Stumpff functions c_0 ... c_n of twice an angle, of its own c_0 ... c_n+1 and square.
+
+    G_k(s) = s^k c_k(s^2) is the k-th integral of the cosine, so G_k(2 s) = sum_j<k G_(k-j)(s) s^j / j! + G_0 G_k -
+    G_1 G_(k+1): no term is much larger than the sum.
+    """
+    doubled = []
+    for k in range(len(c) - 1):
+        taylor = [(1.0 / math.factorial(j)) * c[k - j] for j in range(k)]
+        value = sum(taylor, c[0] * c[k] - x * (c[1] * c[k + 1]))
+        doubled.append(0.5**k * value)
+    return doubled
 
 
 def rotation(angle: ca.SX, angle_range: float, accuracy: float = ROUNDING) -> Rotation:

@@ -77,7 +77,7 @@ class System(Model):
     | tip                   | x, u, p           | r (2) [m], world |
     | bending               | x, u, p           | bend of each element [rad] |
     | curvature             | x, u, p           | kappa [1/m]: at the nodes of clothoids, one per arc |
-    | range_use             | x, u, p           | use of the declared bending range, per element [1] |
+    | range_use             | x, u, p           | use of the bending range, per element [1] |
     | touch                 | x, u, w, p        | gap [m], normal_force, friction, lift [N], force, point, normal |
     | slip                  | x, u, w, p        | speed [m/s] at which surfaces move along each other, (K)        |
     | energy                | x, u, p           | kinetic, potential [J] |
@@ -130,6 +130,7 @@ class System(Model):
         object_parameters: Sequence[str] = (),
         **options: Unpack[ModelOptions],
     ) -> None:
+        self._asked = given, surroundings, object_parameters, options
         self.finger_model = model = FingerModel(given, **options)
         if surroundings is None and isinstance(given, Surroundings):
             surroundings = given
@@ -143,6 +144,13 @@ class System(Model):
         touches = touching_nothing if around is None else partial(Contacts, around, rod=model.finger.rod)
         super().__init__(model.structure.beside(touches, more))
         self.touch_names = [pair.name for pair in self._equations.contacts.pairs]
+
+    def reaching(self, bends: Sequence[float]) -> System:
+        """System of the same finger, evaluated up to greater bends (elements,) [rad]; see ``FingerModel.reaching``."""
+        given, surroundings, object_parameters, options = self._asked
+        reached = self.finger_model.reaching(bends).ranges
+        changed: ModelOptions = {**options, "reached": reached}
+        return System(given, surroundings=surroundings, object_parameters=object_parameters, **changed)
 
     @property
     def touch_law(self) -> TouchLaw | None:

@@ -18,7 +18,7 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.finger_scene import Fidelity, FingerScene, Initial, begins
 from continuum_grasp.scene.loads import Actuation
 from continuum_grasp.scene.methods import FAMILIES, INTEGRATORS
-from continuum_grasp.scene.reach import Reach
+from continuum_grasp.scene.reach import Reach, rows_of
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.units import Unit
@@ -195,19 +195,63 @@ class CommandedScene(FingerScene, Surroundings):
             if got != width:
                 raise InputError(f"expected {words}, got {got} numbers", key=f"reference.{name}")
         given = dict(self.reference)
-        Reach(self.finger, at, self.object, self.stated_ranges, gaps, moves).check("reference", given)
+        Reach(self.finger, at, self.object, self._bend_limits(), gaps, moves).check("reference", given)
 
     def check_reach(
-        self,
-        key: str,
-        rows: Mapping[str, Any],
-        *,
-        at: Sequence[float] = (),
-        ranges: Sequence[float] | None = None,
+        self, key: str, rows: Mapping[str, Any], *, at: Sequence[float] = (), lengths: Sequence[float] | None = None
     ) -> None:
-        """Refuse goals that the finger cannot meet, with bending ``ranges`` [rad] of its elements; None: the stated."""
-        bent = self.stated_ranges if ranges is None else ranges
-        Reach(self.finger, at, ranges=bent).check(key, rows)
+        """Refuse goals that the finger cannot meet, with elements of ``lengths`` [m]; None: those that are stated."""
+        Reach(self.finger, at, ranges=self._bend_limits(lengths)).check(key, rows)
+
+    @property
+    def greatest_moment(self) -> float:
+        """Greatest bending moment that inputs, or tensions within their limits, exert at the base [N m]."""
+        channels = [channel for channel in self.finger.channels if any(channel.arms)]
+        if not channels:
+            return self.greatest_sum((1.0,), *self.input_limits)
+        limits = [pull.least for pull in self.finger.pulls], [pull.most for pull in self.finger.pulls]
+        return sum(abs(channel.gain) * self.greatest_sum(channel.arms, *limits) for channel in channels)
+
+    @staticmethod
+    def greatest_sum(arms: Sequence[float], least: Sequence[float], most: Sequence[float]) -> float:
+        """Greatest size of the sum of arms times inputs, each between its least and its most."""
+        sides = [sorted((arm * low, arm * high)) for arm, low, high in zip(arms, least, most, strict=True)]
+        return max(sum(high for _, high in sides), -sum(low for low, _ in sides))
+
+    def _bend_limits(self, lengths: Sequence[float] | None = None) -> list[float]:
+        """Greatest bend [rad] of each element that may be asked for; empty where neither ``lengths`` [m] nor the scene
+        say how many there are.
+
+        That is the stated range, or twice what the drives bend the finger by, beside which weight and loads may.
+        """
+        elements, stated, length = self.fidelity.elements, self.fidelity.bending_range, self.finger.rod.length
+        # Profiles take their time: only where angles are compared.
+        if not any(value is not None for _, value in self.angles_asked):
+            return []
+        if lengths is None:
+            lengths = [length / elements] * elements if isinstance(elements, int) else elements or ()
+        profile = self.finger.profile
+        bent = max(map(abs, profile.rest_curvature.extremes))
+        if stated is not None:
+            return [stated if bent * h < stated else bent * h + 0.5 * stated for h in lengths]
+        driven = 2.0 * self.greatest_moment / min(profile.bending_stiffness.extremes)
+        return [bent * h + max(self.fidelity.DEFAULT_RANGE, driven * h) for h in lengths]
+
+    @property
+    def angles_asked(self) -> list[tuple[str, Any]]:
+        """Angles ``bending`` of the elements and ``tip_angle`` [rad] that are asked of the finger, rows with names."""
+        return [(name, getattr(self.reference, name)) for name in ("bending", "tip_angle")]
+
+    def reached(self, ranges: Sequence[float]) -> list[float] | None:
+        """Bends (elements,) [rad] to evaluate elements up to for the angles that are asked for; None: ``ranges`` do."""
+        whole, asked = sum(ranges), list(ranges)
+        for name, value in self.angles_asked:
+            for _, row in rows_of(name, value):
+                turn = abs(row[0] - self.finger.base.angle) / whole
+                bends = [turn * reach for reach in ranges] if name == "tip_angle" else map(abs, row)
+                asked = [max(pair) for pair in zip(asked, bends, strict=False)]
+        # 1.5: range per bend that is asked for: a finger on its way, and its ends, bend more
+        return None if asked == list(ranges) else [1.5 * bend for bend in asked]
 
     @property
     def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

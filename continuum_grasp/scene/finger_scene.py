@@ -33,8 +33,8 @@ class Fidelity(Value):
 
     DEFAULT_RANGE: ClassVar = 2.0 * math.pi / 3.0
     """Bending range of one element by default [rad]; equation (44) of the paper."""
-    WIDEST: ClassVar = 20.0
-    """Greatest bending range [rad]: the series for arcs are then off by 5e-9, by cancellation; at one turn by 4e-15."""
+    WIDEST: ClassVar = 40.0
+    """Greatest bend of one element [rad], six turns: clothoids then need all of 32 quadrature nodes."""
 
     tolerance: Annotated[float, Field(ge=1e-9, le=0.5, examples=[0.005, "0.5 %"]), Unit("1")] | None = None
     """Greatest error of position per length, and of frequency where the scene moves [1], such as 0.005 or 0.5 %.
@@ -51,9 +51,12 @@ class Fidelity(Value):
     jumps of the rest curvature; with stops as many, up to 16, as bend by one turn at most where links touch. For a
     grasp None is eight, or 16 where exact rods take clearly other forces."""
     bending_range: Annotated[float, Field(ge=1e-3, le=WIDEST, examples=[2.5]), Unit("rad")] | None = None
-    """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature); None: 2 pi / 3, or
-    less where there are more than four elements, which share 8 pi / 3, or the strain limit allows less;
-    with stops 1.5 times the bend at which links touch where that is more, up to 20 rad."""
+    """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature), the bend at rest
+    included, that controllers, grasps and C packages allow. None: chosen. Equilibria and motions choose by the shapes
+    that they meet, packages by the scene's inputs and loads too, controllers and plans by the angles that are asked
+    for. All begin with 2 pi / 3, or less where more than four elements share 8 pi / 3 or the strain limit allows less;
+    with stops with 1.5 times the bend at which links touch where that is more; half of that range is left beyond the
+    shape at rest. The most is 40 rad."""
     accuracy: Annotated[float, Field(ge=1e-16, le=1e-2, examples=[1e-6]), Unit("1")] | None = None
     """Relative accuracy to which the chosen family is evaluated over the bending range (Horner terms, quadrature
     nodes) [1]; None: rounding for arcs, and for clothoids about as small as their discretization error."""
@@ -151,17 +154,6 @@ class FingerScene(Configuration):
     """Resolution of the finger's model."""
     parameters: ListOf[str] = ()
     """Names of model parameters that stay run-time arguments of the generated functions and controllers."""
-
-    @property
-    def stated_ranges(self) -> list[float]:
-        """Greatest bending range of each element [rad]; empty where the scene does not say how many there are, or where
-        stops are what limits them.
-        """
-        elements, reach = self.fidelity.elements, self.fidelity.bending_range
-        if elements is None or (reach is None and self.finger.stops is not None):
-            return []
-        count = elements if isinstance(elements, int) else len(elements)
-        return [Fidelity.DEFAULT_RANGE if reach is None else reach] * count
 
     @property
     @abstractmethod

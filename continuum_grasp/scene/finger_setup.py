@@ -78,6 +78,13 @@ class FingerSetup:
         bends = max(4 * math.pi / count, (1.0 if _is_graded(finger) else 2.0 / 3.0) * math.pi)
         if releases and finger.has_friction:
             bends = max(bends, min(_RELEASED * bends, ONE_TURN))
+        # As models count it: half of it is left beyond the shape at rest.
+        preshaped = max(map(abs, finger.profile.rest_curvature.extremes)) * length / count
+        stated = fidelity.bending_range
+        if stated is not None:
+            bends = stated
+        if preshaped >= (0.5 * bends if stated is None else bends):
+            bends = preshaped + 0.5 * bends
         return FingerSetup(
             name=name,
             finger=finger,
@@ -87,7 +94,7 @@ class FingerSetup:
             before=tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles))),
             elements=count,
             family=fidelity.family or finger.usual_family,
-            bending_range=fidelity.bending_range or bends,
+            bending_range=bends,
             accuracy=fidelity.accuracy,
             middle_bounds=(low, high),
             stations=stations,

@@ -346,8 +346,8 @@ def check_finger(setup: FingerSetup, of_all: Fidelity) -> None:
     if family.one_turn and setup.bending_range > ONE_TURN:
         wider = " or ".join(name for name, each in FAMILIES.items() if not each.one_turn)
         raise ValueError(
-            f"{setup.key('fidelity', 'bending_range')} = {setup.bending_range} rad is more than an element of family "
-            f"{setup.family} can follow (one turn): use more elements, or family: {wider}"
+            f"{setup.key('fidelity', 'bending_range')}: elements that bend by {setup.bending_range:.4g} rad are more "
+            f"than family {setup.family} can follow (one turn): use more elements, or family: {wider}"
         )
     _STATIONS.check(setup, where, finger)
     high = setup.middle_bounds[1]

@@ -153,9 +153,15 @@ class Curve:
         """Integral over the whole length."""
         return float(Panels(pairwise(self.edges)).integral(self))
 
+    @property
+    def extremes(self) -> tuple[float, float]:
+        """Least and greatest value, of a function that is monotone on each piece."""
+        sides = np.concatenate([self(self.edges), self(self.edges, tip_side=True)])
+        return float(sides.min()), float(sides.max())
+
     def most(self) -> float:
         """Greatest value, of a function that is monotone on each piece."""
-        return float(max(*self(self.edges), *self(self.edges, tip_side=True)))
+        return self.extremes[1]
 
     def scaled(self, factor: float) -> Curve:
         """The curve times a factor, positive for an exponential."""

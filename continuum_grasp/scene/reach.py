@@ -24,7 +24,7 @@ class Reach:
     Rows are x, y [m] of ``tip``, ``shape`` and of an object's ``position`` or ``object_position``, ``bending``,
     ``tip_angle`` and ``object_angle`` [rad], ``contact_force`` [N] and ``gap`` [m]; nothing else is compared. Points of
     ``shape`` are ``at`` positions along the finger [m], places of ``gap`` at ``touching``; an object that ``moves`` has
-    no greatest gap. Without ``ranges``, the bending range of each element [rad], angles are not compared.
+    no greatest gap. Without ``ranges``, the greatest bend of each element [rad], angles are not compared.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class Reach:
             "contact_force": ("N", "contacts push", itertools.repeat((0.0, math.inf))),
         }
         if ranges:
-            bent, whole = "the bending range of the model, fidelity.bending_range", sum(ranges)
+            bent, whole = "as far as its elements may bend", sum(ranges)
             self._limits["bending"] = "rad", bent, [(-limit, limit) for limit in ranges]
             self._limits["tip_angle"] = "rad", bent, [(base.angle - whole, base.angle + whole)]
         if body is not None:
@@ -69,7 +69,7 @@ class Reach:
         ``given`` are rows by name, constant, over time or on a circle; functions of time are not compared.
         """
         for name, value in given.items():
-            for where, row in _rows(f"{key}.{name}" if key else name, value):
+            for where, row in rows_of(f"{key}.{name}" if key else name, value):
                 self._check_row(name, where, row)
             if isinstance(value, CircleReference):
                 _check_circle(self.finger, f"{key}.tip", value)
@@ -120,7 +120,7 @@ def _check_circle(finger: Finger, key: str, circle: CircleReference) -> None:
         doubt(key, f"is up to {far:.4g} m from the finger's base, which is out of its reach of {length:g} m")
 
 
-def _rows(key: str, value: Any) -> Iterator[tuple[str, Sequence[float]]]:
+def rows_of(key: str, value: Any) -> Iterator[tuple[str, Sequence[float]]]:
     """Rows of numbers that a value states, each with its key."""
     if hasattr(value, "values"):
         yield from ((f"{key}.values[{k}]", row) for k, row in enumerate(value.values))

@@ -11,6 +11,7 @@ from .contacts import ContactHistory as ContactHistory
 from .initial import initial_state as initial_state
 from .linearized import poles as poles
 from .moving import simulate as simulate
+from .reached import bends_of as bends_of
 from .replay import scene_under as scene_under
 from .run import integrate as integrate
 from .signals import Signals as Signals

@@ -59,7 +59,7 @@ def equilibrium(
     InputError
         If guess, side or model do not fit, or if the scene has an object.
     SolverError
-        If no equilibrium is reached, or only one that is bent far beyond the declared range.
+        If no equilibrium is reached, or only one that bends an element by more than 40 rad.
 
     Examples
     --------

@@ -47,13 +47,17 @@ class FrictionPath:
     """
 
     def __init__(self, model: FingerModel, first: LoadState, *, stable: bool = True, side: int = 1) -> None:
-        self._model, self._stable, self._side = model, stable, side
-        self._core = Core(model, compiled=False)
+        self._stable, self._side = stable, side
+        self._take(model)
         self._count = len(model.friction_names)
         none, rest = np.zeros(self._count), EquilibriumSearch(model, first, np.zeros(0)).rest()
         place = _Place(first, rest, none)
         missing, _ = self._statics(place, first)
         self._place = replace(place, under=replace(first, held=-missing))
+
+    def _take(self, model: FingerModel) -> None:
+        self._model = model
+        self._core = Core(model, compiled=False)
 
     @property
     def q(self) -> Array:
@@ -69,8 +73,8 @@ class FrictionPath:
 
     @property
     def _reach(self) -> float:
-        model = self._model
-        return float(model.structure.family.coordinate_size(min(model.ranges), max(model.lengths)))
+        made = self._model.structure
+        return float(made.family.coordinate_size(min(made.spans), max(made.lengths)))
 
     def go(self, end: LoadState, guess: Array | None = None) -> RestingShape:
         """Follow the path to another load; the last search begins at a ``guess`` where there is one.
@@ -122,6 +126,8 @@ class FrictionPath:
         try:
             search = EquilibriumSearch(self._model, end, history)
             found = search.find(start.q if guess is None else guess, self._stable, self._side)
+            if found.model is not self._model:  # elements are evaluated further: a leg bends them that much
+                self._take(found.model)
         except SolverError:
             if not halvings or not self._count:
                 raise

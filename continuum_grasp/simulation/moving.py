@@ -39,7 +39,7 @@ def simulate(
         ``u_names`` and ``w_names`` have the unit of each entry, ``time_error`` estimates the error of the steps in
         time, ``space_error`` the error of the elements (``time.space_error``, ``fidelity.tolerance``),
         ``static_error`` their error at rest under the first and the last inputs otherwise, ``warnings`` names elements
-        beyond their bending range or strain limit, and overlaps with the object between stations.
+        beyond their strain limit, and overlaps with the object between stations.
 
     Raises
     ------

@@ -18,10 +18,9 @@ import numpy as np
 from continuum_grasp.base import Array, SolverError, check_arguments
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene import Fidelity
 from continuum_grasp.simulation.linearized import damping_matrix, in_mass_metric, poles
 
-LOST = 3.0
-"""Multiple of the declared bending range beyond which the model means nothing."""
 _TOLERANCE = 1e-11
 """Missing force per size of the forces that balance [1]; a few digits above rounding."""
 _MAX_ITERATIONS = 500
@@ -100,9 +99,13 @@ class EquilibriumSearch:
     """Equilibria of a model under loads; ``history`` belongs to its friction."""
 
     def __init__(self, model: FingerModel, under: LoadState, history: Array) -> None:
-        self._model, self._held, self._history = model, under.held, history
+        self._held, self._history = under.held, history
         self._u, self._w, self._p = under.u, under.w, under.p
         self._friction = (history,) if history.size else ()
+        self._take(model)
+
+    def _take(self, model: FingerModel) -> None:
+        self._model = model
         self._core = Core(model, compiled=False)
 
     def rest(self) -> Array:
@@ -142,24 +145,40 @@ class EquilibriumSearch:
                 status="singular",
                 violated=[f"mass or stiffness matrix ({error})"],
                 advice="a bending stiffness or mass is so small or large that the matrices have no usable numbers, or "
-                "the start is far outside the bending range: check units, or give a guess nearer to the shape",
+                "the start is bent too far: check units, or give a guess nearer to the shape",
             ) from error
         residual = float(np.abs(missing).max() / max(self._scales(q)))
         inputs = self._u, self._w, self._p
         return RestingShape(q, *inputs, steady, margin, residual, iterations, self._model, warnings, self._history)
 
     def _checked(self, q: Array) -> tuple[str, ...]:
-        """Warnings of a shape that the model is good for."""
+        """Warnings of a shape; SolverError where elements cannot be evaluated that far."""
         use = np.asarray(self._core.range_use(q, self._u, self._p))
-        if use.max() > LOST:
+        if use.max() > 1.0:
             k = int(use.argmax())
             raise SolverError(
-                "the equilibrium found lies outside the model's valid range",
+                "the equilibrium found bends an element further than it can be evaluated",
                 status="beyond the bending range",
-                violated=[f"element {k + 1} is bent {use[k]:.3g} times its range of {self._model.ranges[k]:.3g} rad"],
-                advice="lower the loads, raise fidelity.bending_range, or give a guess nearer to the shape",
+                violated=[
+                    f"element {k + 1} is bent by {use[k] * self._model.ranges[k]:.3g} rad, expected at most "
+                    f"{self._model.ranges[k]:.3g} rad"
+                ],
+                advice="take more elements, lower the loads, or give a guess nearer to the shape",
             )
         return self._model.limit_warnings(use[None])
+
+    def _reaching(self, q: Array) -> bool:
+        """Evaluate elements as far as a shape bends them; whether that is further than before."""
+        ranges = np.array(self._model.ranges)
+        bends = ranges * np.asarray(self._core.range_use(q, self._u, self._p))
+        if np.all((bends <= ranges) | (ranges >= Fidelity.WIDEST)):
+            return False
+        # 2.0: range per bend or range so far: neighbors bend next, and few models are made until the shape is reached
+        wider = self._model.reaching(2.0 * np.maximum(bends, ranges))
+        if wider.ranges == self._model.ranges:
+            return False
+        self._take(wider)
+        return True
 
     def _buckling(self, q: Array, margin: float) -> tuple[str, ...]:
         """Warning about a shape whose least stiffness the loads have nearly used up."""
@@ -177,10 +196,12 @@ class EquilibriumSearch:
 
     def _reach(self) -> float:
         """Typical size of a bending coordinate."""
-        return float(self._model.structure.family.coordinate_size(min(self._model.ranges), max(self._model.lengths)))
+        made = self._model.structure
+        return float(made.family.coordinate_size(min(made.spans), max(made.lengths)))
 
     def _descend(self, start: Array, iterations: int) -> tuple[Array, int]:
         q = start.copy()
+        self._reaching(q)
         missing, stiffness = self._statics(q)
         mass = self._core.mass_matrix(q, self._u, self._p)
         if not (np.all(np.isfinite(missing)) and np.all(np.isfinite(stiffness)) and np.all(np.isfinite(mass))):
@@ -205,6 +226,8 @@ class EquilibriumSearch:
                 continue
             before_size, after_size = np.abs(missing).max(), np.abs(after).max()
             q, missing, stiffness = trial, after, stiffness_after
+            if self._reaching(q):
+                missing, stiffness = self._statics(q)
             mass = self._core.mass_matrix(q, self._u, self._p)
             weakest = float(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.min())
             shift = float(np.clip(shift * min(0.5, after_size / max(before_size, 1e-300)), 1e-12 * rate, rate))
@@ -216,8 +239,7 @@ class EquilibriumSearch:
             "no equilibrium found",
             status="iteration limit",
             violated=[f"generalized force missing: {np.abs(missing).max():.3g} (scale {scale:.3g})"],
-            advice="the loads may bend the finger beyond its range (see range_use): lower them, raise "
-            "fidelity.bending_range, or give a guess nearer to the shape",
+            advice="take more elements, lower the loads, or give a guess nearer to the shape",
         )
 
     def _scales(self, q: Array) -> tuple[float, float]:

@@ -14,7 +14,6 @@ from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import FAMILIES, INTEGRATORS, Scene, Timing
 from continuum_grasp.simulation.initial import initial_state
-from continuum_grasp.simulation.rest import LOST
 from continuum_grasp.simulation.slack import tension_warnings
 from continuum_grasp.simulation.spectrum import (
     contact_frequency,
@@ -58,6 +57,7 @@ class _Run:
     """A simulation run."""
 
     def __init__(self, scene: Scene, time: Timing, model: FingerModel, progress: Progress | None) -> None:
+        self._progress = progress
         self._scene = scene
         self._time = time
         self._model = model
@@ -71,6 +71,8 @@ class _Run:
         started = perf_counter()
         took = 0.0
         x0 = initial_state(self._scene, self._stepper.moving)
+        if wider := self._wider(self._use(self._result(x0[None]))):
+            return wider.trajectory()
         plan: SteppingPlan | None = self._choose(x0)
         while plan is not None:
             used = plan
@@ -79,6 +81,11 @@ class _Run:
             motion = self._stepper.run(x0, plan)
             took += perf_counter() - began
             plan, error = self._judged(plan, motion)
+        # Twice the range is what can be believed of a motion that left it.
+        if not isinstance(error, Interrupted) and (
+            wider := self._wider(np.minimum(self._use(self._result(motion.states)), 2.0))
+        ):
+            return wider.trajectory()
         with Interrupted.after("the motion") as late:
             result, error = self._finished(motion, error, used, took, started)
         error = error or late()
@@ -93,21 +100,20 @@ class _Run:
         """The motion as far as it means something, with warnings and statistics, and what stopped it."""
         states = motion.states
         result = self._result(states)
-        use: Array = np.asarray(result.core.batch("range_use", result.q, result.acting, None))
-        lost = np.flatnonzero(np.any(use > LOST, axis=1))
+        use = self._use(result)
+        lost = np.flatnonzero(np.any(use > 1.0, axis=1))
         if lost.size:
-            advice = "take more elements, raise fidelity.bending_range, or lower the loads"
+            k = int(np.argmax(use[lost[0]]))
+            limit = f"{self._model.ranges[k]:.3g} rad, the most up to which it can be evaluated"
+            advice = "take more elements, or lower the loads"
             if lost[0] == 0:
-                message = f"the initial shape bends an element {use[0].max():.3g} times its range: {advice}"
-                raise InputError(message, key="initial")
+                raise InputError(f"the initial shape bends element {k + 1} beyond {limit}: {advice}", key="initial")
             result = self._result(states[: lost[0]])
             use = use[: lost[0]]
-            k = int(np.argmax(use[-1]))
             last = result.x[-1]
             beyond = NumericalError(
-                f"element {k + 1} is about to bend beyond {LOST:g} times its declared range of "
-                f"{self._model.ranges[k]:.3g} rad after t = {result.t[-1]:g} s (state {last.tolist()}), outside "
-                f"the model's valid range: {advice}",
+                f"element {k + 1} is about to bend beyond {limit}, after t = {result.t[-1]:g} s (state "
+                f"{last.tolist()}): {advice}",
                 time=float(result.t[-1]),
                 state=last,
             )
@@ -141,6 +147,19 @@ class _Run:
         warnings = (*at_start, *jumps, *inexact, *limits, *pulled, *((through,) if overlap else ()))
         result = replace(result, status=status, warnings=warnings, statistics=statistics, time_error=motion.time_error)
         return result, error
+
+    @staticmethod
+    def _use(result: Trajectory) -> Array:
+        """Share of its bending range that each element uses at each instant (T, elements)."""
+        return np.asarray(result.core.batch("range_use", result.q, result.acting, None))
+
+    def _wider(self, use: Array) -> _Run | None:
+        """A run whose elements are evaluated as far as they bent; None where they are already, or as far as can be."""
+        peaks = use.max(axis=0)
+        # 1.25: range per bend of a motion that left the range before
+        model = self._model.reaching(1.25 * peaks * self._model.ranges) if peaks.max() > 1.0 else self._model
+        wider = peaks.max() > 1.0 and model.ranges != self._model.ranges
+        return _Run(self._scene, self._time, model, self._progress) if wider else None
 
     def _choose(self, x0: Array) -> SteppingPlan:
         """Method and sub-steps from the spectral radius about the start, over the instants at which inputs turn."""

@@ -36,7 +36,7 @@ class Equilibrium(RestingShape, Result):
     history : (states + 1,) ndarray
         Its friction, as functions of the model take it; empty without friction.
     warnings : tuple of str
-        Elements that are bent beyond their declared range or the strain limit; a buckling load that is near; `limits`.
+        Elements that are bent beyond the strain limit; a buckling load that is near; `limits`.
     limits : tuple of TensionLimit
         Tendons pulled harder than their ``max_tension``, and tendons that winches and motors leave slack.
     """

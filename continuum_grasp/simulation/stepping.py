@@ -131,7 +131,7 @@ class Stepper:
         self._time = time
         self._model = model
         self._progress = progress
-        self.system = System(scene) if scene.object is not None else None
+        self.system = System(scene, reached=model.ranges) if scene.object is not None else None
         self.moving = self.system or model
         self.core, self.signals = Core(self.moving), Signals(scene, model, nw=self.moving.nw)
         self._positions = self.core if self.system is None else Core(model)
@@ -233,8 +233,7 @@ class Stepper:
             else (
                 f"{INTEGRATORS[plan.method].failure} after t = {time:g} s (last state {state.tolist()}; {plan.method}, "
                 f"{plan.substeps} sub-steps of {self._time.step / plan.substeps:g} s): take a smaller time.step or "
-                f"time.method: {other}; if the finger bends beyond its range, "
-                "raise fidelity.bending_range or lower the loads"
+                f"time.method: {other}"
             )
         )
         return NumericalError(reason, time=time, state=state)

@@ -360,7 +360,7 @@ WRONG = {
     "a length next to nothing": (FULL, {"elements": [0.6, 1e-300]}, "elements: element lengths must be positive"),
     "contact next to the base": (FULL, {"contacts": [1e-300]}, "contacts: contacts must be 1e-06 of the length"),
     "accuracy next to nothing": (FULL, {"accuracy": 1e-300}, "accuracy: expected a number from 1e-16 to 0.01"),
-    "range in degrees": (FULL, {"family": "arc", "bending_range": 120}, "bending_range: expected .* up to 20, got 120"),
+    "range in degrees": (FULL, {"family": "arc", "bending_range": 120}, "bending_range: expected .* up to 40, got 120"),
     "range zero": (FULL, {"bending_range": 0.0}, "bending_range"),
     "range NaN": (FULL, {"bending_range": math.nan}, "bending_range"),
     "accuracy zero": (FULL, {"accuracy": 0.0}, "accuracy"),

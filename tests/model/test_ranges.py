@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.model import FingerModel
+from continuum_grasp.base import InputError
+from continuum_grasp.model import FingerModel, stumpff
 from continuum_grasp.scene import BasePose, Damping, Finger, PointMass, Rod
 
 ROD = Rod(length=0.6, linear_density=0.02, bending_stiffness=0.047)
@@ -75,3 +76,51 @@ def test_clothoids_are_evaluated_beyond_one_turn(reach):
     mass = 0.02 * 0.6 * np.einsum("akm,bkm,m->ab", upto, upto, w)
     found = np.array(model.mass_matrix(q, [0.0] * model.nu, []))
     assert found == pytest.approx(mass, rel=1e-8)
+
+
+@pytest.mark.parametrize("count", [1, 3, 8, 40])
+@pytest.mark.parametrize("turns", [0.0, 0.2, -1.54, 3.0])
+def test_ranges_count_from_the_shape_at_rest(count, turns):
+    """At least half of a straight finger's range is left on both sides of the shape at rest, and none is wider."""
+    rest = turns * 2.0 * math.pi / ROD.length
+    fingers = Finger(rod=ROD), Finger(rod=ROD, rest_curvature=rest)
+    straight, coiled = (np.array(FingerModel(finger, elements=count).ranges) for finger in fingers)
+    bent = abs(rest) * ROD.length / count
+    assert coiled == pytest.approx(straight if bent < 0.5 * straight[0] else bent + 0.5 * straight, rel=1e-12)
+
+
+def test_a_model_that_reaches_further_has_the_same_coordinates():
+    model = FingerModel(Finger(rod=ROD), family="clothoid", elements=2, accuracy=1e-12)
+    wide = model.reaching([12.0, 0.1])
+    assert wide.ranges == (12.0, model.ranges[1])
+    assert wide.q_names == model.q_names
+    at, u = [2.0, -3.0, 1.0], [0.0] * model.nu
+    assert np.array(wide.mass_matrix(at, u, [])) == pytest.approx(np.array(model.mass_matrix(at, u, [])), rel=1e-10)
+
+
+@pytest.mark.parametrize("reach", [6.2, 6.4, 15.0, 40.0])
+def test_stumpff_functions_are_exact_over_many_turns(reach):
+    """c_k by numpy's own quadrature: the integral of (1 - v)^(k-1) cos(v theta) / (k-1)! over [0, 1]."""
+    x, w = np.polynomial.legendre.leggauss(60)
+    v, w = 0.5 * (x + 1.0), 0.5 * w
+    for angle in np.linspace(-reach, reach, 7):
+        found = [float(c) for c in stumpff(float(angle), angle_range=reach)]
+        truth = [math.cos(angle)] + [
+            float(w @ ((1.0 - v) ** (k - 1) * np.cos(v * angle))) / math.factorial(k - 1) for k in range(1, 8)
+        ]
+        assert found == pytest.approx(truth, abs=1e-13)
+
+
+def test_the_range_of_a_winch_ends_before_its_tendon_turns_inside_out():
+    """A stated one is refused there; a finger that is bent so far at rest, too."""
+    drive = {"kind": "length", "time_constant": 0.05}
+    tendons = {"offset": 0.1, "max_tension": 10.0, "axial_stiffness": 1e4, "series_stiffness": 1e4, "drive": drive}
+    finger = Finger.model_validate({"rod": ROD, "tendons": tendons})
+    (reach, _) = FingerModel(finger, elements=2).ranges
+    assert reach == pytest.approx(2 * math.pi / 3)
+    short = Finger.model_validate({"rod": ROD, "tendons": {**tendons, "offset": 0.2}})
+    assert FingerModel(short, elements=2).ranges[0] == pytest.approx(0.9 * 0.3 / 0.2)
+    with pytest.raises(InputError, match=r"may bend by 1\.6 rad"):
+        FingerModel(short, elements=2, bending_range=1.6)
+    with pytest.raises(InputError, match=r"is bent at rest by 1\.8 rad"):
+        FingerModel(short.replaced(rest_curvature=6.0), elements=2)

@@ -86,7 +86,7 @@ def test_the_bounds_are_within_what_the_equations_bear(family, length, stiffness
 GRASPS = {
     "a range beyond a turn": (
         "fidelity.bending_range=7",
-        "fidelity.bending_range: fidelity.bending_range = 7.0 rad is more",
+        "fidelity.bending_range: elements that bend by 7 rad are more",
     ),
     "friction at a matched tip": ("finger.tendons.friction=0.1", "fidelity.family: matched_clothoid"),
     "one tendon": (

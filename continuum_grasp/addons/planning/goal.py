@@ -123,7 +123,7 @@ def goal_parts(motion: PlannedMotion, settles: bool, presses: bool) -> list[Goal
         values = np.array(target), scales, aim.weight, value, met, played
         parts.append(GoalPart(f"goal {name}", key, unit, names, *values))
 
-    motion.scene.check_reach("goal", goal.targets, ranges=model.system.finger_model.ranges)
+    motion.scene.check_reach("goal", goal.targets, lengths=model.system.finger_model.lengths)
     # Scales make errors of different kinds comparable: a tenth of the length, half a radian, the greatest force.
     if goal.tip is not None:
         add("tip", "m", ("x", "y"), goal.tip.value, 0.1 * length, model.tip(x, u, p))

@@ -274,6 +274,11 @@ class PlanScene(CommandedScene):
                 raise ValueError(f"loads[{k}].at = {load.at} m: expected one of contacts or the tip, {list(places)}")
 
     @property
+    def angles_asked(self) -> list[tuple[str, Any]]:
+        """Angles that setpoints and the goal ask for, rows with names."""
+        return [*super().angles_asked, ("bending", self.goal.targets.get("bending"))]
+
+    @property
     def sudden(self) -> bool:
         """Whether forces of tendons change within micrometers."""
         return self.finger.has_tendon_friction or bool(self.finger.winches)

@@ -26,7 +26,7 @@ from continuum_grasp.scene import (
     ForceLoad,
     Scene,
 )
-from continuum_grasp.simulation import Signals, initial_state, resolve_fidelity
+from continuum_grasp.simulation import Signals, bends_of, initial_state, resolve_fidelity
 
 PUSHED = (0.25, 0.5, 0.75, 1.0)
 """Places where a finger can be pushed, as parts of its length."""
@@ -211,6 +211,7 @@ def plant_of_scene(given: Scene) -> WebPlant:
     place = () if scene.object_moves else ("object_x", "object_y")
     varied = () if scene.object is None else (FRICTION, *place)
     system = System(scene, family=family, object_parameters=varied)
+    system = system.reaching(bends_of(scene, system.finger_model))
     x, u, w, p = (
         ca.SX.sym(*symbol) for symbol in (("x", system.nx), ("u", system.nu), ("w", system.nw), ("p", system.np))
     )

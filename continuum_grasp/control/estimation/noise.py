@@ -186,7 +186,7 @@ def _unknown_range(model: Prediction, stages: Stages, name: str) -> tuple[float,
 def _greatest_unknown(model: Prediction, name: str) -> float:
     """Greatest unknown force [N] or moment [N m], by its name and unit."""
     if name.endswith("[N m]"):
-        return _MOMENT * model.greatest_moment
+        return _MOMENT * model.scene.greatest_moment
     rod = model.scene.finger.profile
     return _FORCES * float(rod.bending_stiffness(0.0)) / rod.length**2
 
@@ -226,7 +226,7 @@ def measurement_range(scene: ControlScene, model: Prediction, name: str) -> tupl
         drive = finger.winches[number]
         reach = 2.0 * drive.torque_max if isinstance(drive, MotorDrive) else math.inf
     else:
-        reach = 2.0 * model.greatest_moment
+        reach = 2.0 * model.scene.greatest_moment
     return (middle - reach, middle + reach)
 
 

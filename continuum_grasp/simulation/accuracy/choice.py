@@ -141,7 +141,7 @@ def _marks(scene: Scene) -> tuple[float, ...]:
 
 
 def _bending_range(scene: Scene, truth: Truth, lengths: tuple[float, ...]) -> float | None:
-    """Declared range that covers what the elements do with a margin; None where none does."""
+    """Range that covers what the elements do with a margin; None where none does."""
     bending_range = scene.fidelity.bending_range
     if bending_range is not None:
         return bending_range
@@ -149,13 +149,15 @@ def _bending_range(scene: Scene, truth: Truth, lengths: tuple[float, ...]) -> fl
     start = 0.0
     wanted = 0.0
     for h in lengths:
-        # 1.1: declared range per reach of the exact rod: a coarse model may bend a little further
+        # 1.1: range per reach of the exact rod: a coarse model may bend a little further
         reach = 1.1 * truth.curvature_reach(start, start + h, moving)
         # 9: places along an element; the limit of a taper is greatest at an end
         limit = float(scene.finger.curvature_limit_at(np.linspace(start, start + h, 9)).max())
         wanted = max(wanted, h * min(reach, limit))
         start += h
-    return next((r for r in RANGES if r >= wanted), None)
+    # Beyond one turn more elements are cheaper, where their number is open.
+    further = wanted if scene.fidelity.elements is not None and wanted <= Fidelity.WIDEST else None
+    return next((r for r in RANGES if r >= wanted), further)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,61 @@
+"""Bends to which a scene leads its finger, for code that meets no shapes before it is written."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from continuum_grasp.base import InputError, SolverError, check_arguments
+from continuum_grasp.core import Core
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene import Scene
+from continuum_grasp.simulation.initial import initial_state
+from continuum_grasp.simulation.rest import model_at_rest, rest_at
+from continuum_grasp.simulation.signals import Signals
+
+
+@check_arguments
+def bends_of(scene: Scene, model: FingerModel) -> list[float]:
+    """Find how far a scene bends the elements of its finger at rest.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene. Where it has an object, which may hold the finger back, only its start counts.
+    model : FingerModel
+        The scene's model, or one with other elements.
+
+    Returns
+    -------
+    list of float
+        Greatest bend of each element [rad]: at the start, and at rest under the inputs and loads of every instant at
+        which they take a sampled value; at least the model's ``ranges``.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.simulation import bends_of
+    >>> scene = cg.load("configs/simulate/hanging.yaml")
+    >>> model = cg.FingerModel(scene)
+    >>> bends_of(scene, model) == list(model.ranges)
+    True
+    """
+    core, signals = Core(model, compiled=False), Signals(scene, model)
+    p = np.array(model.p_nominal)
+    shares = [np.asarray(core.range_use(initial_state(scene, model)[: model.n], signals.u(0.0)[0], p))]
+    acts = scene.actuation is not None or scene.loads
+    if acts and scene.object is None:
+        reached_by = scene.initial.reached_by or ("pulling" if model.friction_names else None)
+        held = scene.replaced(
+            initial=scene.initial.replaced(pose="equilibrium", q=None, qd=None, reached_by=reached_by)
+        )
+        at_rest = model_at_rest(held, model, model.loads)
+        resting = Core(at_rest, compiled=False)
+        for at in signals.instants(np.inf):
+            try:
+                found = rest_at(held, at_rest, at=at)
+            except (InputError, SolverError):  # no shape at rest there: nothing is known of it
+                continue
+            shares.append(np.asarray(resting.range_use(found.q, found.u, found.p)))
+    # 1.25: range per bend of a motion that goes on from there, where it is beyond the range
+    bends = np.max(shares, axis=0) * model.ranges
+    return [1.25 * bend if bend > reach else reach for bend, reach in zip(bends.tolist(), model.ranges, strict=True)]
