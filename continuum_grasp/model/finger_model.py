@@ -193,6 +193,7 @@ class FingerModel(Model):
     )
     bending = named("q u p", bend=lambda eq: eq.bends)
     range_use = named("q u p", use=lambda eq: eq.range_use)
+    _full_coordinates = named("q u p", full=lambda eq: eq.full)
 
     statics = named(
         "q u w p",
@@ -393,6 +394,13 @@ class FingerModel(Model):
             return np.zeros(0)
         *states, moved = history
         return np.asarray(np.clip(states + moved * self.slid(q, u, p), -1.0, 1.0))
+
+    def full_coordinates(self, q: ArrayLike, u: ArrayLike, p: ArrayLike | None = None) -> Array:
+        """Coordinates of the family (size,) in a shape q (n,) under an input u (nu,), the known ones last.
+
+        Parameters p are nominal where not given.
+        """
+        return np.array(self._full_coordinates(q, u, self.p_nominal if p is None else p)).ravel()
 
     def curvatures(self) -> ca.Function:
         """``(q, u, p) -> kappa, at, bend``: curvature and bends of the N elements.

@@ -49,6 +49,11 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
     array([1.585])
     """
     equations, curvature = about.equations, about.nodal_curvature
+    # 4: nodes per frequency: the shape of each has half a wave more than that of the one before
+    while equations.mesh.size < 4 * count:
+        mesh = equations.mesh
+        finer = mesh.refined(np.ones(mesh.panels, dtype=bool), mesh.count)
+        equations, curvature = RodEquations(equations.problem, finer), mesh.evaluate(curvature, finer.nodes).real
     problem, mesh = equations.problem, equations.mesh
     stiffness = mesh.weights[:, None] * equations.balance(curvature).slope * (problem.stiffness / problem.length)
     if problem.conservative:

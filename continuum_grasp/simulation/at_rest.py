@@ -7,12 +7,14 @@ from os import PathLike
 
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import check_arguments
+from continuum_grasp.base import Array, check_arguments
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Load, Scene, scene_of
 from continuum_grasp.simulation.accuracy.resolve import resolve_fidelity
+from continuum_grasp.simulation.accuracy.resting import Level, RestCase, level_of, resolved
+from continuum_grasp.simulation.rest import RestingShape, rest_at
 from continuum_grasp.simulation.static_shape import Equilibrium
-from continuum_grasp.simulation.statics import equilibrium_of
+from continuum_grasp.simulation.statics import model_of_statics
 from continuum_grasp.simulation.vibration import Modes, modes_of
 
 
@@ -68,8 +70,33 @@ def equilibrium(
     >>> found.stable, found.tip.shape, found.backbone(points=20).shape
     (True, (2,), (20, 2))
     """
-    chosen = scene_of(scene) if model is not None else resolve_fidelity(scene_of(scene))[0]
-    return equilibrium_of(chosen, extra_loads=extra_loads, guess=guess, stable=stable, side=side, model=model)
+    return _resolved(scene_of(scene), extra_loads, guess, stable, side, model)
+
+
+def _resolved(
+    asked: Scene,
+    extra_loads: Sequence[Load] = (),
+    guess: ArrayLike | None = None,
+    stable: bool = True,
+    side: int = 1,
+    model: FingerModel | None = None,
+    *,
+    vibrates: bool = False,
+) -> Equilibrium:
+    """The equilibrium in elements that suffice; ``vibrates``: for the first natural frequencies too."""
+    scene = asked if model is not None else resolve_fidelity(asked, vibrates=vibrates)[0]
+
+    def search(scene: Scene, model: FingerModel, near: Array | None) -> RestingShape:
+        return rest_at(scene, model, guess=guess if near is None else near, stable=stable, side=side)
+
+    first = model_of_statics(scene, extra_loads, model)
+    case = RestCase(scene, search, first.loads[len(scene.loads) :])
+    stated = model is not None or scene.fidelity.elements is not None
+    level, resolution = resolved(
+        Level(scene, first, [case]), vibrates=vibrates, limit=asked.fidelity.tolerance, stated=stated
+    )
+    rest = next(each for each in level.rests if each is not None)
+    return Equilibrium.of(rest, level.scene, resolution)
 
 
 @check_arguments
@@ -107,5 +134,11 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     >>> found.shapes.shape == (len(found.frequencies_hz), 61, 2)
     True
     """
-    chosen = scene_of(scene) if about is not None else resolve_fidelity(scene_of(scene), vibrates=True)[0]
-    return modes_of(chosen, about=about, points=points)
+    asked = scene_of(scene)
+    if about is None:
+        about = _resolved(asked, vibrates=True)
+    elif about.scene is not None:
+        level = level_of(about, about.scene)
+        _, resolution = resolved(level, vibrates=True, limit=asked.fidelity.tolerance, stated=True)
+        about = about.judged(resolution)
+    return modes_of(about.scene or asked, about=about, points=points)
