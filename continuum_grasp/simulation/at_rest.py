@@ -12,6 +12,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Load, Scene, scene_of
 from continuum_grasp.simulation.accuracy.resolve import resolve_fidelity
 from continuum_grasp.simulation.accuracy.resting import Level, RestCase, level_of, resolved
+from continuum_grasp.simulation.resolution import OF_MODES
 from continuum_grasp.simulation.rest import RestingShape, rest_at
 from continuum_grasp.simulation.static_shape import Equilibrium
 from continuum_grasp.simulation.statics import model_of_statics
@@ -92,8 +93,9 @@ def _resolved(
     first = model_of_statics(scene, extra_loads, model)
     case = RestCase(scene, search, first.loads[len(scene.loads) :])
     stated = model is not None or scene.fidelity.elements is not None
+    limit = asked.fidelity.tolerance
     level, resolution = resolved(
-        Level(scene, first, [case]), vibrates=vibrates, limit=asked.fidelity.tolerance, stated=stated
+        Level(scene, first, [case]), limit=limit, stated=stated, frequencies=OF_MODES if vibrates else 0
     )
     rest = next(each for each in level.rests if each is not None)
     return Equilibrium.of(rest, level.scene, resolution)
@@ -139,6 +141,6 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
         about = _resolved(asked, vibrates=True)
     elif about.scene is not None:
         level = level_of(about, about.scene)
-        _, resolution = resolved(level, vibrates=True, limit=asked.fidelity.tolerance, stated=True)
+        _, resolution = resolved(level, limit=asked.fidelity.tolerance, stated=True, frequencies=OF_MODES)
         about = about.judged(resolution)
     return modes_of(about.scene or asked, about=about, points=points)

@@ -13,8 +13,8 @@ from continuum_grasp.base import Array
 ENOUGH = 0.01
 """Error up to which elements suffice where no tolerance is stated [1], of a position per length and of a frequency:
 the stiffness of a finger is seldom known better."""
-FIRST = 2
-"""Natural frequencies, from the first on, that have to keep the limit [1]; higher ones state their errors."""
+OF_MODES = 2
+"""Natural frequencies, from the first on, that have to keep the limit in modes [1]; higher ones state their errors."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,8 @@ class Resolution:
         Whether more elements leave the verdict on stability as it is.
     limit : float
         Greatest error that is asked for [1].
+    counted : int
+        Number of natural frequencies, from the first on, that have to keep the limit.
     stated : bool
         Whether the user stated the elements: these are retained.
     enough : int or None
@@ -57,6 +59,7 @@ class Resolution:
     stable: bool | None = None
     settled: bool = True
     limit: float = ENOUGH
+    counted: int = 0
     stated: bool = False
     enough: int | None = None
     tried: int = 0
@@ -76,9 +79,14 @@ class Resolution:
         )
 
     @property
+    def counting(self) -> Array:
+        """Errors of the frequencies that have to keep the limit [1]."""
+        return self.frequencies[: self.counted]
+
+    @property
     def suffices(self) -> bool:
         """Whether no error that is known is beyond the limit."""
-        return self.settled and not self.error > self.limit and not np.any(self.frequencies[:FIRST] > self.limit)
+        return self.settled and not self.error > self.limit and not np.any(self.counting > self.limit)
 
     @property
     def fails(self) -> bool:
@@ -91,11 +99,13 @@ class Resolution:
         parts = []
         if self.error > self.limit:
             parts.append(f"an error of {_share(self.error)} of the length" if self.error < math.inf else "no shape")
-        off = [k for k, error in enumerate(self.frequencies[:FIRST], 1) if error > self.limit]
+        off = [k for k, error in enumerate(self.counting, 1) if error > self.limit]
         parts += [f"natural frequency {k} wrong by {_share(self.frequencies[k - 1])}" for k in off]
         if not self.settled:
-            parts.append("the stability open: the loads are near a critical load")
-        return f"{self.elements} elements leave " + (" and ".join(parts) or f"less than {_share(self.limit)}")
+            verdict = "a shape that is unstable" if self.stable is False else "the stability open"
+            parts.append(f"{verdict}, near a critical load")
+        of = f"{self.elements} element{'s leave' if self.elements > 1 else ' leaves'}"
+        return f"{of} {' and '.join(parts) or f'less than {_share(self.limit)}'}"
 
     @property
     def outcome(self) -> str:

@@ -87,7 +87,7 @@ class Equilibrium(RestingShape, Result):
         known = () if self.resolution is None else self.resolution.warnings
         others = (text for text in self.warnings if text not in known)
         stable = self.stable and resolution.stable is not False
-        return replace(self, resolution=resolution, stable=stable, warnings=(*resolution.warnings, *others))
+        return replace(self, resolution=resolution, stable=stable, warnings=(*others, *resolution.warnings))
 
     @property
     def limits(self) -> tuple[TensionLimit, ...]:

@@ -12,7 +12,7 @@ from itertools import accumulate
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.model import FingerModel, element_lengths
+from continuum_grasp.model import FingerModel
 from continuum_grasp.rod import DenseRod
 from continuum_grasp.scene import Consumer, Fidelity, Initial, Scene
 from continuum_grasp.simulation.signals import Signals
@@ -39,8 +39,8 @@ def refined(scene: Scene, model: FingerModel, lengths: tuple[float, ...] = ()) -
     InputError where the scene is one of that model alone.
     """
     _HALVED.check(scene)
-    lengths = lengths or _twice(model)
-    growth = len(lengths) / len(model.lengths)
+    lengths = lengths or _halved(model)
+    growth = max(model.lengths) / max(lengths)
     # A moment per rate of an element's bend is one per rate of curvature times its length.
     damping = scene.finger.damping
     finger = scene.finger.replaced(damping=damping.replaced(per_arc=growth * damping.per_arc))
@@ -61,14 +61,12 @@ def refined(scene: Scene, model: FingerModel, lengths: tuple[float, ...] = ()) -
     return same.replaced(initial=initial.replaced(**state))
 
 
-def _twice(model: FingerModel) -> tuple[float, ...]:
-    """Lengths of twice as many elements."""
-    lengths, whole = model.lengths, model.finger.rod.length
+def _halved(model: FingerModel) -> tuple[float, ...]:
+    """Lengths of the halves of all elements."""
     # 0.25: length of an element per the mean up to which it is not halved. Short ones enclose couples, 2 % of the
     # length among two to eight others; their half would be the stiffest by far. Those of a taper of 1:16 differ less
-    halved = sum(2 if h > 0.25 * whole / len(lengths) else 1 for h in lengths)
-    ends = tuple(accumulate(lengths))[:-1]
-    return element_lengths(model.finger.profile, ends, halved)
+    short = 0.25 * model.finger.rod.length / len(model.lengths)
+    return tuple(part for h in model.lengths for part in ([0.5 * h, 0.5 * h] if h > short else [h]))
 
 
 class Bent:

@@ -28,7 +28,7 @@ from continuum_grasp.simulation.accuracy.elements import (
     translated,
     whole_error,
 )
-from continuum_grasp.simulation.resolution import ENOUGH, FIRST, Resolution
+from continuum_grasp.simulation.resolution import ENOUGH, OF_MODES, Resolution
 from continuum_grasp.simulation.rest import RestingShape, rest_at
 from continuum_grasp.simulation.static_shape import Equilibrium
 from continuum_grasp.simulation.vibration import frequencies_of, relative_errors
@@ -93,10 +93,8 @@ class Level:
 def resolution_of(equilibrium: Equilibrium, *, vibrates: bool = False) -> Resolution:
     """Errors that the elements of an equilibrium leave, whose elements are retained."""
     scene = equilibrium.scene
-    unknown = Resolution(len(equilibrium.model.lengths))
-    if scene is None:
-        return unknown
-    return _measured(level_of(equilibrium, scene), unknown, vibrates, [])
+    unknown = Resolution(len(equilibrium.model.lengths), counted=OF_MODES if vibrates else 0)
+    return unknown if scene is None else _measured(level_of(equilibrium, scene), unknown, [])
 
 
 def level_of(equilibrium: Equilibrium, scene: Scene) -> Level:
@@ -111,19 +109,19 @@ def level_of(equilibrium: Equilibrium, scene: Scene) -> Level:
     return Level(scene, equilibrium.model, [RestCase(scene, search, loads)])
 
 
-def resolved(first: Level, *, vibrates: bool, limit: float | None, stated: bool) -> tuple[Level, Resolution]:
+def resolved(first: Level, *, limit: float | None, stated: bool, frequencies: int = 0) -> tuple[Level, Resolution]:
     """The level whose elements suffice, or the last that is tried; of stated elements the first.
 
-    ``vibrates``: the first natural frequencies have to keep the limit too. Raises the SolverError of the first level
+    So many ``frequencies``, from the first on, have to keep the limit too. Raises the SolverError of the first level
     where that has no shape, and finer ones, if these are open, have none.
     """
-    asked = Resolution(0, limit=ENOUGH if limit is None else limit, stated=stated)
+    asked = Resolution(0, limit=ENOUGH if limit is None else limit, stated=stated, counted=frequencies)
     steps: list[tuple[Level, Resolution]] = []
     level: Level | None = first
     while level is not None:
         if not any(level.rests) and (stated or level.errors[0].status != _BEYOND):
             break
-        steps.append((level, _measured(level, asked, vibrates, steps)))
+        steps.append((level, _measured(level, asked, steps)))
         more = 2 * level.count <= MOST and not steps[-1][1].suffices
         level = level.finer if more else None
     found = [(level, resolution) for level, resolution in steps if any(level.rests)]
@@ -136,46 +134,42 @@ def resolved(first: Level, *, vibrates: bool, limit: float | None, stated: bool)
     return last, replace(at_last, tried=last.count, raised="" if last is first else steps[0][1].left)
 
 
-def _measured(
-    level: Level, asked: Resolution, vibrates: bool, before: Sequence[tuple[Level, Resolution]]
-) -> Resolution:
+def _measured(level: Level, asked: Resolution, before: Sequence[tuple[Level, Resolution]]) -> Resolution:
     """Errors of a level, the worst over its cases."""
     total = replace(asked, elements=level.count)
-    parts = [_of_case(level, k, total, vibrates, before) for k, rest in enumerate(level.rests) if rest is not None]
+    parts = [_of_case(level, k, total, before) for k, rest in enumerate(level.rests) if rest is not None]
     return reduce(Resolution.joined, parts) if parts else replace(total, error=np.inf)
 
 
-def _of_case(
-    level: Level, case: int, asked: Resolution, vibrates: bool, before: Sequence[tuple[Level, Resolution]]
-) -> Resolution:
-    by_rod = _by_rod(level, case, asked, vibrates)
+def _of_case(level: Level, case: int, asked: Resolution, before: Sequence[tuple[Level, Resolution]]) -> Resolution:
+    by_rod = _by_rod(level, case, asked)
     coarser = before[-1] if before and before[-1][0].rests[case] is not None else None
     if by_rod is not None:
         if by_rod.suffices or coarser is None or not by_rod.settled or _falls(coarser[1], by_rod):
             return by_rod
         # Elements that converge elsewhere: another equilibrium than that of the exact rod, or another friction.
-        own = _by_halves(coarser[0], level, case, asked, vibrates, finer=True)
+        own = _by_halves(coarser[0], level, case, asked, finer=True)
         return replace(own, from_rod=by_rod.error) if own.suffices else by_rod
     if not asked.stated or level.count <= _FEW:
         if 2 * level.count > MOST and coarser is not None:
-            return _by_halves(coarser[0], level, case, asked, vibrates, finer=True)
+            return _by_halves(coarser[0], level, case, asked, finer=True)
         if level.finer is not None:
-            return _by_halves(level, level.finer, case, asked, vibrates)
+            return _by_halves(level, level.finer, case, asked)
     return asked
 
 
 def _falls(before: Resolution, now: Resolution) -> bool:
     """Whether twice as many elements left less than half of the greatest error."""
-    greatest = [max(each.error, *each.frequencies[:FIRST], 0.0) for each in (before, now)]
+    greatest = [max(each.error, *each.counting, 0.0) for each in (before, now)]
     return bool(greatest[1] < 0.5 * greatest[0])
 
 
-def _by_rod(level: Level, case: int, asked: Resolution, vibrates: bool) -> Resolution | None:
+def _by_rod(level: Level, case: int, asked: Resolution) -> Resolution | None:
     """Errors against the exact rod near a shape; None where it does not know the scene, or is not found."""
     exact, rest = level.cases[case].exact, level.rests[case]
     motors = any(isinstance(drive, MotorDrive) for drive in exact.finger.winches)
     # The exact rod knows no motors at given angles, and its motors turn where those of modes are held.
-    if rest is None or exact.initial.motor_angles is not None or (vibrates and motors):
+    if rest is None or exact.initial.motor_angles is not None or (asked.counted and motors):
         return None
     shape = Bent(rest.model, rest.q, rest.u, rest.p)
     tolerance = min(_ROD, 0.1 * asked.limit)
@@ -188,10 +182,10 @@ def _by_rod(level: Level, case: int, asked: Resolution, vibrates: bool) -> Resol
     error = np.linalg.norm(shape.position(places) - rod.position(places), axis=1).max() / exact.finger.rod.length
     stable = _stability(rod)
     frequencies = np.zeros(0)
-    if vibrates or stable is None:
+    if asked.counted or stable is None:
         own = frequencies_of(rest)
         # Without a potential, near flutter: the first two frequencies are about to become one.
-        own = own if vibrates else own[:FIRST]
+        own = own if asked.counted else own[:OF_MODES]
         frequencies = relative_errors(own, natural_frequencies(exact.finger, rod, len(own)))
     settled = stable is None or stable == rest.stable
     return replace(asked, error=float(error), frequencies=frequencies, stable=stable, settled=settled)
@@ -204,9 +198,7 @@ def _stability(rod: Elastica) -> bool | None:
     return True if rod.margin > 0.0 and not rod.equations.problem.following else None
 
 
-def _by_halves(
-    coarse: Level, fine: Level, case: int, asked: Resolution, vibrates: bool, *, finer: bool = False
-) -> Resolution:
+def _by_halves(coarse: Level, fine: Level, case: int, asked: Resolution, *, finer: bool = False) -> Resolution:
     """Errors of a level, or with ``finer`` of the level of twice as many elements, by the difference of the two."""
     first, second = coarse.rests[case], fine.rests[case]
     if first is None or second is None:
@@ -216,7 +208,7 @@ def _by_halves(
     places = PLACES * first.model.finger.rod.length
     apart = np.linalg.norm(_positions(first, places) - _positions(second, places), axis=1).max()
     frequencies = np.zeros(0)
-    if vibrates:
+    if asked.counted:
         own, true = frequencies_of(first), frequencies_of(second)
         frequencies = relative_errors(own, true[: len(own)], factor)
     # A sign that is open: the least stiffness is smaller than its error with more elements. Without a potential the

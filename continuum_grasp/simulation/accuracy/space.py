@@ -133,7 +133,9 @@ def at_both_ends(scene: Scene, model: FingerModel) -> tuple[dict[str, RestingSha
     cases = [RestCase(each, partial(_at_rest, each)) for each in scenes.values()]
     stated = scene.fidelity.elements is not None
     try:
-        level, resolution = resolved(Level(held, coarse, cases), vibrates=True, limit=None, stated=stated)
+        level, resolution = resolved(
+            Level(held, coarse, cases), limit=None, stated=stated, frequencies=scene.fidelity.frequencies
+        )
     except SolverError:
         return {}, None
     return dict(zip(scenes, level.rests, strict=True)), resolution
