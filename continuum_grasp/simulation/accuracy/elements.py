@@ -34,13 +34,13 @@ Curve = Callable[[Array], Array]
 
 
 def refined(scene: Scene, model: FingerModel, lengths: tuple[float, ...] = ()) -> Scene:
-    """The scene with other elements than its model, by default twice as many, among whose ends are the model's.
+    """The scene with elements of other lengths [m] than its model's, by default with every element halved.
 
     InputError where the scene is one of that model alone.
     """
     _HALVED.check(scene)
+    growth = len(lengths) / len(model.lengths) if lengths else 2.0
     lengths = lengths or _halved(model)
-    growth = max(model.lengths) / max(lengths)
     # A moment per rate of an element's bend is one per rate of curvature times its length.
     damping = scene.finger.damping
     finger = scene.finger.replaced(damping=damping.replaced(per_arc=growth * damping.per_arc))
@@ -69,7 +69,7 @@ def _halved(model: FingerModel) -> tuple[float, ...]:
     return tuple(part for h in model.lengths for part in ([0.5 * h, 0.5 * h] if h > short else [h]))
 
 
-class Bent:
+class ModelShape:
     """Curvature, angle and position along a model's shape, from the shapes of its coordinates."""
 
     def __init__(self, model: FingerModel, q: Array, u: Array, p: Array | None = None) -> None:
@@ -100,7 +100,7 @@ class Bent:
 
 def translated(model: FingerModel, q: Array, u: Array, finer: FingerModel) -> Array:
     """Coordinates (n,) of a finer model near the shape q of a model under an input u."""
-    shape = Bent(model, q, u)
+    shape = ModelShape(model, q, u)
     return coordinates_near(finer, shape.angle, shape.curvature)
 
 

@@ -12,17 +12,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
+from itertools import accumulate
 
 import numpy as np
 
 from continuum_grasp.base import Array, InputError, SolverError
-from continuum_grasp.model import FingerModel
+from continuum_grasp.model import FingerModel, element_lengths
 from continuum_grasp.rod import Elastica, natural_frequencies, solve_elastica
 from continuum_grasp.scene import Load, MotorDrive, Scene
 from continuum_grasp.simulation.accuracy.elements import (
     MOST,
     PLACES,
-    Bent,
+    ModelShape,
     left_by_halves,
     refined,
     translated,
@@ -60,6 +61,8 @@ class Level:
         self, scene: Scene, model: FingerModel, cases: Sequence[RestCase], coarser: Level | None = None
     ) -> None:
         self.scene, self.model, self.cases = scene, model, cases
+        # Places at which elements end in every level.
+        self.marks: tuple[float, ...] = tuple(accumulate(model.lengths))[:-1] if coarser is None else coarser.marks
         self.count = len(model.lengths)
         self.rests: list[RestingShape | None] = []
         self.errors: list[SolverError] = []
@@ -79,11 +82,13 @@ class Level:
     @cached_property
     def finer(self) -> Level | None:
         """The shapes in twice as many elements; None where the scene is one of this model alone."""
+        # A number that the user stated is placed as a greater one would be.
+        marks = self.scene.contacts if isinstance(self.scene.fidelity.elements, int) else self.marks
+        lengths = element_lengths(self.model.finger.profile, marks, 2 * self.count)
         try:
-            scene = refined(self.scene, self.model)
-            stated = self.scene.fidelity.elements
-            if isinstance(stated, int):  # placed as the user's number would be
-                scene = scene.replaced(fidelity=scene.fidelity.replaced(elements=2 * stated))
+            scene = refined(self.scene, self.model, lengths)
+            if isinstance(self.scene.fidelity.elements, int):
+                scene = scene.replaced(fidelity=scene.fidelity.replaced(elements=2 * self.count))
             model = FingerModel(scene, loads=self.model.loads, input_rates=False)
         except InputError:
             return None
@@ -171,7 +176,7 @@ def _by_rod(level: Level, case: int, asked: Resolution) -> Resolution | None:
     # The exact rod knows no motors at given angles, and its motors turn where those of modes are held.
     if rest is None or exact.initial.motor_angles is not None or (asked.counted and motors):
         return None
-    shape = Bent(rest.model, rest.q, rest.u, rest.p)
+    shape = ModelShape(rest.model, rest.q, rest.u, rest.p)
     tolerance = min(_ROD, 0.1 * asked.limit)
     loads = level.cases[case].loads
     try:
@@ -226,4 +231,4 @@ def _by_halves(coarse: Level, fine: Level, case: int, asked: Resolution, *, fine
 
 
 def _positions(rest: RestingShape, places: Array) -> Array:
-    return Bent(rest.model, rest.q, rest.u, rest.p).position(places)
+    return ModelShape(rest.model, rest.q, rest.u, rest.p).position(places)
