@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from os import PathLike
 
 from numpy.typing import ArrayLike
@@ -38,11 +39,14 @@ def equilibrium(
     Parameters
     ----------
     scene : Scene or path-like
-        The scene, or its YAML file. With ``fidelity.tolerance`` the cheapest model that satisfies it is found first.
+        The scene, or its YAML file. Where it states no ``fidelity.elements``, their number is raised, up to 16, until
+        they leave less than 1 % of the length. With ``fidelity.tolerance`` the cheapest model that satisfies it is
+        found first.
     extra_loads : sequence of ForceLoad or MomentLoad
         Constant loads besides the scene's.
     guess : (n,) array_like, optional
-        Bending coordinates to start from, angles [rad] or nodal curvatures [1/m]; by default the unloaded shape.
+        Bending coordinates to start from, angles [rad] or nodal curvatures [1/m] of the first number of elements; by
+        default the unloaded shape.
     stable : bool
         Whether to leave an unstable equilibrium. Where there is no stable one beside it (flutter under a following
         load), the result has ``stable=False``.
@@ -55,7 +59,9 @@ def equilibrium(
     -------
     Equilibrium
         Bending coordinates ``q`` (n,), ``tip`` (2,) [m] in the world, ``stable``, ``margin`` [rad2/s2], ``residual``,
-        and ``space_error`` [1], the estimated error by the elements, per length.
+        and ``space_error`` [1], the error that the elements leave, per length. ``status`` is ``under_resolved`` where
+        no number of elements suffices; stated elements that do not have a warning with the number that does. A shape
+        that is stable in these elements, and not in more or as an exact rod, is reported unstable.
 
     Raises
     ------
@@ -71,21 +77,23 @@ def equilibrium(
     >>> found.stable, found.tip.shape, found.backbone(points=20).shape
     (True, (2,), (20, 2))
     """
-    return _resolved(scene_of(scene), extra_loads, guess, stable, side, model)
+    asked = scene_of(scene)
+    chosen = asked if model is not None else resolve_fidelity(asked)[0]
+    return _resolved(chosen, asked.fidelity.tolerance, extra_loads, guess, stable, side, model)
 
 
 def _resolved(
-    asked: Scene,
+    scene: Scene,
+    limit: float | None,
     extra_loads: Sequence[Load] = (),
     guess: ArrayLike | None = None,
     stable: bool = True,
     side: int = 1,
     model: FingerModel | None = None,
     *,
-    vibrates: bool = False,
+    frequencies: int = 0,
 ) -> Equilibrium:
-    """The equilibrium in elements that suffice; ``vibrates``: for the first natural frequencies too."""
-    scene = asked if model is not None else resolve_fidelity(asked, vibrates=vibrates)[0]
+    """The equilibrium in elements that suffice, for the first natural frequencies too."""
 
     def search(scene: Scene, model: FingerModel, near: Array | None) -> RestingShape:
         return rest_at(scene, model, guess=guess if near is None else near, stable=stable, side=side)
@@ -93,10 +101,7 @@ def _resolved(
     first = model_of_statics(scene, extra_loads, model)
     case = RestCase(scene, search, first.loads[len(scene.loads) :])
     stated = model is not None or scene.fidelity.elements is not None
-    limit = asked.fidelity.tolerance
-    level, resolution = resolved(
-        Level(scene, first, [case]), limit=limit, stated=stated, frequencies=OF_MODES if vibrates else 0
-    )
+    level, resolution = resolved(Level(scene, first, [case]), limit=limit, stated=stated, frequencies=frequencies)
     rest = next(each for each in level.rests if each is not None)
     return Equilibrium.of(rest, level.scene, resolution)
 
@@ -108,7 +113,9 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     Parameters
     ----------
     scene : Scene or path-like
-        The scene, or its YAML file. With ``fidelity.tolerance`` the cheapest model that satisfies it is found first.
+        The scene, or its YAML file. Where it states no ``fidelity.elements``, their number is raised, up to 16, until
+        they leave less than 1 % of the length and of the first two frequencies. With ``fidelity.tolerance`` the
+        cheapest model that satisfies it is found first.
     about : Equilibrium, optional
         Equilibrium to linearize about; by default it is found first.
     points : int
@@ -118,8 +125,8 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     -------
     Modes
         ``frequencies_hz`` (m,) [Hz], ``damping_ratios`` (m,) [1], ``shapes`` (m, points, 2) [1] and the equilibrium's
-        ``backbone`` (points, 2) [m]; ``space_error`` (m,) estimates the error of the frequencies by the
-        elements, relative [1]; as many as there are bending coordinates. Under following loads or tendon friction
+        ``backbone`` (points, 2) [m]; ``space_error`` (m,) is the error of the frequencies that the elements
+        leave, relative [1]; as many as there are bending coordinates. Under following loads or tendon friction
         the stiffness is not symmetric; modes that flutter then come as two of one frequency, and ``stable`` is false.
 
     Raises
@@ -137,10 +144,14 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     True
     """
     asked = scene_of(scene)
+    note = ""
     if about is None:
-        about = _resolved(asked, vibrates=True)
+        chosen, note = resolve_fidelity(asked, vibrates=True)
+        about = _resolved(chosen, asked.fidelity.tolerance, frequencies=OF_MODES)
     elif about.scene is not None:
         level = level_of(about, about.scene)
         _, resolution = resolved(level, limit=asked.fidelity.tolerance, stated=True, frequencies=OF_MODES)
         about = about.judged(resolution)
-    return modes_of(about.scene or asked, about=about, points=points)
+    found = modes_of(about.scene or asked, about=about, points=points)
+    note = note or about.statistics.get("fidelity", "")
+    return replace(found, statistics={"fidelity": note}) if note else found
