@@ -107,6 +107,10 @@ class Resolution:
         of = f"{self.elements} element{'s leave' if self.elements > 1 else ' leaves'}"
         return f"{of} {' and '.join(parts) or f'less than {_share(self.limit)}'}"
 
+    def note(self, family: str) -> str:
+        """Why a model has its elements; empty where it has those that it began with."""
+        return f"{self.elements} x {family}: {self.raised}" if self.raised else ""
+
     @property
     def outcome(self) -> str:
         """Outcome of a result that is not within the limit, in a line."""

@@ -147,8 +147,8 @@ class Equilibrium(RestingShape, Result):
     def statistics(self) -> dict[str, Any]:
         """Effort and quality of the search, and why the model has its elements."""
         effort = {"iterations": self.iterations, "residual": self.residual, "margin": self.margin}
-        raised = "" if self.resolution is None else self.resolution.raised
-        return {**effort, "fidelity": f"{self.model.headline()}: {raised}"} if raised else effort
+        note = "" if self.resolution is None else self.resolution.note(self.model.family)
+        return {**effort, "fidelity": note} if note else effort
 
     def pairs(self) -> dict[str, str]:
         """Position of the tip, stiffness and accuracy."""

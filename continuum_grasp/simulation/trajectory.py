@@ -117,8 +117,8 @@ class Trajectory(MotionResult):
     def judged(self, resolution: Resolution, warnings: tuple[str, ...], **seconds: float) -> Trajectory:
         """The motion with errors that were measured, further warnings, and the seconds that these took."""
         statistics = {**self.statistics, **seconds}
-        if resolution.raised:
-            statistics["fidelity"] = f"{self.model.headline()}: {resolution.raised}"
+        if note := resolution.note(self.model.family):
+            statistics["fidelity"] = note
         return replace(
             self,
             status=Resolution.FAILED if resolution.fails else self.status,

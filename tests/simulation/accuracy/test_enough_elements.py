@@ -102,7 +102,7 @@ def test_arcs_that_cannot_settle_it_say_so_first():
 def test_tendons_of_equal_pull_do_not_buckle_a_column():
     """Guided along the backbone, they follow it: their pull has no moment on the straight finger, nor beside it."""
     rod = {"length": LENGTH, "linear_density": DENSITY, "bending_stiffness": STIFFNESS}
-    tendons = {"offset": 0.005}
+    tendons = {"offset": 0.005, "max_tension": 100.0}
     pull = 20.0 * euler_load(STIFFNESS, LENGTH)
     scene = cg.Scene(finger={"rod": rod, "tendons": tendons}, gravity=(0.0, 0.0), actuation={"tensions": [pull, pull]})
     found = cg.equilibrium(scene)
