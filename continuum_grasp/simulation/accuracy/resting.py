@@ -134,8 +134,11 @@ def resolved(first: Level, *, limit: float | None, stated: bool, frequencies: in
         raise first.errors[0]
     (start, at_first), (last, at_last) = found[0], found[-1]
     if stated:
-        enough = last.count if at_last.suffices and last is not start else None
-        return start, replace(at_first, enough=enough, tried=last.count)
+        if last is start or not at_last.suffices:
+            return start, replace(at_first, tried=last.count)
+        # More elements settle what the exact rod leaves open, where loads have no potential.
+        verdict = at_first.stable if at_first.settled else all(rest.stable for rest in last.rests if rest is not None)
+        return start, replace(at_first, enough=last.count, tried=last.count, stable=verdict)
     return last, replace(at_last, tried=last.count, raised="" if last is first else steps[0][1].left)
 
 
@@ -186,13 +189,13 @@ def _by_rod(level: Level, case: int, asked: Resolution) -> Resolution | None:
     places = PLACES * exact.finger.rod.length
     error = np.linalg.norm(shape.position(places) - rod.position(places), axis=1).max() / exact.finger.rod.length
     stable = _stability(rod)
-    frequencies = np.zeros(0)
+    settled, frequencies = stable == rest.stable, np.zeros(0)
     if asked.counted or stable is None:
         own = frequencies_of(rest)
-        # Without a potential, near flutter: the first two frequencies are about to become one.
-        own = own if asked.counted else own[:OF_MODES]
         frequencies = relative_errors(own, natural_frequencies(exact.finger, rod, len(own)))
-    settled = stable is None or stable == rest.stable
+    if stable is None:
+        # Near flutter the first two frequencies are about to become one, and small errors move them far.
+        settled = not np.any(frequencies[:OF_MODES] > asked.limit)
     return replace(asked, error=float(error), frequencies=frequencies, stable=stable, settled=settled)
 
 

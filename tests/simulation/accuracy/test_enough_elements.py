@@ -21,8 +21,8 @@ from tests.rods import without_compiler  # noqa: F401
 pytestmark = pytest.mark.usefixtures("without_compiler")
 
 LENGTH, STIFFNESS, DENSITY = 0.2, 0.006, 0.03
-GREENHILL = 7.8373474
-"""Weight per length of the tallest column, per EI / L^3; A. G. Greenhill, 1881."""
+GREENHILL, BECK = 7.8373474, 20.0510
+"""Weight of the tallest column, per EI / L^2, and following force under which it flutters; A. G. Greenhill, 1881."""
 
 
 def column(share: float, *, by: str = "force", hangs: bool = False, **keys) -> cg.Scene:
@@ -108,6 +108,18 @@ def test_tendons_of_equal_pull_do_not_buckle_a_column():
     found = cg.equilibrium(scene)
     assert found.status == "stable"
     assert found.tip == pytest.approx([0.0, LENGTH], abs=1e-9)
+
+
+@pytest.mark.parametrize(("share", "elements"), [(0.9, 2), (0.995, 4), (1.005, 4)])
+def test_a_following_force_makes_a_column_flutter_at_the_load_of_beck(share, elements):
+    """Two clothoids flutter at 1.006 of it; M. Beck, 1952."""
+    load = {"kind": "force", "at": LENGTH, "force": (0.0, -share * BECK * STIFFNESS / LENGTH**2), "follows": True}
+    scene = column(0.0, fidelity={"family": "clothoid"}).replaced(loads=[load])
+    found = cg.equilibrium(scene, stable=False)
+    assert found.stable == (share < 1.0)
+    assert len(found.model.lengths) >= elements
+    stated = cg.equilibrium(scene.replaced(fidelity={"family": "clothoid", "elements": 2}), stable=False)
+    assert stated.stable == (share < 1.0)
 
 
 def stepped(ratio: float, *, soft_tip: bool = True, **keys) -> cg.Scene:
