@@ -120,7 +120,7 @@ def _exported(output: Output, target: ExportTarget, loops: Sequence[type]) -> An
             raise InputError("has no effect on a stored grasp", key="--set")
         return output.config
     others = (*(loops if target.takes_loops else ()), *([HandScene] if target.takes_hands else ()))
-    return resolved_scene(output, *others)[0]
+    return resolved_scene(output, *others)
 
 
 def _ranges(words: Sequence[str]) -> dict[str, tuple[float, float]]:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import zip_longest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.cli.options import option, resolved_scene, run_verb, verb
+from continuum_grasp.cli.options import option, run_verb, verb
 from continuum_grasp.cli.output import Output
 
 
@@ -40,19 +39,24 @@ _FOLDER = "Save modes and their picture in this folder; an earlier run of modes 
 @verb("config", "out", "changes", "as_json", "quiet", out=_FOLDER)
 def modes(output: Output) -> None:
     """Natural frequencies and shapes about the equilibrium."""
-    scene, note = resolved_scene(output, vibrates=True)
+    from continuum_grasp.scene import Scene
+
+    scene = output.scene(Scene)
+    if output.out is not None:
+        output.check_folder()
 
     from continuum_grasp.simulation import modes as find
 
-    if output.out is not None:
-        output.check_folder()
     with output.busy("finding modes"):
         spectrum = find(scene)
-    if note:
-        spectrum = replace(spectrum, statistics={"fidelity": note})
     output.warn(spectrum.warnings)
     if not spectrum.stable:
         output.warn(["the equilibrium is unstable"])
+    if spectrum.outcome != spectrum.status:
+        output.say(f"{spectrum.status}: {spectrum.outcome}")
+    note = spectrum.statistics.get("fidelity")
+    if note:
+        output.say(f"fidelity: {note}")
     files = output.save(spectrum) if output.out is not None else []
     columns = {
         "frequency [Hz]": [f"{frequency:.5g}" for frequency in spectrum.frequencies_hz],
@@ -68,6 +72,7 @@ def modes(output: Output) -> None:
     if output.out is not None:
         output.say(f"saved in {output.out}")
     output.result(
+        status=spectrum.status,
         stable=spectrum.stable,
         fidelity=note or None,
         warnings=spectrum.warnings,

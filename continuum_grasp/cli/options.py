@@ -88,17 +88,17 @@ def run_verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Calla
     return verb(*_OF_RUNS, *names, **other)
 
 
-def resolved_scene(output: Output, *others: type, vibrates: bool = False) -> tuple[Any, str]:
-    """A scene of ``simulate``, its tolerance turned into a model, or one of other kinds; what was chosen and why."""
+def resolved_scene(output: Output, *others: type) -> Any:
+    """A scene of ``simulate``, its tolerance turned into a model, or one of other kinds."""
     from continuum_grasp.scene import Scene
 
     scene = output.scene(Scene, *others)
     if not isinstance(scene, Scene) or scene.fidelity.tolerance is None:
-        return scene, ""
+        return scene
     from continuum_grasp.simulation import resolve_fidelity
 
     with output.busy("choosing the model"):
-        scene, note = resolve_fidelity(scene, vibrates=vibrates)
+        scene, note = resolve_fidelity(scene)
     if note:
         output.say(f"fidelity: {note}")
-    return scene, note
+    return scene

@@ -197,6 +197,7 @@ class FingerModel(Model):
     )
     bending = named("q u p", bend=lambda eq: eq.bends)
     range_use = named("q u p", use=lambda eq: eq.range_use)
+    _full_coordinates = named("q u p", full=lambda eq: eq.full)
 
     statics = named(
         "q u w p",
@@ -432,6 +433,13 @@ class FingerModel(Model):
         # As `Memory.direction`: tendon friction of a motion acts by a cubic of its states.
         states[:count] *= 1.5 - 0.5 * states[:count] ** 2
         return states
+
+    def full_coordinates(self, q: ArrayLike, u: ArrayLike, p: ArrayLike | None = None) -> Array:
+        """Coordinates of the family (size,) in a shape q (n,) under an input u (nu,), the known ones last.
+
+        Parameters p are nominal where not given.
+        """
+        return np.array(self._full_coordinates(q, u, self.p_nominal if p is None else p)).ravel()
 
     def curvatures(self) -> ca.Function:
         """``(q, u, p) -> kappa, at, bend``: curvature and bends of the N elements.

@@ -49,6 +49,11 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
     array([1.585])
     """
     equations, curvature = about.equations, about.nodal_curvature
+    # 4: nodes per frequency: the shape of each has half a wave more than that of the one before
+    while equations.mesh.size < 4 * count:
+        mesh = equations.mesh
+        finer = mesh.refined(np.ones(mesh.panels, dtype=bool), mesh.count)
+        equations, curvature = RodEquations(equations.problem, finer), mesh.evaluate(curvature, finer.nodes).real
     problem, mesh = equations.problem, equations.mesh
     stiffness = mesh.weights[:, None] * equations.balance(curvature).slope * (problem.stiffness / problem.length)
     if problem.conservative:
@@ -56,8 +61,10 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
     # 1 / omega^2 are well conditioned: the largest belong to the lowest modes.
     compliance = np.asarray(np.linalg.solve(stiffness, mass_matrix(finger, equations, curvature)), dtype=float)
     values: NDArray[np.inexact] = np.linalg.eigvals(compliance)
-    # Negative ones (instability) first: they are lower than any frequency.
-    order = np.argsort(np.where(values.real < 0.0, -np.inf, -np.abs(values)))
+    # Negative ones (instability) first: they are lower than any frequency. 1e-12: part of the greatest up to which the
+    # sign is rounding, as of the highest modes of hundreds of nodes.
+    unstable = values.real < -1e-12 * np.abs(values).max()
+    order = np.argsort(np.where(unstable, -np.inf, -np.abs(values)))
     squares = 1.0 / values[order[:count]]
     return np.sort(np.sqrt(squares.astype(complex)).real) / (2.0 * np.pi)
 

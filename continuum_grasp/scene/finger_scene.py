@@ -48,8 +48,9 @@ class Fidelity(Value):
         Annotated[int, Field(ge=1, le=64)] | Annotated[ListOf[Length], Field(min_length=1, max_length=64)] | None
     ) = None
     """Number of elements, or their lengths from base to tip [m]; None: two, or one per segment between contacts and
-    jumps of the rest curvature; with stops as many, up to 16, as bend by one turn at most where links touch. For a
-    grasp None is eight, or 16 where exact rods take clearly other forces."""
+    jumps of the rest curvature; with stops as many, up to 16, as bend by one turn at most where links touch. From
+    these on equilibria, modes and motions take up to 16, until they leave less than 1 %; controllers, exports and pages
+    keep them. For a grasp None is eight, or 16 where exact rods take clearly other forces."""
     bending_range: Annotated[float, Field(ge=1e-3, le=WIDEST, examples=[2.5]), Unit("rad")] | None = None
     """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature), the bend at rest
     included, that controllers, grasps and C packages allow. None: chosen. Equilibria and motions choose by the shapes

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from os import PathLike
 
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import check_arguments
+from continuum_grasp.base import Array, check_arguments
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Load, Scene, scene_of
 from continuum_grasp.simulation.accuracy.resolve import resolve_fidelity
+from continuum_grasp.simulation.accuracy.resting import Level, RestCase, level_of, resolved
+from continuum_grasp.simulation.resolution import OF_MODES
+from continuum_grasp.simulation.rest import RestingShape
+from continuum_grasp.simulation.resting import rest_at
 from continuum_grasp.simulation.static_shape import Equilibrium
-from continuum_grasp.simulation.statics import equilibrium_of
+from continuum_grasp.simulation.statics import model_of_statics
 from continuum_grasp.simulation.vibration import Modes, modes_of
 
 
@@ -35,11 +40,14 @@ def equilibrium(
     Parameters
     ----------
     scene : Scene or path-like
-        The scene, or its YAML file. With ``fidelity.tolerance`` the cheapest model that satisfies it is found first.
+        The scene, or its YAML file. Where it states no ``fidelity.elements``, their number is raised, up to 16, until
+        they leave less than 1 % of the length. With ``fidelity.tolerance`` the cheapest model that satisfies it is
+        found first.
     extra_loads : sequence of ForceLoad or MomentLoad
         Constant loads besides the scene's.
     guess : (n,) array_like, optional
-        Bending coordinates to start from, angles [rad] or nodal curvatures [1/m]; by default the unloaded shape.
+        Bending coordinates to start from, angles [rad] or nodal curvatures [1/m] of the first number of elements; by
+        default the unloaded shape.
     stable : bool
         Whether to leave an unstable equilibrium. Where there is no stable one beside it (flutter under a following
         load), the result has ``stable=False``.
@@ -52,7 +60,9 @@ def equilibrium(
     -------
     Equilibrium
         Bending coordinates ``q`` (n,), ``tip`` (2,) [m] in the world, ``stable``, ``margin`` [rad2/s2], ``residual``,
-        and ``space_error`` [1], the estimated error by the elements, per length.
+        and ``space_error`` [1], the error that the elements leave, per length. ``status`` is ``under_resolved`` where
+        no number of elements suffices; stated elements that do not have a warning with the number that does. A shape
+        that is stable in these elements, and not in more or as an exact rod, is reported unstable.
 
     Raises
     ------
@@ -68,8 +78,33 @@ def equilibrium(
     >>> found.stable, found.tip.shape, found.backbone(points=20).shape
     (True, (2,), (20, 2))
     """
-    chosen = scene_of(scene) if model is not None else resolve_fidelity(scene_of(scene))[0]
-    return equilibrium_of(chosen, extra_loads=extra_loads, guess=guess, stable=stable, side=side, model=model)
+    asked = scene_of(scene)
+    chosen = asked if model is not None else resolve_fidelity(asked)[0]
+    return _resolved(chosen, asked.fidelity.tolerance, extra_loads, guess, stable, side, model)
+
+
+def _resolved(
+    scene: Scene,
+    limit: float | None,
+    extra_loads: Sequence[Load] = (),
+    guess: ArrayLike | None = None,
+    stable: bool = True,
+    side: int = 1,
+    model: FingerModel | None = None,
+    *,
+    frequencies: int = 0,
+) -> Equilibrium:
+    """The equilibrium in elements that suffice, for the first natural frequencies too."""
+
+    def search(scene: Scene, model: FingerModel, near: Array | None) -> RestingShape:
+        return rest_at(scene, model, guess=guess if near is None else near, stable=stable, side=side)
+
+    first = model_of_statics(scene, extra_loads, model)
+    case = RestCase(scene, search, first.loads[len(scene.loads) :])
+    stated = model is not None or scene.fidelity.elements is not None
+    level, resolution = resolved(Level(scene, first, [case]), limit=limit, stated=stated, frequencies=frequencies)
+    rest = next(each for each in level.rests if each is not None)
+    return Equilibrium.of(rest, level.scene, resolution)
 
 
 @check_arguments
@@ -79,7 +114,9 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     Parameters
     ----------
     scene : Scene or path-like
-        The scene, or its YAML file. With ``fidelity.tolerance`` the cheapest model that satisfies it is found first.
+        The scene, or its YAML file. Where it states no ``fidelity.elements``, their number is raised, up to 16, until
+        they leave less than 1 % of the length and of the first two frequencies. With ``fidelity.tolerance`` the
+        cheapest model that satisfies it is found first.
     about : Equilibrium, optional
         Equilibrium to linearize about; by default it is found first.
     points : int
@@ -89,8 +126,8 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     -------
     Modes
         ``frequencies_hz`` (m,) [Hz], ``damping_ratios`` (m,) [1], ``shapes`` (m, points, 2) [1] and the equilibrium's
-        ``backbone`` (points, 2) [m]; ``space_error`` (m,) estimates the error of the frequencies by the
-        elements, relative [1]; as many as there are bending coordinates. Under following loads or tendon friction
+        ``backbone`` (points, 2) [m]; ``space_error`` (m,) is the error of the frequencies that the elements
+        leave, relative [1]; as many as there are bending coordinates. Under following loads or tendon friction
         the stiffness is not symmetric; modes that flutter then come as two of one frequency, and ``stable`` is false.
 
     Raises
@@ -107,5 +144,15 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     >>> found.shapes.shape == (len(found.frequencies_hz), 61, 2)
     True
     """
-    chosen = scene_of(scene) if about is not None else resolve_fidelity(scene_of(scene), vibrates=True)[0]
-    return modes_of(chosen, about=about, points=points)
+    asked = scene_of(scene)
+    note = ""
+    if about is None:
+        chosen, note = resolve_fidelity(asked, vibrates=True)
+        about = _resolved(chosen, asked.fidelity.tolerance, frequencies=OF_MODES)
+    elif about.scene is not None:
+        level = level_of(about, about.scene)
+        _, resolution = resolved(level, limit=asked.fidelity.tolerance, stated=True, frequencies=OF_MODES)
+        about = about.judged(resolution)
+    found = modes_of(about.scene or asked, about=about, points=points)
+    note = note or about.statistics.get("fidelity", "")
+    return replace(found, statistics={"fidelity": note}) if note else found

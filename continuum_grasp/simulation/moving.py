@@ -26,8 +26,10 @@ def simulate(
         The scene, with ``time``, or its YAML file; or a result, whose motion is repeated by the inputs of a plan, or
         the commands of a closed loop on the finger that its controller knows, or of a mission on its plant, on which
         all fingers but the first move as recorded (``simulated`` of the result).
-        With ``fidelity.tolerance`` the cheapest model that satisfies it is found first; where the motion needs more
-        elements than its equilibria and frequencies, it gets them.
+        Where the scene states no ``fidelity.elements``, their number is raised, up to 16, until they leave less than
+        1 % of the length at rest under the first, last and held loads, and of the first natural frequency there. With
+        ``fidelity.tolerance`` the cheapest model that satisfies it is found first; where the motion needs more elements
+        than its equilibria and frequencies, it gets them.
     progress : callable, optional
         Called with the completed share of the motion, 0 to 1.
 
@@ -39,7 +41,8 @@ def simulate(
         ``u_names`` and ``w_names`` have the unit of each entry, ``time_error`` estimates the error of the steps in
         time, ``space_error`` the error of the elements (``time.space_error``, ``fidelity.tolerance``),
         ``static_error`` their error at rest under the first and the last inputs otherwise, ``warnings`` names elements
-        beyond their strain limit, and overlaps with the object between stations.
+        beyond their strain limit, elements that do not suffice, and overlaps with the object between stations.
+        ``status`` is ``under_resolved`` where no number of elements suffices.
 
     Raises
     ------

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, InputError
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Actuation, CommandedScene, Samples, Scene, Timing
 
 _PARTS = 4
@@ -50,7 +51,11 @@ def scene_under(
     times = tuple(instants.tolist())
     columns = [Samples(times=times, values=tuple(column), interpolation=kind) for column in rows.T.tolist()]
     timing = Timing(duration=duration, step=duration / count)
-    return plain.replaced(actuation=Actuation.of(finger.input_keys, columns), time=timing)
+    replayed = plain.replaced(actuation=Actuation.of(finger.input_keys, columns), time=timing)
+    if replayed.fidelity.elements is not None or replayed.fidelity.tolerance is not None:
+        return replayed
+    # The elements that the inputs were chosen for.
+    return replayed.replaced(fidelity=replayed.fidelity.replaced(elements=FingerModel(plain).lengths))
 
 
 def _lagging(t: Array, u: Array, before: float, lag: float, linear: bool) -> tuple[Array, Array]:

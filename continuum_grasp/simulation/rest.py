@@ -190,8 +190,8 @@ class EquilibriumSearch:
             return ()
         return (
             f"the loads are near a buckling load: the least stiffness is {margin / unloaded:.1g} of its value for the "
-            "unloaded finger, and small errors of the model change the shape by percents of the length: take more "
-            "elements, clothoids in place of arcs, or fidelity.tolerance",
+            "unloaded finger, and small errors of loads, stiffness and elements change the shape by percents of the "
+            "length",
         )
 
     def _reach(self) -> float:

@@ -12,6 +12,7 @@ from continuum_grasp.base import Array, named_value
 from continuum_grasp.core import Core
 from continuum_grasp.results import Dimension, Picture, Result, Stored
 from continuum_grasp.scene import Scene
+from continuum_grasp.simulation.resolution import Resolution
 from continuum_grasp.simulation.rest import RestingShape
 from continuum_grasp.simulation.resting import states_of_motors
 from continuum_grasp.simulation.tension_limits import TensionLimit, tension_limits
@@ -28,7 +29,8 @@ class Equilibrium(RestingShape, Result):
         None where a model was given without one.
     stable : bool
         Whether the tangent stiffness is positive definite (conservative loads), or no eigenvalue of the linearized
-        motion has a positive real part (following loads, tendon friction).
+        motion has a positive real part (following loads, tendon friction); false, too, where the exact rod or more
+        elements are unstable there.
     margin : float
         Smallest eigenvalue of the stiffness in the metric of the mass matrix [rad2/s2]; negative when unstable.
     residual : float
@@ -36,7 +38,9 @@ class Equilibrium(RestingShape, Result):
     history : (states + 1,) ndarray
         Its friction, as functions of the model take it; empty without friction.
     warnings : tuple of str
-        Elements that are bent beyond the strain limit; a buckling load that is near; `limits`.
+        Elements that do not suffice, or that are bent beyond the strain limit; a buckling load that is near; `limits`.
+    resolution : Resolution or None
+        Errors that the elements leave; None of shapes of a model without a scene.
     limits : tuple of TensionLimit
         Tendons pulled harder than their ``max_tension``, and tendons that winches and motors leave slack.
     """
@@ -69,12 +73,21 @@ class Equilibrium(RestingShape, Result):
     pictures: ClassVar[tuple[Picture, ...]] = (Picture("shape", "continuum_grasp.plotting.motion:plot_shape"),)
 
     scene: Scene | None = None
+    resolution: Resolution | None = None
 
     @classmethod
-    def of(cls, found: RestingShape, scene: Scene | None = None) -> Equilibrium:
+    def of(cls, found: RestingShape, scene: Scene | None = None, resolution: Resolution | None = None) -> Equilibrium:
         """A shape at rest as a result, of a scene where there is one."""
         result = cls(**{each.name: getattr(found, each.name) for each in fields(RestingShape)}, scene=scene)
-        return replace(result, warnings=(*found.warnings, *map(str, result.limits)))
+        result = replace(result, warnings=(*found.warnings, *map(str, result.limits)))
+        return result if resolution is None else result.judged(resolution)
+
+    def judged(self, resolution: Resolution) -> Equilibrium:
+        """The equilibrium with errors that were measured, and with the verdict on stability that they confirm."""
+        known = () if self.resolution is None else self.resolution.warnings
+        others = (text for text in self.warnings if text not in known)
+        stable = self.stable and resolution.stable is not False
+        return replace(self, resolution=resolution, stable=stable, warnings=(*others, *resolution.warnings))
 
     @property
     def limits(self) -> tuple[TensionLimit, ...]:
@@ -105,10 +118,13 @@ class Equilibrium(RestingShape, Result):
     def space_error(self) -> float:
         """Estimate of the greatest error of position that the elements leave, per length of the finger [1].
 
-        Taken from the equilibrium with every element halved, found when this is first read; infinite where there is
-        none, nan where a model or states of friction belong to these elements alone.
+        Taken from the exact rod near the shape; where that does not know the scene, from the equilibrium with every
+        element halved. Infinite where there is none, nan where a model or states of friction belong to these elements
+        alone.
         """
-        error: float = named_value("continuum_grasp.simulation.accuracy.space_at_rest:error_of_equilibrium")(self)
+        if self.resolution is not None and not np.isnan(self.resolution.error):
+            return self.resolution.error
+        error: float = named_value("continuum_grasp.simulation.accuracy.resting:resolution_of")(self).error
         return error
 
     def details(self) -> dict[str, Any]:
@@ -117,13 +133,22 @@ class Equilibrium(RestingShape, Result):
 
     @property
     def status(self) -> str:
-        """``stable`` or ``unstable``."""
+        """``stable`` or ``unstable``; ``under_resolved`` where no number of elements keeps 1 % of the length."""
+        if self.resolution is not None and self.resolution.fails:
+            return Resolution.FAILED
         return "stable" if self.stable else "unstable"
 
     @property
+    def outcome(self) -> str:
+        """Status, or what it is that elements do not resolve."""
+        return self.resolution.outcome if self.resolution is not None and self.resolution.fails else self.status
+
+    @property
     def statistics(self) -> dict[str, Any]:
-        """Effort and quality of the search."""
-        return {"iterations": self.iterations, "residual": self.residual, "margin": self.margin}
+        """Effort and quality of the search, and why the model has its elements."""
+        effort = {"iterations": self.iterations, "residual": self.residual, "margin": self.margin}
+        note = "" if self.resolution is None else self.resolution.note(self.model.family)
+        return {**effort, "fidelity": note} if note else effort
 
     def pairs(self) -> dict[str, str]:
         """Position of the tip, stiffness and accuracy."""

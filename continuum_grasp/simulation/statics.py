@@ -67,12 +67,16 @@ def equilibrium_of(
     side: int = 1,
     model: FingerModel | None = None,
 ) -> Equilibrium:
-    """Find the equilibrium of a scene without ``fidelity.tolerance``; see `continuum_grasp.equilibrium`."""
+    """Find the equilibrium of a scene in the elements that it has; see `continuum_grasp.equilibrium`."""
+    made = model_of_statics(scene, extra_loads, model)
+    return Equilibrium.of(rest_at(scene, made, guess=guess, stable=stable, side=side), scene)
+
+
+def model_of_statics(scene: Scene, extra_loads: Sequence[Load] = (), model: FingerModel | None = None) -> FingerModel:
+    """Model of a scene at rest with further loads, or the given one; InputError where the scene does not fit."""
     _STATICS.check(scene)
     _WHOLE.check(scene, of={"extra_loads": bool(model is not None and extra_loads)})
-    if model is None:
-        model = FingerModel(scene, loads=(*scene.loads, *extra_loads), input_rates=False)
-    return Equilibrium.of(rest_at(scene, model, guess=guess, stable=stable, side=side), scene)
+    return model or FingerModel(scene, loads=(*scene.loads, *extra_loads), input_rates=False)
 
 
 @check_arguments

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -17,6 +17,7 @@ from continuum_grasp.model import FingerModel, System
 from continuum_grasp.results import Dimension, MotionResult, Picture, Stored
 from continuum_grasp.scene import ForceLoad, Scene
 from continuum_grasp.simulation.contacts import ContactHistory
+from continuum_grasp.simulation.resolution import Resolution
 from continuum_grasp.simulation.slack import SlackTime, slack_times
 
 
@@ -32,8 +33,9 @@ class Trajectory(MotionResult):
     scene : Scene
     system : System or None
         The finger with its object; None without one.
-    status : {"finished", "stopped"}
-        ``stopped``: the motion ended early; the error that was raised says why.
+    status : {"finished", "stopped", "under_resolved"}
+        ``stopped``: the motion ended early; the error that was raised says why. ``under_resolved``: no number of
+        elements that is tried keeps 1 %, or ``fidelity.tolerance``.
     warnings : tuple of str
     statistics : mapping
         Method, sub-steps, spectral radius, times.
@@ -47,9 +49,13 @@ class Trajectory(MotionResult):
         along it, and of the points of an object that moves. It is taken from the same motion with every element halved
         (``time.space_error``, ``fidelity.tolerance``); infinite where that one fails, nan where nothing was compared.
     static_error : float
-        Without ``space_error``: estimate of the greatest error of position that the elements leave where
-        the finger is at rest under its first, or its last inputs and loads, per length [1]; infinite where no
-        equilibrium of halved elements is found, nan with an object, or more than four elements.
+        Without ``space_error``: greatest error of position that the elements leave where the finger is at rest under
+        its first, last or held inputs and loads, per length [1], against the exact rod, or elements of half the length;
+        infinite where no such equilibrium is found, nan with an object, or where the exact rod does not know the scene
+        and more than four elements are stated.
+    resolution : Resolution or None
+        Errors by which the elements were judged; those at rest with the errors of the first natural frequencies about
+        these shapes. None with an object.
     """
 
     kind: ClassVar[str] = "simulate"
@@ -106,6 +112,26 @@ class Trajectory(MotionResult):
     time_error: float = math.nan
     space_error: float = math.nan
     static_error: float = math.nan
+    resolution: Resolution | None = None
+
+    def judged(self, resolution: Resolution, warnings: tuple[str, ...], **seconds: float) -> Trajectory:
+        """The motion with errors that were measured, further warnings, and the seconds that these took."""
+        statistics = {**self.statistics, **seconds}
+        if note := resolution.note(self.model.family):
+            statistics["fidelity"] = note
+        return replace(
+            self,
+            status=Resolution.FAILED if resolution.fails else self.status,
+            static_error=resolution.error if math.isnan(self.space_error) else math.nan,
+            resolution=resolution,
+            warnings=(*self.warnings, *resolution.warnings, *warnings),
+            statistics=statistics,
+        )
+
+    @property
+    def outcome(self) -> str:
+        """Status, or what it is that elements do not resolve."""
+        return self.resolution.outcome if self.resolution is not None and self.resolution.fails else self.status
 
     @property
     def simulated(self) -> Scene:

@@ -23,6 +23,7 @@ from continuum_grasp.model import FingerModel, Memory
 from continuum_grasp.results import Dimension, Picture, Result, Stored
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation.linearized import damping_matrix, in_mass_metric
+from continuum_grasp.simulation.rest import RestingShape
 from continuum_grasp.simulation.slack import least_pull
 from continuum_grasp.simulation.static_shape import Equilibrium
 from continuum_grasp.simulation.statics import equilibrium_of
@@ -83,14 +84,25 @@ class Modes(Result):
     def space_error(self) -> Array:
         """Estimates of the errors of the frequencies (m,) that the elements leave, relative [1].
 
-        As `Equilibrium.space_error`; of frequencies that are zero with halved elements, per the highest.
+        As `Equilibrium.space_error`; of frequencies that are zero in truth, per the highest.
         """
-        return np.asarray(named_value("continuum_grasp.simulation.accuracy.space_at_rest:error_of_modes")(self))
+        known = self.equilibrium.resolution
+        if known is None or not len(known.frequencies):
+            of = named_value("continuum_grasp.simulation.accuracy.resting:resolution_of")
+            known = of(self.equilibrium, vibrates=True)
+        errors = np.full(len(self.frequencies_hz), np.nan)
+        errors[: len(known.frequencies)] = known.frequencies
+        return errors
 
     @property
     def status(self) -> str:
-        """``stable`` or ``unstable``: what the equilibrium is."""
-        return "stable" if self.stable else "unstable"
+        """``stable`` or ``unstable``; ``under_resolved`` where no number of elements keeps 1 % in the first two."""
+        return self.equilibrium.status
+
+    @property
+    def outcome(self) -> str:
+        """Status, or what it is that elements do not resolve."""
+        return self.equilibrium.outcome
 
     @property
     def stable(self) -> bool:
@@ -125,7 +137,7 @@ class Modes(Result):
 
 @check_arguments
 def modes_of(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -> Modes:
-    """Find the modes of a scene without ``fidelity.tolerance``; see `continuum_grasp.modes`."""
+    """Find the modes of a scene in the elements that it has; see `continuum_grasp.modes`."""
     rest = equilibrium_of(scene) if about is None else about
     model = rest.model
     q = rest.q
@@ -133,12 +145,13 @@ def modes_of(scene: Scene, *, about: Equilibrium | None = None, points: int = 61
     p = rest.p
     core = Core(model, compiled=False)
     small = small_motions(rest)
+    damping = damping_matrix(core, q, u, p)
     values, right, left = _eigen(small.mass, small.stiffness)
     pulsations = _pulsations(values)
     ratios = np.full(len(values), np.nan)
     moving = pulsations > 1e-9 * pulsations.max(initial=0.0)
     # The diagonal of the damping in the modes: what couples them is left out.
-    modal_damping = np.einsum("ki,ij,kj->k", left, small.damping, right).real
+    modal_damping = np.einsum("ki,ij,kj->k", left, damping, right).real
     ratios[moving] = modal_damping[moving] / (2.0 * pulsations[moving])
     pulsations[~moving] = 0.0
     coordinates = np.ascontiguousarray(right.real)
@@ -197,7 +210,7 @@ def _eigen(mass: Array, stiffness: Array) -> tuple[NDArray[Any], NDArray[Any], N
 
 @dataclass(frozen=True)
 class SmallMotions:
-    """Mass, stiffness and damping (n, n) of the bending coordinates; and these where all sticks, and where drives turn.
+    """Mass and stiffness (n, n) of the bending coordinates; and these where all sticks, and where drives turn.
 
     ``stuck`` is None where nothing has friction, or its stiffness is not known, as with tendons whose tension
     is commanded.
@@ -205,12 +218,17 @@ class SmallMotions:
 
     mass: Array
     stiffness: Array
-    damping: Array
     stuck: Array | None = None  # stiffness (n, n)
     free: tuple[Array, Array] | None = None  # mass and stiffness with the angles of motors; None where none turn
 
 
-def small_motions(equilibrium: Equilibrium) -> SmallMotions:
+def frequencies_of(rest: RestingShape) -> Array:
+    """Natural frequencies (n,) [Hz] about a shape at rest, increasing; zero where it is unstable."""
+    small = small_motions(rest)
+    return _frequencies(small.mass, small.stiffness)
+
+
+def small_motions(equilibrium: RestingShape) -> SmallMotions:
     model = equilibrium.model
     q = equilibrium.q
     u = equilibrium.u
@@ -219,13 +237,12 @@ def small_motions(equilibrium: Equilibrium) -> SmallMotions:
     core = Core(model, compiled=False)
     n = model.n
     mass = core.mass_matrix(q, u, p)
-    damping = damping_matrix(core, q, u, p)
     friction = equilibrium.friction_states
     if not model.structure.winches:
         # Friction acts as it does at rest.
         history = (np.append(friction, 0.0),) if friction.size else ()
         held = core.statics(q, u, w, p, *history)[1]
-        return SmallMotions(mass, held, damping, held + _held(model, p) if model.structure.has_stateful_laws else None)
+        return SmallMotions(mass, held, held + _held(model, p) if model.structure.has_stateful_laws else None)
     of_tendons = model.structure.tendon_friction_states
     states = Memory.state_of(friction[:of_tendons]), friction[of_tendons:]
     x = np.concatenate([q, np.zeros(n), model.drives_at(q, u, friction), *states])
@@ -237,10 +254,10 @@ def small_motions(equilibrium: Equilibrium) -> SmallMotions:
         free = both, stiffness
     slides = model.friction_names or model.structure.has_stateful_laws
     stuck = passive + _glued(model, equilibrium, x) + _held(model, p) if slides else None
-    return SmallMotions(mass, stiffness[:n, :n], damping, stuck, free)
+    return SmallMotions(mass, stiffness[:n, :n], stuck, free)
 
 
-def _glued(model: FingerModel, rest: Equilibrium, x: Array) -> Array:
+def _glued(model: FingerModel, rest: RestingShape, x: Array) -> Array:
     """Stiffness of tendons in tension: of those with friction as if they were glued to the finger all along."""
     made = model.structure
     total = np.zeros((model.n, model.n))

@@ -9,9 +9,10 @@ import pytest
 from scipy import integrate, optimize
 
 from continuum_grasp.base import InputError, SolverError
+from continuum_grasp.model import FingerModel
 from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene import ForceLoad
-from continuum_grasp.simulation import equilibrium, equilibrium_path
+from continuum_grasp.simulation import Signals, equilibrium, equilibrium_path, equilibrium_under
 from tests.closed_forms import rods as closed_forms
 from tests.marks import few
 from tests.rods import HANGING, HORIZONTAL, UNIT, UPRIGHT, force, order, rod_scene, without_compiler  # noqa: F401
@@ -33,6 +34,13 @@ def pressed(load: float, family: str, elements: int, follows: bool = False, **ke
     """Unit rod along +Y with a force against its tip."""
     loads = [force(1.0, (0.0, -load), follows)]
     return rod_scene(UNIT, family, elements, angle=UPRIGHT, gravity=NONE, loads=loads, **keys)
+
+
+def in_its_own_elements(scene):
+    """The equilibrium that a search begins with, stable or not, without a look at more elements."""
+    model = FingerModel(scene, input_rates=False)
+    signals = Signals(scene, model)
+    return equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], stable=False)
 
 
 def bent_by_force(alpha: float) -> np.ndarray:
@@ -145,13 +153,13 @@ def test_critical_loads_are_bounded_from_above(family, elements, euler, greenhil
     }
     for name, (column, exact, error) in columns.items():
         critical = optimize.brentq(
-            lambda load, column=column: equilibrium(column(load), stable=False).margin,
+            lambda load, column=column: in_its_own_elements(column(load)).margin,
             0.8 * exact,
             1.2 * exact,
             xtol=1e-6,
         )
         assert -1e-6 <= critical / exact - 1.0 <= error, name
-        below, above = (equilibrium(column(critical * (1.0 + e)), stable=False).stable for e in (-1e-4, 1e-4))
+        below, above = (in_its_own_elements(column(critical * (1.0 + e))).stable for e in (-1e-4, 1e-4))
         assert below, name
         assert not above, name
 
@@ -177,7 +185,7 @@ def test_weight_input_and_loads_of_a_path_grow_together():
         ("matched_clothoid", 2, 1.2, False),
         # Two arcs buckle at 1.05 of Euler's load: what is left there is their own error, which they warn of.
         ("arc", 2, 0.95, False),
-        ("arc", 2, 1.0, True),
+        ("arc", 2, 0.999, True),
     ],
 )
 def test_a_column_near_its_buckling_load_says_so(family, elements, share, near):

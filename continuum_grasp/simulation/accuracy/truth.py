@@ -116,9 +116,9 @@ def load_cases(scene: Scene) -> list[tuple[str, Scene]]:
         chosen |= {t for t in _extremes(value) if 0.0 < t <= end}
     if any(value.times[-1] > end for value in sampled):
         chosen.add(end)  # between two samples
-    cases = [(f"t = {t:g} s", _frozen(scene, t, held=False)) for t in (0.0, *sorted(chosen))]
+    cases = [(f"t = {t:g} s", frozen(scene, t)) for t in (0.0, *sorted(chosen))]
     if scene.initial.held_by:
-        cases.append((_HELD, _frozen(scene, 0.0, held=True)))
+        cases.append((_HELD, frozen(scene, 0.0, held=True)))
     return cases
 
 
@@ -128,7 +128,8 @@ def _extremes(value: Samples | VectorSamples) -> set[float]:
     return {value.times[k] for k in (*rows.argmax(axis=0), *rows.argmin(axis=0))}
 
 
-def _frozen(scene: Scene, t: float, held: bool) -> Scene:
+def frozen(scene: Scene, t: float, held: bool = False) -> Scene:
+    """The scene with inputs and loads as at an instant [s], without its object; see `load_cases`."""
     loads = [_with_value(load, _at(load.value, t)) for load in scene.loads]
     for load in scene.initial.held_by:
         nothing = (0.0, 0.0) if isinstance(load, ForceLoad) else 0.0

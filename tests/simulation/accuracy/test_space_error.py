@@ -14,7 +14,6 @@ import continuum_grasp as cg
 from continuum_grasp import equilibrium, modes
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
-from continuum_grasp.rod import natural_frequencies, solve_elastica
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import integrate, refined
 from continuum_grasp.simulation.accuracy.elements import translated
@@ -46,41 +45,41 @@ def model_of(family, elements, **keys):
 
 @pytest.mark.parametrize(("family", "elements"), [("arc", 2), ("clothoid", 2), ("matched_clothoid", 2), ("arc", 5)])
 @pytest.mark.parametrize("make", [cone, soft])
-def test_the_error_at_rest_and_of_frequencies_covers_that_against_the_exact_rod(make, family, elements):
-    scene = make(**model_of(family, elements))
-    found, rod = equilibrium(scene), solve_elastica(scene)
-    s = np.linspace(0.0, 0.2, PLACES)
-    off = np.linalg.norm(found.backbone(PLACES) - rod.position(s), axis=1).max() / 0.2
-    assert off <= found.space_error <= 2.5 * off
-    vibrations = modes(scene, about=found)
-    exact = natural_frequencies(scene.finger, rod)
-    true = np.abs(vibrations.frequencies_hz[:2] / exact - 1.0)
-    assert np.all(true <= vibrations.space_error[:2])
-    assert np.all(vibrations.space_error[:2] <= 3.0 * true + 1e-3)
+def test_the_error_at_rest_and_of_frequencies_is_that_against_far_more_elements(make, family, elements):
+    """Judged by the exact rod: twelve clothoids, whose own error is a thousandth of it, agree."""
+    found, fine = modes(make(**model_of(family, elements))), modes(make(**model_of("clothoid", 12)))
+    shapes = [each.equilibrium.backbone(PLACES) for each in (found, fine)]
+    off = np.linalg.norm(shapes[0] - shapes[1], axis=1).max() / 0.2
+    assert found.equilibrium.space_error == pytest.approx(off, rel=0.02, abs=1e-7)
+    true = np.abs(found.frequencies_hz[:2] / fine.frequencies_hz[:2] - 1.0)
+    assert found.space_error[:2] == pytest.approx(true, rel=0.03, abs=2e-5)
 
 
-@pytest.mark.parametrize("make", [cone, soft, lambda **keys: soft(40.0, **keys)], ids=["cone", "soft", "rope"])
-def test_a_motion_states_the_error_of_its_shapes_at_rest(make):
-    """Of the first and the last, against the exact rod; without a warning where it is less than 1 %."""
+@pytest.mark.parametrize("weight", [3.0, 10.0])
+def test_a_motion_states_the_error_of_its_shapes_at_rest(weight):
+    """Of the first and the last, against twelve clothoids; stated elements that leave more than 1 % are warned of."""
     pulled = {"times": [0.0, 0.04], "values": [[0.0, 0.0], [0.1, 0.0]]}
-    scene = make(loads=[{"kind": "force", "at": 0.2, "force": pulled}], time={"duration": 0.05, "step": 0.005})
-    scene = scene.replaced(fidelity={"bending_range": 3.0}, finger=scene.finger.replaced(damping={"material": 1e-4}))
-    found, s, off = cg.simulate(scene), np.linspace(0.0, 0.2, PLACES), []
+    time = {"duration": 0.05, "step": 0.005}
+    scene = soft(weight, **model_of("arc", 3, loads=[{"kind": "force", "at": 0.2, "force": pulled}], time=time))
+    found, off = cg.simulate(scene), []
     for force in ((0.0, 0.0), (0.1, 0.0)):
-        case = scene.replaced(loads=[{"kind": "force", "at": 0.2, "force": force}])
-        off.append(np.linalg.norm(equilibrium(case).backbone(PLACES) - solve_elastica(case).position(s), axis=1) / 0.2)
-    assert np.max(off) <= found.static_error <= 2.5 * np.max(off)
+        case = scene.replaced(loads=[{"kind": "force", "at": 0.2, "force": force}], time=None)
+        fine = case.replaced(fidelity=model_of("clothoid", 12)["fidelity"])
+        shapes = [equilibrium(each).backbone(PLACES) for each in (case, fine)]
+        off.append(np.linalg.norm(shapes[0] - shapes[1], axis=1).max() / 0.2)
+    assert found.static_error == pytest.approx(max(off), rel=0.02)
     assert "in motion, at rest about" in found.pairs()["space error"]
     assert found.details()["static_error"] == found.static_error
-    said = [text for text in found.warnings if "the error that the elements leave is about" in text]
-    assert [text.split(" inputs")[0] for text in said] == [
-        f"at rest under its {name}" for name, error in zip(("first", "last"), off, strict=True) if error.max() > 0.01
-    ]
+    assert found.status == "finished"
+    said = [text for text in found.warnings if text.startswith("3 elements leave an error of")]
+    assert bool(said) == (max(off) > 0.01)
 
 
 def test_what_is_not_known_at_rest_is_not_stated():
+    """The exact rod knows no dry friction in bending, and halves of more than four elements would take long."""
     time = {"duration": 0.01, "step": 0.005}
-    assert np.isnan(cg.simulate(soft(fidelity={"elements": 5}, time=time)).static_error)
+    dry = {"damping": {"dry_friction": [{"stiffness": 1e-4, "moment": 1e-4}]}}
+    assert np.isnan(cg.simulate(soft(finger=dry, fidelity={"elements": 5}, time=time)).static_error)
     measured = cg.simulate(soft(time={**time, "space_error": True}))
     assert np.isnan(measured.static_error)
     assert "at rest" not in measured.pairs()["space error"]
@@ -108,9 +107,11 @@ def test_a_motion_gets_the_elements_that_keep_the_tolerance_or_a_warning(monkeyp
     assert len(finer.model.lengths) == 2
     assert finer.space_error <= 0.999 * limit
     assert finer.warnings == ()
-    monkeypatch.setattr(sys.modules[motion_within.__module__], "_MOST", 1)
-    (warning,) = motion_within(scene, 0.999 * limit).warnings
-    assert warning.startswith(f"1 elements leave about {limit:.2g} of the length (fidelity.tolerance is")
+    monkeypatch.setattr(sys.modules[motion_within.__module__], "MOST", 1)
+    coarse = motion_within(scene, 0.999 * limit)
+    assert coarse.status == "under_resolved"
+    assert coarse.headline().startswith(f"not within {99.9 * limit:.2g} %: 1 element leaves an error of")
+    assert coarse.warnings[-1].startswith(coarse.headline())
 
 
 @pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])

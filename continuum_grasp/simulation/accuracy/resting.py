@@ -1,0 +1,238 @@
+"""Shapes at rest in as many elements as they need.
+
+1. Solve in the elements that the scene has.
+2. Measure the error: against the exact rod near the shape, in a twentieth of the time of 1; where the exact rod does
+   not know the scene, against the shape in twice as many elements.
+3. While that is too large, or the stability is open: twice as many elements. Stated elements are retained, and the
+   number that would do is reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, reduce
+from itertools import accumulate
+
+import numpy as np
+
+from continuum_grasp.base import Array, InputError, SolverError
+from continuum_grasp.model import FingerModel, element_lengths
+from continuum_grasp.rod import Elastica, natural_frequencies, solve_elastica
+from continuum_grasp.scene import Load, MotorDrive, Scene
+from continuum_grasp.simulation.accuracy.elements import (
+    MOST,
+    PLACES,
+    ModelShape,
+    left_by_halves,
+    refined,
+    translated,
+    whole_error,
+)
+from continuum_grasp.simulation.resolution import ENOUGH, OF_MODES, Resolution
+from continuum_grasp.simulation.rest import RestingShape
+from continuum_grasp.simulation.resting import rest_at
+from continuum_grasp.simulation.static_shape import Equilibrium
+from continuum_grasp.simulation.vibration import frequencies_of, relative_errors
+
+_FEW = 4
+"""Stated elements up to which the error is measured unasked by twice as many [1]: halves of four clothoids take 0.6 s
+of processor time, of eight 12 s."""
+_ROD = 1e-6
+"""Tolerance of the exact rod, per length [1]: far below the limit, and no slower than a coarser one."""
+_BEYOND = "beyond the bending range"
+"""Status of a search that leaves the bending range, where more elements may succeed."""
+
+Search = Callable[[Scene, FingerModel, Array | None], RestingShape]
+
+
+@dataclass(frozen=True)
+class RestCase:
+    """A load case of a scene at rest."""
+
+    exact: Scene  # whose loads and inputs at time zero are those of the case
+    search: Search  # of the shape, from a guess
+    loads: Sequence[Load] = ()  # besides those of the scene
+
+
+class Level:
+    """The shapes at rest of a scene in one number of elements; None where there is none."""
+
+    def __init__(
+        self, scene: Scene, model: FingerModel, cases: Sequence[RestCase], coarser: Level | None = None
+    ) -> None:
+        self.scene, self.model, self.cases = scene, model, cases
+        # Places at which elements end in every level.
+        self.marks: tuple[float, ...] = tuple(accumulate(model.lengths))[:-1] if coarser is None else coarser.marks
+        self.count = len(model.lengths)
+        self.rests: list[RestingShape | None] = []
+        self.errors: list[SolverError] = []
+        for k, case in enumerate(cases):
+            guess = None if coarser is None else coarser.guess(k, model)
+            try:
+                self.rests.append(case.search(scene, model, guess))
+            except SolverError as error:
+                self.rests.append(None)
+                self.errors.append(error)
+
+    def guess(self, case: int, finer: FingerModel) -> Array | None:
+        """Coordinates of a finer model near the shape of a case."""
+        rest = self.rests[case]
+        return None if rest is None else translated(self.model, rest.q, rest.u, finer)
+
+    @cached_property
+    def finer(self) -> Level | None:
+        """The shapes in twice as many elements; None where the scene is one of this model alone."""
+        # A number that the user stated is placed as a greater one would be.
+        marks = self.scene.contacts if isinstance(self.scene.fidelity.elements, int) else self.marks
+        lengths = element_lengths(self.model.finger.profile, marks, 2 * self.count)
+        try:
+            scene = refined(self.scene, self.model, lengths)
+            if isinstance(self.scene.fidelity.elements, int):
+                scene = scene.replaced(fidelity=scene.fidelity.replaced(elements=2 * self.count))
+            model = FingerModel(scene, loads=self.model.loads, input_rates=False)
+        except InputError:
+            return None
+        return Level(scene, model, self.cases, self)
+
+
+def resolution_of(equilibrium: Equilibrium, *, vibrates: bool = False) -> Resolution:
+    """Errors that the elements of an equilibrium leave, whose elements are retained."""
+    scene = equilibrium.scene
+    unknown = Resolution(len(equilibrium.model.lengths), counted=OF_MODES if vibrates else 0)
+    return unknown if scene is None else _measured(level_of(equilibrium, scene), unknown, [])
+
+
+def level_of(equilibrium: Equilibrium, scene: Scene) -> Level:
+    """The level of an equilibrium that is known."""
+
+    def search(finer_scene: Scene, model: FingerModel, guess: Array | None) -> RestingShape:
+        if model is equilibrium.model:
+            return equilibrium
+        return rest_at(finer_scene, model, guess=guess, stable=equilibrium.stable)
+
+    loads = equilibrium.model.loads[len(scene.loads) :]
+    return Level(scene, equilibrium.model, [RestCase(scene, search, loads)])
+
+
+def resolved(first: Level, *, limit: float | None, stated: bool, frequencies: int = 0) -> tuple[Level, Resolution]:
+    """The level whose elements suffice, or the last that is tried; of stated elements the first.
+
+    So many ``frequencies``, from the first on, have to keep the limit too. Raises the SolverError of the first level
+    where that has no shape, and finer ones, if these are open, have none.
+    """
+    asked = Resolution(0, limit=ENOUGH if limit is None else limit, stated=stated, counted=frequencies)
+    steps: list[tuple[Level, Resolution]] = []
+    level: Level | None = first
+    while level is not None:
+        if not any(level.rests) and (stated or level.errors[0].status != _BEYOND):
+            break
+        steps.append((level, _measured(level, asked, steps)))
+        more = 2 * level.count <= MOST and not steps[-1][1].suffices
+        level = level.finer if more else None
+    found = [(level, resolution) for level, resolution in steps if any(level.rests)]
+    if not found:
+        raise first.errors[0]
+    (start, at_first), (last, at_last) = found[0], found[-1]
+    if stated:
+        if last is start or not at_last.suffices:
+            return start, replace(at_first, tried=last.count)
+        # More elements settle what the exact rod leaves open, where loads have no potential.
+        verdict = at_first.stable if at_first.settled else all(rest.stable for rest in last.rests if rest is not None)
+        return start, replace(at_first, enough=last.count, tried=last.count, stable=verdict)
+    return last, replace(at_last, tried=last.count, raised="" if last is first else steps[0][1].left)
+
+
+def _measured(level: Level, asked: Resolution, before: Sequence[tuple[Level, Resolution]]) -> Resolution:
+    """Errors of a level, the worst over its cases."""
+    total = replace(asked, elements=level.count)
+    parts = [_of_case(level, k, total, before) for k, rest in enumerate(level.rests) if rest is not None]
+    return reduce(Resolution.joined, parts) if parts else replace(total, error=np.inf)
+
+
+def _of_case(level: Level, case: int, asked: Resolution, before: Sequence[tuple[Level, Resolution]]) -> Resolution:
+    by_rod = _by_rod(level, case, asked)
+    coarser = before[-1] if before and before[-1][0].rests[case] is not None else None
+    if by_rod is not None:
+        if by_rod.suffices or coarser is None or not by_rod.settled or _falls(coarser[1], by_rod):
+            return by_rod
+        # Elements that converge elsewhere: another equilibrium than that of the exact rod, or another friction.
+        own = _by_halves(coarser[0], level, case, asked, finer=True)
+        return replace(own, from_rod=by_rod.error) if own.suffices else by_rod
+    if not asked.stated or level.count <= _FEW:
+        if 2 * level.count > MOST and coarser is not None:
+            return _by_halves(coarser[0], level, case, asked, finer=True)
+        if level.finer is not None:
+            return _by_halves(level, level.finer, case, asked)
+    return asked
+
+
+def _falls(before: Resolution, now: Resolution) -> bool:
+    """Whether twice as many elements left less than half of the greatest error."""
+    greatest = [max(each.error, *each.counting, 0.0) for each in (before, now)]
+    return bool(greatest[1] < 0.5 * greatest[0])
+
+
+def _by_rod(level: Level, case: int, asked: Resolution) -> Resolution | None:
+    """Errors against the exact rod near a shape; None where it does not know the scene, or is not found."""
+    exact, rest = level.cases[case].exact, level.rests[case]
+    motors = any(isinstance(drive, MotorDrive) for drive in exact.finger.winches)
+    # The exact rod knows no motors at given angles, and its motors turn where those of modes are held.
+    if rest is None or exact.initial.motor_angles is not None or (asked.counted and motors):
+        return None
+    shape = ModelShape(rest.model, rest.q, rest.u, rest.p)
+    tolerance = min(_ROD, 0.1 * asked.limit)
+    loads = level.cases[case].loads
+    try:
+        rod = solve_elastica(exact, tolerance=tolerance, guess=shape.angle, stable=False, extra_loads=loads)
+    except (InputError, SolverError):
+        return None
+    places = PLACES * exact.finger.rod.length
+    error = np.linalg.norm(shape.position(places) - rod.position(places), axis=1).max() / exact.finger.rod.length
+    stable = _stability(rod)
+    settled, frequencies = stable == rest.stable, np.zeros(0)
+    if asked.counted or stable is None:
+        own = frequencies_of(rest)
+        frequencies = relative_errors(own, natural_frequencies(exact.finger, rod, len(own)))
+    if stable is None:
+        # Near flutter the first two frequencies are about to become one, and small errors move them far.
+        settled = not np.any(frequencies[:OF_MODES] > asked.limit)
+    return replace(asked, error=float(error), frequencies=frequencies, stable=stable, settled=settled)
+
+
+def _stability(rod: Elastica) -> bool | None:
+    """Whether an exact rod is stable; None where loads have no potential, and the motion decides."""
+    if rod.stable is not None:
+        return rod.stable
+    return True if rod.margin > 0.0 and not rod.equations.problem.following else None
+
+
+def _by_halves(coarse: Level, fine: Level, case: int, asked: Resolution, *, finer: bool = False) -> Resolution:
+    """Errors of a level, or with ``finer`` of the level of twice as many elements, by the difference of the two."""
+    first, second = coarse.rests[case], fine.rests[case]
+    if first is None or second is None:
+        return replace(asked, error=np.inf)
+    share = left_by_halves(coarse.model)
+    factor = whole_error(coarse.model) * (share if finer else 1.0)
+    places = PLACES * first.model.finger.rod.length
+    apart = np.linalg.norm(_positions(first, places) - _positions(second, places), axis=1).max()
+    frequencies = np.zeros(0)
+    if asked.counted:
+        own, true = frequencies_of(first), frequencies_of(second)
+        frequencies = relative_errors(own, true[: len(own)], factor)
+    # A sign that is open: the least stiffness is smaller than its error with more elements. Without a potential the
+    # motion decides, and the least stiffness may have any sign.
+    open_sign = (second.margin > 0.0) == second.stable and abs(second.margin) <= share * abs(
+        first.margin - second.margin
+    )
+    return replace(
+        asked,
+        error=float(factor * apart / first.model.finger.rod.length),
+        frequencies=frequencies,
+        stable=second.stable,
+        settled=first.stable == second.stable and not open_sign,
+    )
+
+
+def _positions(rest: RestingShape, places: Array) -> Array:
+    return ModelShape(rest.model, rest.q, rest.u, rest.p).position(places)
