@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +19,8 @@ FEW = 64
 """Points up to which all lines and arcs are looked at."""
 TURNS = 97
 """Points around a circle, for pictures."""
+ROUNDED = 32
+"""Points around the edge of a convex part: chords are 0.5 % of its radius off."""
 
 
 class PlaneDistance(NamedTuple):
@@ -146,16 +147,6 @@ class TurnedSurface:
         """Corners (V, 3) and triangles (T, 3) of it, for pictures."""
         return of_grid(self._grid(TURNS))
 
-    def convex_parts(self) -> list[Array]:
-        """Corners of convex bodies: slices, or of a ring sectors."""
-        grid = self._grid(25)
-        parts = grid.transpose(1, 0, 2) if self.section.samples[:, 0].min() > 0.0 else grid
-        return [
-            np.unique(np.concatenate(pair), axis=0)
-            for pair in pairwise(parts)
-            if np.ptp(np.concatenate(pair), axis=0).min() > 0.0
-        ]
-
     def _grid(self, turns: int) -> Array:
         """Points on circles about the axis (N, turns, 3), from below up."""
         ring, _ = self.section.ring()
@@ -223,8 +214,8 @@ class ExtrudedSurface:
         return of_grid(self._grid(ring, outward))
 
     def convex_parts(self) -> list[Array]:
-        """Corners of convex bodies: those between the corners of its core."""
-        turn = np.linspace(0.0, 2.0 * np.pi, 17)[:-1]
+        """Corners (N, 3) of convex bodies that make it up, in its own frame [m]: of those of its core."""
+        turn = np.linspace(0.0, 2.0 * np.pi, ROUNDED + 1)[:-1]
         around = np.column_stack([np.cos(turn), np.sin(turn)])
         parts = []
         for piece in self._pieces.pieces:
