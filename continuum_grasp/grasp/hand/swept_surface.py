@@ -169,7 +169,7 @@ class ExtrudedSurface:
         self.core = PlaneBoundary(solid.core)
         self.half = solid.half_height
         self.radius = solid.edge_radius
-        self._pieces = solid.core_part
+        self._pieces = solid.core_pieces
 
     def distance(self, points: Array) -> tuple[Array, Array]:
         """Distance (N,) of points (N, 3), and outward normals (N, 3)."""
@@ -214,15 +214,12 @@ class ExtrudedSurface:
         return of_grid(self._grid(ring, outward))
 
     def convex_parts(self) -> list[Array]:
-        """Corners (N, 3) of convex bodies that make it up, in its own frame [m]: of those of its core."""
+        """Corners (N, 3) of convex bodies that make it up, in its own frame [m]: the pieces of its core, grown."""
         turn = np.linspace(0.0, 2.0 * np.pi, ROUNDED + 1)[:-1]
         around = np.column_stack([np.cos(turn), np.sin(turn)])
-        parts = []
-        for piece in self._pieces.pieces:
-            ring = (np.array(piece.vertices)[:, None] + piece.radius * around).reshape(-1, 2)
-            outward = np.tile(around, (len(piece.vertices), 1))
-            parts.append(self._grid(ring, outward).reshape(-1, 3))
-        return parts
+        rings = [PlaneBoundary(piece).ring()[0] for piece in self._pieces]
+        grids = [self._grid(np.repeat(ring, ROUNDED, axis=0), np.tile(around, (len(ring), 1))) for ring in rings]
+        return [grid.reshape(-1, 3) for grid in grids]
 
     def _grid(self, ring: Array, outward: Array) -> Array:
         """Points of caps and rims (12, N + 1, 3) around points of the core with normals there (N, 2)."""
