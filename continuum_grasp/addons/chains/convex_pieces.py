@@ -1,13 +1,14 @@
 """A solid of triangles as convex pieces, which is how MuJoCo collides meshes.
 
 Planes through hollow edges cut the solid, one after the other, until no piece reaches out of it by more than a
-tolerance. Among a few planes through the deepest edges, the best one leaves the least convex hulls. The library
+tolerance. Among three planes through the deepest edge, the best one leaves the least convex hulls. The library
 manifold3d cuts.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from heapq import heappop, heappush
 from typing import Any
 
 import numpy as np
@@ -15,16 +16,14 @@ from scipy.spatial import ConvexHull
 
 from continuum_grasp.base import Array, InputError
 
-_TRIED = 4
-"""Hollow edges whose planes are tried per cut: with 8, random stars have 3 % fewer pieces, in twice the time."""
 _PER_PIECE = 1e-3
 """Volume of the solid [1] that a cut must save per piece, so that equal cuts are those into fewer pieces."""
 _FLAT = 1e-9
 """Height of a neighbor's corner above a triangle, per size of the solid, up to which their edge is flat: rounding."""
 _SLIVER = 1e-9
 """Volume of a piece, per that of the solid, below which it is rounding of a cut [1]."""
-_MOST = 600
-"""Pieces at most: MuJoCo takes 1 ms per step for as many."""
+_MOST = 300
+"""Pieces at most: a blob with twenty hollows, of 20,000 triangles and 30 mm radius, is then within 0.07 mm."""
 _SIMPLER = 0.25
 """Share of the tolerance by which triangles of the solid may move when those that it does not need are joined."""
 
@@ -74,14 +73,13 @@ class HollowEdges:
         return float(self.depth.max(initial=0.0))
 
     def planes(self, corners: Array) -> list[tuple[Array, float]]:
-        """Unit normals and heights of planes through the deepest edges: along both sides, and halfway."""
-        found: list[tuple[Array, float]] = []
-        for k in np.argsort(-self.depth, kind="stable")[:_TRIED]:
-            first, second = self.normals[k]
-            for normal in (first - second, first, second):
-                unit = normal / np.linalg.norm(normal)
-                found.append((unit, float(unit @ corners[self.ends[k, 0]])))
-        return found
+        """Unit normals and heights of planes through the deepest edge: halfway between its sides, and along them."""
+        if not len(self.depth):
+            return []
+        k = int(self.depth.argmax())
+        first, second = self.normals[k]
+        normals = [normal / np.linalg.norm(normal) for normal in (first - second, first, second)]
+        return [(normal, float(normal @ corners[self.ends[k, 0]])) for normal in normals]
 
 
 def _depth(points: Array, planes: Array) -> Array:
@@ -104,7 +102,7 @@ def convex_pieces(corners: Array, triangles: Array, tolerance: float) -> list[Ar
     """
     hull = ConvexHull(corners)
     volume = float(np.linalg.det(corners[triangles]).sum()) / 6.0
-    if _is_convex(HollowEdges.of(corners, triangles), hull.volume - volume, hull.area, tolerance):
+    if _overreach(HollowEdges.of(corners, triangles), hull.volume - volume, hull.area) <= tolerance:
         return [np.asarray(corners[hull.vertices])]
     try:
         from manifold3d import Manifold, Mesh64
@@ -115,28 +113,44 @@ def convex_pieces(corners: Array, triangles: Array, tolerance: float) -> list[Ar
             key="object",
         ) from None
     whole = Manifold(Mesh64(np.array(corners, dtype=float), np.array(triangles, dtype=np.uint64)))
-    waiting: list[Any] = whole.simplify(_SIMPLER * tolerance).decompose()
+    whole = whole.simplify(_SIMPLER * tolerance)
     done: list[Array] = []
+    # The worst first: where there would be too many pieces, none is much worse than the others.
+    waiting = [_Waiting(body) for body in whole.decompose()]
     while waiting:
-        body = waiting.pop()
-        mesh = body.to_mesh64()
-        points = np.array(mesh.vert_properties)[:, :3]
-        edges = HollowEdges.of(points, np.array(mesh.tri_verts).astype(int))
-        around = body.hull()
-        fits = _is_convex(edges, around.volume() - body.volume(), around.surface_area(), tolerance)
-        parts = [] if fits or len(done) + len(waiting) > _MOST else _best_cut(body, edges.planes(points), volume)
+        worst = heappop(waiting)
+        fits = worst.overreach <= tolerance or len(done) + len(waiting) >= _MOST
+        parts = [] if fits else _best_cut(worst.body, worst.planes, volume)
         if not parts:
-            done.append(points)
-        waiting += [part for part in parts if part.volume() > _SLIVER * volume]
+            done.append(worst.corners)
+        for part in parts:
+            if part.volume() > _SLIVER * volume:
+                heappush(waiting, _Waiting(part))
     return done
 
 
-def _is_convex(edges: HollowEdges, hollow: float, area: float, tolerance: float) -> bool:
-    """Whether a convex hull, of whose volume some is ``hollow`` [m3], reaches out of its solid by a tolerance at most.
+class _Waiting:
+    """A body of manifold3d, and by how much its convex hull reaches out of it [m]."""
+
+    def __init__(self, body: Any) -> None:
+        mesh = body.to_mesh64()
+        self.body = body
+        self.corners = np.array(mesh.vert_properties)[:, :3]
+        edges = HollowEdges.of(self.corners, np.array(mesh.tri_verts).astype(int))
+        hull = body.hull()
+        self.overreach = _overreach(edges, hull.volume() - body.volume(), hull.surface_area())
+        self.planes = edges.planes(self.corners)
+
+    def __lt__(self, other: _Waiting) -> bool:
+        return self.overreach > other.overreach
+
+
+def _overreach(edges: HollowEdges, hollow: float, area: float) -> float:
+    """By how much a convex hull of an area [m2] reaches out of its solid [m]; some of its volume is ``hollow`` [m3].
 
     Hollows between thin walls are deep, but their edges are near the hull: the volume shows them.
     """
-    return edges.deepest <= tolerance and hollow <= tolerance * area
+    return max(edges.deepest, hollow / area)
 
 
 def _best_cut(body: Any, planes: list[tuple[Array, float]], volume: float) -> list[Any]:
