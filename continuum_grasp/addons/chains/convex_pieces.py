@@ -50,13 +50,13 @@ class HollowEdges:
         count = len(corners)
         keys = ends[:, 0] * count + ends[:, 1]
         order = np.argsort(keys)
-        twin = order[np.minimum(np.searchsorted(keys[order], ends[:, 1] * count + ends[:, 0]), len(order) - 1)]
-        height = ((corners[beyond[twin]] - corners[ends[:, 0]]) * normals[owner]).sum(axis=1)
+        opposite = order[np.minimum(np.searchsorted(keys[order], ends[:, 1] * count + ends[:, 0]), len(order) - 1)]
+        height = ((corners[beyond[opposite]] - corners[ends[:, 0]]) * normals[owner]).sum(axis=1)
         # A needle has no normal to rely on.
         sound = doubled > (_FLAT * size) ** 2
-        hollow = (height > _FLAT * size) & (ends[:, 0] < ends[:, 1]) & sound[owner] & sound[owner[twin]]
+        hollow = (height > _FLAT * size) & (ends[:, 0] < ends[:, 1]) & sound[owner] & sound[owner[opposite]]
         ends = ends[hollow]
-        sides = np.stack([normals[owner[hollow]], normals[owner[twin[hollow]]]], axis=1)
+        sides = np.stack([normals[owner[hollow]], normals[owner[opposite[hollow]]]], axis=1)
         if not len(ends):
             return HollowEdges(ends, sides, np.zeros(0))
         first, last = corners[ends[:, 0]], corners[ends[:, 1]]
