@@ -171,6 +171,12 @@ class BodySurface:
         directions = np.stack(local, axis=-1).reshape(-1, 3) @ self.axes.T
         return of_grid(self._along(directions).reshape(count, 2 * count, 3))
 
+    def edge_distance(self, points: Array) -> Array:
+        """Distance (N,) of points (N, 3) from the nearest convex edge of a mesh [m]; infinite for other shapes."""
+        if self.solid.shape != "mesh":
+            return np.full(len(points), np.inf)
+        return np.asarray(self._local.edge_distance((points - self.center) @ self.axes))
+
     @property
     def convex_parts(self) -> list[Array]:
         """Corners (N, 3) of convex bodies that make it up, in its own frame [m]; none where no formula has them."""
