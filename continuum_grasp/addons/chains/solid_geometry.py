@@ -30,7 +30,7 @@ _SHARE = 0.95
 
 @dataclass(frozen=True)
 class SolidGeometry:
-    """What of MuJoCo stands for a solid.
+    """Geometries of MuJoCo that stand for a solid.
 
     Attributes
     ----------

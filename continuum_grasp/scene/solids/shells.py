@@ -15,7 +15,7 @@ inside, and one half on a face."""
 
 
 def outer_shell(name: str, mesh: Any, factor: float) -> Array:
-    """Whether each triangle (T,) of a closed mesh is one of its outer shell; all others bound cavities.
+    """Find the triangles (T,) of a closed mesh that are its outer shell; all others bound cavities.
 
     The mesh of cavities is turned in place where needed, so that all normals point out of the material.
 
@@ -94,7 +94,7 @@ def _shells_around(name: str, shells: list[_Shell], own: _Shell, factor: float) 
 
 
 def _winding_number(point: Array, triangles: Array) -> float:
-    """How often triangles (T, 3, 3) enclose a point: the sum of their solid angles over 4 pi (A. van Oosterom, J.
+    """Winding number of triangles (T, 3, 3) about a point: the sum of their solid angles over 4 pi (A. van Oosterom, J.
     Strackee, "The Solid Angle of a Plane Triangle", IEEE Trans. Biomed. Eng. 30 (1983) 125).
     """
     import numpy as np
