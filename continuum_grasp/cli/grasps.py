@@ -26,6 +26,9 @@ def grasp(
         "Hands only: hold, turn and push the object in another program; status 1 if the object is lost.",
         words=tuple(_trials()),
     ),
+    hold_only: bool = option(
+        "With --try-in: only hold the object, from the grasp's posture at its tensions; takes seconds.", default=False
+    ),
 ) -> None:
     """Find how fingers hold an object, or why they cannot."""
     from continuum_grasp.scene import GraspScene, HandScene
@@ -35,6 +38,8 @@ def grasp(
     scene = output.scene(GraspScene, HandScene)
     if try_in is not None and not isinstance(scene, HandScene):
         raise InputError("works only for hands; simulate a planar grasp by a mission", key="--try-in")
+    if hold_only and try_in is None:
+        raise InputError(f"needs --try-in ({', '.join(_trials())})", key="--hold-only")
     if try_in is not None and find_spec(try_in) is None:
         raise InputError(f"{try_in} is not installed: pip install 'continuum-grasp[{try_in}]'", key="--try-in")
 
@@ -49,7 +54,10 @@ def grasp(
         result.save(output.folder, quality=False)
     if try_in is not None and result.solved:
         with output.busy(f"trying in {try_in}") as report:
-            tried = named_value(_trials()[try_in])(result, lambda text: report(None, f"trying in {try_in}, {text}"))
+            shorter = {"hold_only": True} if hold_only else {}
+            tried = named_value(_trials()[try_in])(
+                result, lambda text: report(None, f"trying in {try_in}, {text}"), **shorter
+            )
         result = replace(result, trial=tried)
     with output.drawing():
         result.save(output.folder)

@@ -108,13 +108,17 @@ def test_random_hands_that_turn_are_of_every_kind():
     assert all(0.05 <= scene.object.weighed <= 0.1 for scene in scenes)
 
 
-def test_masses_are_those_of_rod_and_object():
+def test_masses_and_inertias_are_those_of_rod_and_object():
     model = HandInMujoco(made(*cases.squeezed_box(mass=0.07, density=0.02))).model
-    # The first half of an element is clamped.
-    assert sum(model.body(f"left_{k}").mass[0] for k in range(1, 25)) == pytest.approx(
-        0.02 * LENGTH * (1.0 - 0.5 / 24), rel=1e-6
-    )
+    # The clamped part is half an element, and so is the last link.
+    lengths = LENGTH / 24.0 * np.array([0.5, *[1.0] * 23, 0.5])
+    for k, length in enumerate(lengths):
+        body = model.body(f"left_{k}")
+        assert body.mass[0] == pytest.approx(0.02 * length, rel=1e-9)
+        slender = 0.02 * length**3 / 12.0
+        assert sorted(body.inertia)[1:] == pytest.approx([slender] * 2, rel=1e-6)
     assert model.body("object").mass[0] == pytest.approx(0.07)
+    assert model.body_mass.sum() == pytest.approx(0.07 + 2 * 0.02 * LENGTH, rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -221,6 +225,35 @@ def test_a_ball_that_is_held_upright_drops_when_the_hand_turns(ball):
     axis, away = next(HandInMujoco(ball).turn(9.81))
     assert axis == "+x"
     assert away[0] > 0.01
+
+
+@pytest.mark.deep
+def test_a_ball_is_only_held_if_asked(ball):
+    steps = list[str]()
+    tried = try_in_mujoco(ball, steps.append, hold_only=True)
+    assert steps == ["held for 0.5 s"]
+    assert tried["holds"]
+    assert tried["words"].startswith("held in MuJoCo (held alone, ")
+    assert tried["moved"] < 1e-4
+    assert not {"pushes", "closed", "weights"} & set(tried)
+
+
+def test_what_is_lost_ends_the_hold():
+    """A box between fingers of no tension falls by its own size, 0.044 m, and no farther."""
+    scene, arrays = cases.squeezed_box(mass=0.2)
+    result = made(scene.changed({"contacts.friction": 1e-3}), arrays)
+    tried = try_in_mujoco(result, hold_only=True)
+    assert not tried["holds"]
+    assert tried["words"].startswith("not held in MuJoCo (held alone, ")
+    assert scene.object.size < tried["moved"] < 1.2 * scene.object.size
+    assert set(tried["normal_forces"].values()) == {0.0}
+
+
+def test_holding_alone_needs_a_program(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = run("grasp", CONFIGS / "ball.yaml", "--hold-only")
+    assert found.exit_code == 2
+    assert "--hold-only: needs --try-in" in found.output
 
 
 @pytest.mark.parametrize(

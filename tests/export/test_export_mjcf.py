@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import math
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import shapely
 from scipy.linalg import eigh
 
 import continuum_grasp as cg
@@ -222,6 +224,72 @@ def test_a_body_at_the_tip_is_part_of_the_last_link():
     assert chain.chain.first_frequency == pytest.approx(chain.frequencies(np.zeros(6), 1)[0], rel=1e-6)
 
 
+HEAVY = {
+    **{name: {"rod": RODS[name]} for name in ("cone 0.25", "step")},
+    "uniform": {"rod": UNIT},
+    "notches": {"rod": MANY_STEPS},
+    "masses near the base and at the tip": {
+        "rod": UNIT,
+        "masses": [{"at": 0.004, "mass": 0.3}, {"at": 0.51, "mass": 0.2}, {"at": 1.0, "mass": 0.1}],
+        "tip_body": {"mass": 0.7, "rotary_inertia": 0.02, "center_of_mass": [0.1, 0.2]},
+    },
+}
+
+
+@pytest.mark.parametrize("hinges", [4, 30])
+@pytest.mark.parametrize("name", HEAVY)
+def test_masses_of_all_bodies_are_the_finger(name, hinges):
+    """With the base: mass, center of mass, and inertia about the clamp are integrals of the rod, and its masses."""
+    others = {key: value for key, value in HEAVY[name].items() if key != "rod"}
+    scene = rod_scene(HEAVY[name]["rod"], "clothoid", finger=others)
+    model = Chain(scene, hinges).model
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    profile, finger = scene.finger.profile, scene.finger
+    weights = [(point.mass, 0.0, point.at, 0.0) for point in finger.masses]
+    if (body := finger.tip_body) is not None:
+        x, y = body.center_of_mass
+        weights.append((body.mass, x, finger.rod.length + y, body.rotary_inertia))
+    breaks = [0.0, *profile.breaks, finger.rod.length]
+    for start, end in itertools.pairwise(breaks):
+        nodes, shares = np.polynomial.legendre.leggauss(12)
+        for node, share in zip(nodes, shares, strict=True):
+            at, part = 0.5 * (start + end + (end - start) * node), 0.5 * (end - start) * share
+            weights.append((part * profile.linear_density(at), 0.0, at, part * profile.rotary_inertia(at)))
+    mass, x, y, own = np.array(weights, dtype=float).T
+    places = data.xipos[1:, :2] - np.array(finger.base.position)
+    turn = finger.base.angle
+    axes = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    places = places @ axes
+    assert model.body_mass[1:].sum() == pytest.approx(mass.sum(), rel=1e-9)
+    assert model.body_mass[1:] @ places == pytest.approx([mass @ x, mass @ y], rel=1e-9, abs=1e-9)
+    turned = [
+        mujoco_axes(quaternion) @ np.diag(each) @ mujoco_axes(quaternion).T
+        for quaternion, each in zip(model.body_iquat[1:], model.body_inertia[1:], strict=True)
+    ]
+    about = np.array([tensor[2, 2] for tensor in turned])
+    whole = about.sum() + model.body_mass[1:] @ (places**2).sum(axis=1)
+    assert whole == pytest.approx(own.sum() + mass @ (x**2 + y**2), rel=1e-9)
+
+
+def mujoco_axes(quaternion):
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, quaternion)
+    return matrix.reshape(3, 3)
+
+
+def test_links_of_a_uniform_rod_are_slender():
+    """Mass times l^2 / 12 across, and no more about their own axis."""
+    model = Chain(rod_scene(UNIT, "clothoid"), 8).model
+    length = np.array([1.0 / 16.0, *[1.0 / 8.0] * 7, 1.0 / 16.0])
+    mass = model.body_mass[1:]
+    assert mass == pytest.approx(mass.sum() * length, rel=1e-9)
+    for k, across in enumerate(mass * length**2 / 12.0):
+        own, *others = sorted(model.body_inertia[k + 1])
+        assert others == pytest.approx([across] * 2, rel=1e-6)
+        assert own <= across
+
+
 def test_positive_tension_on_tendon_one_bends_towards_minus_x():
     chain = Chain(rod_scene(UNIT, gravity=NONE, **pulled(60.0, 5.0)), 20)
     assert chain.equilibrium().sum() == pytest.approx(55.0 * 0.02, rel=1e-9)
@@ -317,3 +385,73 @@ def test_too_few_and_too_many_hinges_are_refused():
     thin = cg.load("configs/simulate/hanging.yaml", {"finger.rod.diameter": 1e-4, "finger.masses": []})
     with pytest.raises(InputError, match="use fewer"):
         cg.export_mjcf(thin, hinges=1000)
+
+
+# -- objects in the plane that are not convex --------------------------------------------------------------------------
+
+SLOT = [[0, 0], [0.3, 0], [0.3, 0.2], [0.22, 0.2], [0.22, 0.06], [0.09, 0.06], [0.09, 0.2], [0, 0.2]]
+CUT = [[round(0.2 * math.cos(t), 6), round(0.2 * math.sin(t), 6)] for t in np.arange(0.4, 2.0 * math.pi - 0.39, 0.05)]
+PLANE = {
+    "a slot": ({"shape": "polygon", "vertices": SLOT}, shapely.Polygon(SLOT)),
+    "a slot, mirrored": (
+        {"shape": "polygon", "vertices": [[-x, y] for x, y in SLOT[::-1]]},
+        shapely.Polygon([(-x, y) for x, y in SLOT]),
+    ),
+    "a ring that is open": (
+        {"shape": "polygon", "vertices": [*CUT, *[[0.7 * x, 0.7 * y] for x, y in CUT[::-1]]]},
+        shapely.Polygon([*CUT, *[(0.7 * x, 0.7 * y) for x, y in CUT[::-1]]]),
+    ),
+    "a mug with its handle": (
+        {
+            "shape": "union",
+            "center_of_mass": [0.0, 0.0],
+            "members": [
+                {"shape": "circle", "diameter": 0.2},
+                {"shape": "stadium", "length": 0.3, "radius": 0.03, "position": [0.2, 0.02], "angle": 0.4},
+                {"shape": "polygon", "vertices": SLOT, "position": [-0.35, -0.1], "angle": -0.2},
+            ],
+        },
+        shapely.union_all([
+            shapely.Point(0.0, 0.0).buffer(0.1, 256),
+            shapely.affinity.translate(
+                shapely.affinity.rotate(shapely.LineString([(-0.15, 0), (0.15, 0)]), 0.4, (0, 0), use_radians=True),
+                0.2, 0.02,
+            ).buffer(0.03, 256),
+            shapely.affinity.translate(
+                shapely.affinity.rotate(shapely.Polygon(SLOT), -0.2, (0, 0), use_radians=True), -0.35, -0.1
+            ),
+        ]),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PLANE)
+def test_objects_in_the_plane_collide_as_what_they_are(name):
+    """Shapely's distances from the outline, at points outside of it where a finger may be."""
+    fields, outline = PLANE[name]
+    scene = rod_scene(
+        UNIT,
+        gravity=NONE,
+        object={**fields, "mass": 2.0, "position": [3.0, -0.6], "angle": 0.7},
+        object_moves=True,
+        time={"duration": 1.0, "step": 0.001},
+        initial={"pose": "straight"},
+        contact_law={"stiffness": 1e4, "friction": 0.3},
+    )
+    ball = '<body name="probe" mocap="true"><geom type="sphere" size="0.02" contype="1" conaffinity="0" margin="0.2"/>'
+    text = cg.export_mjcf(scene, hinges=4).text.replace("</worldbody>", f"{ball}</body></worldbody>")
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    assert model.body("object").mass[0] == 2.0
+    turn = np.array([[math.cos(0.7), -math.sin(0.7)], [math.sin(0.7), math.cos(0.7)]])
+    checked = 0
+    for point in np.random.default_rng(2).uniform(-0.5, 0.5, (80, 2)):
+        distance = outline.distance(shapely.Point(point))
+        if not 0.005 < distance < 0.15:
+            continue
+        data.mocap_pos[0, :2] = turn @ point + [3.0, -0.6]
+        mujoco.mj_forward(model, data)
+        near = min(c.dist for c in data.contact if model.body("probe").id in model.geom_bodyid[c.geom])
+        assert near + 0.02 == pytest.approx(distance, abs=5e-4)
+        checked += 1
+    assert checked > 8

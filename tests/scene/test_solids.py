@@ -1,4 +1,4 @@
-"""Solid objects of hands: volumes, centroids and edges of shapes, and every error of a file of triangles."""
+"""Solid objects of hands: volumes, centroids and edges of shapes, every error of a file of triangles, and cavities."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import continuum_grasp as cg
 
@@ -204,3 +205,105 @@ def test_a_section_of_a_ball_is_a_circle_and_its_plane_has_axes_of_the_file(tmp_
             "configs/grasp/mug.yaml",
             [f"object={{shape: outline, file: {tmp_path / 'ball.stl'}, scale: 1 mm, mass: 0.3, position: [0, 0]}}"],
         )
+
+
+# -- cavities ----------------------------------------------------------------------------------------------------------
+
+
+def hull_of(*solids):
+    """Shells in one file; of (extents, center, rotation vector, turned inside out) of boxes [mm]."""
+    parts = []
+    for extents, center, turn, inverted in solids:
+        part = trimesh.creation.box(extents)
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = Rotation.from_rotvec(turn).as_matrix(), center
+        part.apply_transform(matrix)
+        if inverted:
+            part.invert()
+        parts.append(part)
+    return trimesh.util.concatenate(parts)
+
+
+def of_boxes(solids):
+    """Volume, centroid and inertia tensor about it, per mass, of the first of some boxes without the others."""
+    signs = [1.0, *[-1.0] * (len(solids) - 1)]
+    masses = np.array([sign * np.prod(box[0]) for sign, box in zip(signs, solids, strict=True)])
+    centers = np.array([box[1] for box in solids])
+    center = masses @ centers / masses.sum()
+    inertia = np.zeros((3, 3))
+    for mass, (extents, place, turn, _) in zip(masses, solids, strict=True):
+        squares, axes = np.array(extents) ** 2, Rotation.from_rotvec(turn).as_matrix()
+        away = np.array(place) - center
+        own = axes @ np.diag(squares.sum() - squares) @ axes.T / 12.0
+        inertia += mass * (own + away @ away * np.eye(3) - np.outer(away, away))
+    return masses.sum(), center, inertia / masses.sum()
+
+
+@pytest.mark.parametrize(("scale", "unit"), [("1 mm", 1.0), ("1 m", 1e-3)])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_body_with_cavities_is_hollow_whichever_way_these_are_turned(seed, scale, unit, tmp_path):
+    rng = np.random.default_rng(seed)
+    boxes = [((60.0, 50.0, 40.0), (7.0, -3.0, 100.0), (0.3, 0.2, -0.1), False)]
+    axes = Rotation.from_rotvec(boxes[0][2]).as_matrix()
+    for side in (-14.0, 14.0)[: 1 + seed % 2]:
+        center = axes @ [side, *rng.uniform(-5.0, 5.0, 2)] + boxes[0][1]
+        boxes.append((tuple(rng.uniform(6.0, 12.0, 3)), tuple(center), tuple(rng.normal(size=3)), rng.random() < 0.5))
+    mesh = hull_of(*boxes)
+    mesh.apply_scale(unit)
+    mesh.export(tmp_path / "part.ply")
+    body = meshed(tmp_path / "part.ply", f"scale: {scale}")
+    volume, center, inertia = of_boxes(boxes)
+    assert body.volume == pytest.approx(1e-9 * volume, rel=1e-5)
+    assert body.weighed == pytest.approx(1e-6 * volume, rel=1e-5)
+    assert body.surface.inertia == pytest.approx(1e-6 * inertia, abs=1e-5 * 1e-6 * inertia.max())
+    # The outer shell alone is left, and the origin is the centroid of the material.
+    corners = trimesh.creation.box(boxes[0][0]).vertices @ axes.T + boxes[0][1] - center
+    found = body.surface.corners
+    assert len(body.surface.triangles) == 12
+    assert found[np.lexsort(found.round(6).T)] == pytest.approx(
+        1e-3 * corners[np.lexsort((1e-3 * corners).round(6).T)], abs=1e-7
+    )
+
+
+BOX, WITHIN = (60.0, 50.0, 40.0), ((30.0, 30.0, 20.0), (1.0, 2.0, 3.0), (0.0, 0.0, 0.0), True)
+SMALL, STRAIGHT = (9.0, 5.0, 5.0), (0.0, 0.0, 0.0)
+SHELLS = {
+    "a loose body in a cavity": ([WITHIN, (SMALL, STRAIGHT, (0.4, 0.0, 0.0), False)], "loose in a cavity .0.009"),
+    "a cavity in a cavity": ([WITHIN, (SMALL, STRAIGHT, (0.4, 0.0, 0.0), True)], "loose in a cavity .0.009"),
+    "a cavity that cuts the wall": (
+        [((30.0, 9.0, 9.0), (30.0, 0.0, 0.0), STRAIGHT, True)],
+        "shells that cross .*unite",
+    ),
+    "another body": ([(SMALL, (50.0, 0.0, 0.0), STRAIGHT, False)], r"has 2 bodies \(0.06 m, 0.009 m\)"),
+    "a body next to a hollow one": ([WITHIN, (SMALL, (50.0, 0.0, 0.0), STRAIGHT, False)], "has 2 bodies"),
+    "a cavity along an edge": ([((10.0, 10.0, 40.0), (25.0, 20.0, 0.0), STRAIGHT, True)], "more than two triangles"),
+}
+
+
+@pytest.mark.parametrize("case", SHELLS)
+def test_other_shells_are_refused_by_what_they_are(case, tmp_path):
+    others, message = SHELLS[case]
+    hull_of((BOX, (0.0,) * 3, (0.0,) * 3, False), *others).export(tmp_path / "part.ply")
+    with pytest.raises(cg.InputError, match=f"object.file: part.ply .*{message}"):
+        meshed(tmp_path / "part.ply")
+
+
+def test_an_outer_shell_that_is_inside_out_is_refused_with_any_cavity(tmp_path):
+    hull_of((BOX, (0.0,) * 3, (0.0,) * 3, True), WITHIN).export(tmp_path / "part.ply")
+    with pytest.raises(cg.InputError, match="is inside-out"):
+        meshed(tmp_path / "part.ply")
+
+
+def test_a_cavity_that_touches_the_wall_in_a_corner_is_one(tmp_path):
+    """The corner of a small box lies amid a face of the large one, where both then have a corner."""
+    outer = trimesh.creation.box(BOX).subdivide()
+    turn = Rotation.align_vectors([[1.0, 0.0, 0.0]], [[1.0, 1.0, 1.0]])[0].as_rotvec()
+    inner = hull_of(((6.0,) * 3, (30.0 - 3.0 * math.sqrt(3.0), 0.0, 0.0), turn, False))
+    trimesh.util.concatenate([outer, inner]).export(tmp_path / "part.ply")
+    body = meshed(tmp_path / "part.ply")
+    assert body.volume == pytest.approx(1e-9 * (np.prod(BOX) - 6.0**3), rel=1e-6)
+
+
+def test_a_section_through_a_cavity_names_it(tmp_path):
+    hull_of((BOX, (0.0,) * 3, (0.0,) * 3, False), WITHIN).export(tmp_path / "part.ply")
+    assert np.ptp(cut(tmp_path / "part.ply", "normal: [0, 0, 1]").vertices, axis=0) == pytest.approx([0.06, 0.05])

@@ -14,8 +14,8 @@ from continuum_grasp import __version__
 from continuum_grasp.addons.chains.controls import Control
 from continuum_grasp.addons.chains.links import rounded_step
 from continuum_grasp.addons.chains.posture import HandFingerChain, quaternion
-from continuum_grasp.addons.chains.solid_geometry import solid_inertia, solid_parts
-from continuum_grasp.addons.chains.text import FINGER, OBJECT, SUPPORT, document, numbers
+from continuum_grasp.addons.chains.solid_geometry import SolidGeometry, solid_inertia
+from continuum_grasp.addons.chains.text import FINGER, OBJECT, SUPPORT, document, link_inertial, numbers
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.export import fill, title_of
 
@@ -38,7 +38,7 @@ _FIRST_MODE = 3.516
 _THIN = 1e-4
 """Least radius of a capsule [m]."""
 _LIGHT = 1e-9
-"""Least mass of a link [kg], which MuJoCo wants."""
+"""Least mass of a link [kg]: steps of lighter ones are rounding."""
 _AXES = ("bend", "0 0 1"), ("side", "1 0 0"), ("twist", "0 1 0")
 
 
@@ -58,6 +58,8 @@ class HandChain:
         Step that the model asks for [s].
     differences : tuple of str
         What the model does otherwise than the scene.
+    object_difference : str
+        How the convex pieces that MuJoCo collides differ from the object; empty where they are exact.
     commands : dict of str to float
         Commands of the grasp by actuator: tensions [N], or where drives lock, cable that they have wound up [m].
     files : tuple of pathlib.Path
@@ -69,6 +71,7 @@ class HandChain:
     first_frequency: float
     timestep: float
     differences: tuple[str, ...]
+    object_difference: str
     commands: dict[str, float]
     files: tuple[Path, ...] = field(default=())
 
@@ -93,7 +96,7 @@ def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
     paces = [_pace(chain, solid.weighed) for chain in chains]
     swings = zip(chains, paces, strict=True)
     step = rounded_step(min(_PHASE * np.sqrt(inertia / chain.stiffness.max()) for chain, (inertia, _) in swings), None)
-    parts, meshes, edge = solid_parts(result)
+    geometry = SolidGeometry.of(result)
     controls = {chain.name: _controls(chain) for chain in chains}
     commands = {control.name: float(control.value) for of in controls.values() for control in of}
     length = max(chain.finger.rod.length for chain in chains)
@@ -115,7 +118,7 @@ def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
         "extent": 2.0 * length,
         "light": {"pos": numbers(*(center + np.array([0.0, -2.0, 4.0]) * length)), "dir": "0 0.4 -1"}.items(),
         "cameras": [_camera(center, length).items()],
-        "fingers": [_finger(chain, *pace, edge) for chain, pace in zip(chains, paces, strict=True)],
+        "fingers": [_finger(chain, *pace, geometry.edge) for chain, pace in zip(chains, paces, strict=True)],
         "body": {
             "place": {
                 "name": "object",
@@ -124,10 +127,12 @@ def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
             }.items(),
             "joints": [{"name": "object", "type": "free"}.items()],
             "inertial": _inertial(result).items(),
-            "parts": [{**part, **OBJECT, "friction": "0 0 0", "rgba": "0.8 0.6 0.3 1"}.items() for part in parts],
+            "parts": [
+                {**part, **OBJECT, "friction": "0 0 0", "rgba": "0.8 0.6 0.3 1"}.items() for part in geometry.parts
+            ],
         },
-        "meshes": meshes,
-        "supports": [_support(support, length, edge).items() for support in scene.supports],
+        "meshes": geometry.meshes,
+        "supports": [_support(support, length, geometry.edge).items() for support in scene.supports],
         "tendons": [(control, chain.bent_by(control)) for chain in chains for control in controls[chain.name]],
         "stops": (),
         "controls": [control for of in controls.values() for control in of],
@@ -147,12 +152,13 @@ def hand_chain(result: Any, hinges: int = LINKS) -> HandChain:
             else ()
         ),
         *(["finger.damping.material: raised, so that a finger settles"] if slow else ()),
-        *(["object: convex bands replace its concave surface"] if len(meshes) > 1 else ()),
+        *([geometry.difference] if geometry.difference else ()),
     )
     about = {"version": __version__, "hinges": hinges}
     explanation = fill("mjcf/hand.txt", {**about, "differences": "".join(f"Differs: {d}.\n" for d in differences)})
     frequency = min(float(chain.links.pulsations()[0][0]) for chain in chains) / (2.0 * np.pi)
-    return HandChain(document(words, title_of(scene), explanation), hinges, frequency, step, differences, commands)
+    text = document(words, title_of(scene), explanation)
+    return HandChain(text, hinges, frequency, step, differences, geometry.difference, commands)
 
 
 def _support(support: Any, length: float, edge: float) -> dict[str, str]:
@@ -257,7 +263,6 @@ def _finger(chain: HandFingerChain, armature: float, damping: float, edge: float
             **FINGER,
         }
         joints = []
-        inertial = {}
         if k >= 0:
             for kind, axis, stiffness in ((*_AXES[j], chain.stiffness[k, j]) for j in chain.order(k)):
                 joint = {"name": f"{name}_{kind}_{k + 1}", "type": "hinge", "axis": axis}
@@ -265,18 +270,10 @@ def _finger(chain: HandFingerChain, armature: float, damping: float, edge: float
                 joint |= {"armature": numbers(armature)}
                 rest = {"springref": numbers(links.rest[k])} if kind == "bend" and links.rest[k] else {}
                 joints.append({**joint, **rest}.items())
-            mass = max(float(links.mass[k]), _LIGHT)
-            # Of a round body, as the rod alone has none about its own axis.
-            across = max(float(links.inertia[k]), mass * long**2 / 12.0) + 0.25 * mass * radius**2
-            inertial = {
-                "pos": numbers(0.0, max(links.center[k] - begin, 0.0), 0.0),
-                "mass": numbers(mass),
-                "diaginertia": numbers(across, 0.5 * mass * radius**2, across),
-            }
         found.append({
             "body": place.items(),
             "joints": joints,
-            "inertial": inertial.items(),
+            "inertial": link_inertial(links, k, radius, _LIGHT).items(),
             "geom": geom.items(),
             "sites": [("tip_" + name, long)] if k == len(links.at) - 1 else (),
         })  # fmt: skip

@@ -32,6 +32,7 @@ class Links:
     center: Array  # (N,) their centers of mass along the finger [m]
     across: Array  # (N,) and across it, on the +X side [m]
     inertia: Array  # (N,) about these [kg m2]
+    clamped: Array  # (4,) these four numbers of what lies before the first hinge
     stop: Array | None  # (N,) bend from which on a stop adds to the stiffness [rad], a magnitude; None: no stops
 
     @staticmethod
@@ -57,16 +58,15 @@ class Links:
             # An element of ours that bends evenly has m hinges with the m-th part of its rate each.
             element = np.clip(np.searchsorted(np.cumsum(per_arc), at), 0, len(per_arc) - 1)
             damping = damping + finger.damping.per_arc * np.asarray(per_arc)[element] / np.diff(edges)
-        bounds = np.append(at, length)
+        bounds = np.concatenate([[0.0], at, [length]])
         mass, first, second = profile.moments(profile.linear_density, bounds, 3)
         (turning,) = profile.moments(profile.rotary_inertia, bounds)
-        sideways = np.zeros(count)
+        sideways = np.zeros(count + 1)
         for point in finger.masses:
-            k = int(np.searchsorted(at, point.at, side="right")) - 1
-            if k >= 0:
-                mass[k] += point.mass
-                first[k] += point.mass * point.at
-                second[k] += point.mass * point.at**2
+            k = int(np.searchsorted(at, point.at, side="right"))
+            mass[k] += point.mass
+            first[k] += point.mass * point.at
+            second[k] += point.mass * point.at**2
         if (body := finger.tip_body) is not None:
             x, y = body.center_of_mass
             mass[-1] += body.mass
@@ -77,7 +77,15 @@ class Links:
         center, across = first / mass, sideways / mass
         inertia = turning + second - mass * (center**2 + across**2)
         stop = None if finger.stop_curvature is None else profile.moments(finger.stop_curvature, edges)[0]
-        return Links(edges, at, stiffness, damping, rest, bounds[1:], mass, center, across, inertia, stop)
+        bodies = np.stack([mass, center, across, inertia])
+        first_body, (mass, center, across, inertia) = bodies[:, 0], bodies[:, 1:]
+        return Links(edges, at, stiffness, damping, rest, bounds[2:], mass, center, across, inertia, first_body, stop)
+
+    def body(self, k: int) -> Array:
+        """Mass [kg], center of mass along the finger and across it [m], and inertia about it [kg m2] of a link; of the
+        clamped part, -1, too.
+        """
+        return self.clamped if k < 0 else np.array([self.mass[k], self.center[k], self.across[k], self.inertia[k]])
 
     def span(self, k: int) -> tuple[float, float]:
         """Ends of a link [m]; of the clamped part, -1, too."""

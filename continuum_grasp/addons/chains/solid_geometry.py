@@ -2,38 +2,93 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
+from continuum_grasp.addons.chains.convex_pieces import convex_pieces
 from continuum_grasp.addons.chains.text import numbers
 from continuum_grasp.base import Array
 
-_ROUND = ("sphere", "ellipsoid")
-_PRIMITIVES = (*_ROUND, "box", "cylinder")
+_PRIMITIVES = ("sphere", "ellipsoid", "box", "cylinder")
 _FLAT = 1e-6
 """Thickness per extent of a part, below which it is flat [1]."""
 _FINE = 65
 """Rows of the grid by which inertia is integrated: of a sphere it is then within 0.1 %."""
+_TOLERANCE = 1e-3
+"""Hollows per size of a solid [1] that its pieces may fill: of mugs, rings and vases pieces are then within 0.2 mm."""
+_EXACT = 1e-6
+"""Distance [m] that MuJoCo computes no more exactly: the default of its ``ccd_tolerance``."""
+_PLACES = 400
+"""Places of a solid at which its pieces are measured."""
+_SHARE = 0.95
+"""Share of these places [1] that the stated angle of normals holds for: at edges, any displacement turns them."""
 
 
-def solid_parts(result: Any) -> tuple[list[dict[str, str]], list[tuple[str, str]], float]:
-    """Attributes of the object's geometries, meshes by name with their vertices, and the radius of edges that these
-    lack [m].
+@dataclass(frozen=True)
+class SolidGeometry:
+    """Geometries of MuJoCo that stand for a solid.
 
-    Boxes and cylinders of MuJoCo have sharp edges: theirs are as much smaller as their edges are round, and fingers
-    touch them from as much farther.
+    Attributes
+    ----------
+    parts : list of dict
+        Attributes of its geometries.
+    meshes : list of (str, str)
+        Names and vertices of meshes.
+    edge : float
+        Radius of edges that its geometries lack [m]. Boxes and cylinders of MuJoCo have sharp edges: theirs are as much
+        smaller as their edges are round, and fingers touch them from as much farther.
+    difference : str
+        In words, how its pieces differ from it; empty for one that is exact or convex.
     """
+
+    parts: list[dict[str, str]]
+    meshes: list[tuple[str, str]]
+    edge: float
+    difference: str = ""
+
+    @staticmethod
+    def of(result: Any) -> SolidGeometry:
+        """Geometries of the object of a hand's grasp.
+
+        Raises
+        ------
+        InputError
+            If the object is not convex, and manifold3d is not installed.
+        """
+        solid = result.scene.object
+        body = result.body
+        if solid.shape in _PRIMITIVES:
+            half, edge = body.half, body.edge
+            size = {"sphere": half[:1], "ellipsoid": half, "box": half - edge, "cylinder": half[[0, 2]] - edge}
+            # 1e-6: least half extent [m], of a box that is all edge
+            least = np.maximum(size[solid.shape], 1e-6)
+            return SolidGeometry([{"name": "object", "type": solid.shape, "size": numbers(*least)}], [], edge)
+        corners, triangles = _surface(result)
+        pieces = body.convex_parts or convex_pieces(corners, triangles, _TOLERANCE * solid.size)
+        pieces = [part[ConvexHull(part).vertices] for part in pieces if _thick(part)]
+        meshes = [(f"part_{k + 1}", numbers(*np.ravel(part))) for k, part in enumerate(pieces)]
+        # Places of meshes are those of their centers of mass, from which MuJoCo counts back.
+        parts = [{"name": name, "type": "mesh", "mesh": name} for name, _ in meshes]
+        reach = min(float(setup.finger.profile.half_thickness(0.0)) for setup in result.scene.setups)
+        return SolidGeometry(parts, meshes, 0.0, _difference(result, corners[triangles], pieces, reach))
+
+
+def _surface(result: Any) -> tuple[Array, Array]:
+    """Corners (V, 3) [m] and triangles (T, 3) of a closed surface of the object, in its own frame."""
+    from trimesh import Trimesh
+
     solid = result.scene.object
-    body = result.body
-    if solid.shape in _PRIMITIVES:
-        half, edge = body.half, body.edge
-        size = {"sphere": half[:1], "ellipsoid": half, "box": half - edge, "cylinder": half[[0, 2]] - edge}[solid.shape]
-        # 1e-6: least half extent [m], of a box that is all edge
-        return [{"name": "object", "type": solid.shape, "size": numbers(*np.maximum(size, 1e-6))}], [], edge
-    meshes = [(f"part_{k + 1}", numbers(*np.ravel(part))) for k, part in enumerate(filter(_thick, body.convex_parts()))]
-    # Places of meshes are those of their centers of mass, from which MuJoCo counts back.
-    return [{"name": name, "type": "mesh", "mesh": name} for name, _ in meshes], meshes, 0.0
+    if solid.shape == "mesh":
+        return solid.surface.corners, solid.surface.triangles
+    points, triangles = result.body.triangles(_FINE)
+    mesh = Trimesh((points - np.array(solid.position)) @ solid.axes, triangles, process=False)
+    mesh.merge_vertices()
+    mesh.update_faces(mesh.nondegenerate_faces())
+    return np.array(mesh.vertices), np.array(mesh.faces)
 
 
 def _thick(part: Array) -> bool:
@@ -42,14 +97,58 @@ def _thick(part: Array) -> bool:
     return bool(spread[-1] > _FLAT * spread[0])
 
 
+def _difference(result: Any, places: Array, pieces: list[Array], reach: float) -> str:
+    """Deviation of pieces in words; empty where they are exact."""
+    off, angle = deviation(result, places, pieces, reach)
+    if off < _EXACT and len(pieces) == 1:
+        return ""
+    what = "a convex mesh replaces its surface"
+    if len(pieces) > 1:
+        what = f"{len(pieces)} convex pieces replace its concave surface"
+    return (
+        f"object: {what}; where fingers may touch, it is within {1e3 * max(off, _EXACT):.2g} mm, and {_SHARE:.0%} of "
+        f"its normals within {math.degrees(angle):.2g} degrees"
+    )
+
+
+def deviation(result: Any, places: Array, pieces: list[Array], reach: float) -> tuple[float, float]:
+    """Greatest difference [m] between the distances of object and pieces from where fingers of a radius [m] may touch,
+    and angle [rad] that 95 % of the differences between their normals there are within.
+
+    ``places`` are triangles (T, 3, 3) of the object, ``pieces`` corners of convex bodies, in the object's frame.
+    """
+    import trimesh
+
+    solid = result.scene.object
+    # from trimesh: its random points, and closest points of many triangles
+    around = trimesh.Trimesh(places.reshape(-1, 3), np.arange(3 * len(places)).reshape(-1, 3), process=False)
+    sampled: Any = trimesh.sample.sample_surface(around, _PLACES, seed=0)
+    points = np.asarray(sampled[0] + reach * around.face_normals[sampled[1]])
+    near = result.body.near(np.array(solid.position) + points @ solid.axes.T)
+    outside = near.distance > 0.5 * reach
+    normal = (near.normal if near.slope is None else near.slope)[outside] @ solid.axes
+    points, distance = points[outside], near.distance[outside]
+    hulls = [trimesh.convex.convex_hull(piece) for piece in pieces]
+    closest: Any = trimesh.proximity.closest_point
+    place, apart, _ = closest(trimesh.util.concatenate(hulls), points)
+    planes = [ConvexHull(piece).equations for piece in pieces]
+    within = np.any([(points @ plane[:, :3].T + plane[:, 3] < 0.0).all(axis=1) for plane in planes], axis=0)
+    apart = np.where(within, -apart, apart)
+    cosine = ((points - place) * normal).sum(axis=1) / np.where(apart == 0.0, 1.0, apart)
+    angles = np.arccos(np.clip(cosine, -1.0, 1.0))
+    return float(np.abs(apart - distance).max(initial=0.0)), float(np.quantile(angles, _SHARE)) if len(angles) else 0.0
+
+
 def solid_inertia(result: Any) -> Array:
     """Moments of inertia (3, 3) of the homogeneous shape with the object's mass, along its own axes [kg m2].
 
-    Integrals over the tetrahedra between the center and the triangles of the surface.
+    Integrals over the tetrahedra between the center and the triangles of the surface; of a mesh, without its cavities.
     """
     solid = result.scene.object
-    points, triangles = result.body.triangles(_FINE)
-    corners = ((points - np.array(solid.position)) @ solid.axes)[triangles]
+    if solid.shape == "mesh":
+        return np.asarray(solid.weighed * solid.surface.inertia)
+    points, triangles = _surface(result)
+    corners = points[triangles]
     volume = np.linalg.det(corners) / 6.0
     total = corners.sum(axis=1)
     second = np.einsum("k,kia,kib->ab", volume, corners, corners) + np.einsum("k,ka,kb->ab", volume, total, total)

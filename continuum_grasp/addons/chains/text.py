@@ -23,6 +23,8 @@ FINGER = {"contype": "1", "conaffinity": "0"}
 OBJECT = {"contype": "2", "conaffinity": "1"}
 SUPPORT = {"contype": "0", "conaffinity": "2"}
 _FREE = {"contype": "0", "conaffinity": "0"}
+LEAST_INERTIA = 1e-15
+"""Least inertia that MuJoCo accepts of a moving body [kg m2] (mjMINVAL of its sources)."""
 _CORNERS = 120
 """Corners of the polygon in place of a round outline: off by 3e-4 of its radius."""
 
@@ -57,7 +59,7 @@ def _surroundings(scene: Scene) -> dict[str, object]:
         "body": {
             "place": {"name": "object", "pos": numbers(x, y, 0.0)}.items(),
             "joints": [joint.items() for joint in (_joints(scene, body.mass) if moves else ())],
-            "inertial": inertial.items() if moves else (),
+            "inertial": inertial.items(),
             "parts": [part.items() for part in parts],
         },
         "meshes": meshes,
@@ -195,7 +197,7 @@ def _link(
             "euler": numbers(0.0, 0.0, base.angle),
         }.items(),
         "joints": (),
-        "inertial": (),
+        "inertial": link_inertial(links, k, radius).items(),
         "geom": {**capsule, **touching}.items(),
         "sites": [(name, at - begin) for name, at in sites.items()],
     }
@@ -203,17 +205,31 @@ def _link(
         before = links.span(k - 1)[0]
         hinge = {"name": f"hinge_{k + 1}", "type": "hinge", "axis": "0 0 1"}
         hinge |= {key: numbers(getattr(links, key)[k]) for key in ("stiffness", "damping")}
-        center = numbers(links.across[k], links.center[k] - begin, 0.0)
         link |= {
             "body": {"name": f"link_{k + 1}", "pos": numbers(0.0, begin - before, 0.0)}.items(),
             "joints": [{**hinge, "springref": numbers(links.rest[k])}.items()],
-            "inertial": {
-                "pos": center,
-                "mass": numbers(links.mass[k]),
-                "diaginertia": numbers(*[links.inertia[k]] * 3),
-            }.items(),
         }
     return link
+
+
+def link_inertial(links: Links, k: int, radius: float, lightest: float = 0.0) -> dict[str, str]:
+    """Mass, center and inertia of a link, or of the clamped part, -1, in the axes of its body; y is along it.
+
+    Inertia about both axes across is that of the plane. About its own axis it is that of a round body of the radius
+    [m], but no more than across. A link lighter than ``lightest`` [kg] is as heavy as that, and uniform.
+    """
+    mass, center, across, inertia = links.body(k).tolist()
+    begin, end = links.span(k)
+    if k >= 0 and mass < lightest:
+        mass, center, across = lightest, 0.5 * (begin + end), 0.0
+        inertia = mass * (end - begin) ** 2 / 12.0
+    inertia = max(inertia, LEAST_INERTIA)
+    own = min(max(0.5 * mass * radius**2, LEAST_INERTIA), inertia)
+    return {
+        "pos": numbers(across, center - begin, 0.0),
+        "mass": numbers(mass),
+        "diaginertia": numbers(inertia, own, inertia),
+    }
 
 
 def _explanation(

@@ -1,4 +1,4 @@
-"""A grasp of a hand tried in MuJoCo: closed, held, turned, and pushed by most of its promise."""
+"""A grasp of a hand tried in MuJoCo: held, turned, pushed by most of its promise, and closed; or only held."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from continuum_grasp.base import Array, InputError
 
 HOLDS = 2.0
 """Time in which the object must stay [s]."""
+HOLDS_ONLY = 0.5
+"""Time in which it must stay when nothing else is tried [s]: an object that is not held falls by 1.2 m."""
 MOVES, TURNS = 1e-3, math.radians(1.0)
 """Displacement [m] and turn [rad] from which on an object is not held."""
 SHARE = 0.8
@@ -133,12 +135,17 @@ class HandInMujoco:
         return found
 
     def hold(self, seconds: float = HOLDS) -> tuple[Array, Array]:
-        """Greatest displacement [m] and turn [rad] of the object at constant tensions (2,); mean normal forces (C,)."""
+        """Greatest displacement [m] and turn [rad] of the object at constant tensions (2,); mean normal forces (C,).
+
+        It ends when the object is lost: when it has moved by its own size. No force is left then.
+        """
         self.reset()
         worst = np.zeros(2)
         forces = list[Array]()
         for share in self.run(seconds):
             worst = np.maximum(worst, self.away)
+            if worst[0] > self.result.scene.object.size:
+                return worst, np.zeros(len(self.result.contacts))
             if share > 1.0 - _MEAN:
                 forces.append(self.normal_forces())
         return worst, np.mean(forces, axis=0)
@@ -192,21 +199,28 @@ class HandInMujoco:
         return self.farthest(0.5 * HOLDS)
 
 
-def try_in_mujoco(result: Any, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
-    """Try a hand's grasp in MuJoCo; returns plain data: whether it ``holds``, in words, and what was measured."""
+def try_in_mujoco(
+    result: Any, progress: Callable[[str], None] | None = None, *, hold_only: bool = False
+) -> dict[str, Any]:
+    """Try a hand's grasp in MuJoCo; returns plain data: whether it ``holds``, in words, and what was measured.
+
+    With ``hold_only`` the object is held for `HOLDS_ONLY` seconds from the posture of the grasp, at its tensions; it is
+    neither turned nor pushed, and fingers do not close around it.
+    """
     hand = HandInMujoco(result)
     say = progress or (lambda _: None)
     try:
-        return _tried(hand, say)
+        return _tried(hand, say, hold_only)
     except FloatingPointError as error:
-        return {"holds": False, "words": f"not held in MuJoCo: {error}"}
+        return {"holds": False, "words": f"{_verdict([str(error)], hold_only)}: {error}"}
 
 
-def _tried(hand: HandInMujoco, say: Callable[[str], None]) -> dict[str, Any]:
+def _tried(hand: HandInMujoco, say: Callable[[str], None], hold_only: bool) -> dict[str, Any]:
     result = hand.result
     limits = np.array([MOVES, TURNS])
-    say("held for 2 s")
-    worst, forces = hand.hold()
+    seconds = HOLDS_ONLY if hold_only else HOLDS
+    say(f"held for {seconds:g} s")
+    worst, forces = hand.hold(seconds)
     planned = np.array([contact.normal_force for contact in result.contacts])
     off = float(np.abs(forces - planned).max() / planned.max())
     found: dict[str, Any] = {
@@ -215,8 +229,12 @@ def _tried(hand: HandInMujoco, say: Callable[[str], None]) -> dict[str, Any]:
         "normal_forces": dict(zip(result.contact_names, forces, strict=True)),
         "normal_force_error": off,
     }
-    wrong = [] if (worst < limits).all() else [f"moves by {_words(worst)} within {HOLDS:g} s"]
-    words = [f"moved {_words(worst)} in {HOLDS:g} s", f"normal forces within {off:.1%} of the greatest planned one"]
+    wrong = [] if (worst < limits).all() else [f"moves by {_words(worst)} within {seconds:g} s"]
+    words = [f"moved {_words(worst)} in {seconds:g} s", f"normal forces within {off:.1%} of the greatest planned one"]
+    words += [hand.chain.object_difference] if hand.chain.object_difference else []
+    if hold_only:
+        words_said = f"{_verdict(wrong, hold_only)}: {'; '.join(wrong or words)}"
+        return {"holds": not wrong, "words": words_said, "hold_only": True, **found}
     if not wrong and result.scene.turned:
         say("turned")
         by_axis = dict(hand.turn(result.scene.turned))
@@ -255,8 +273,13 @@ def _tried(hand: HandInMujoco, say: Callable[[str], None]) -> dict[str, Any]:
         closed = hand.close()
         found["closed"] = {"moved": closed[0], "turned": closed[1]}
         words.append(f"after fingers that were straight closed, the object settles within {_words(closed)}")
-    verdict = "not held in MuJoCo: " + "; ".join(wrong) if wrong else "held in MuJoCo: " + "; ".join(words)
-    return {"holds": not wrong, "words": verdict, **found}
+    return {"holds": not wrong, "words": f"{_verdict(wrong, hold_only)}: {'; '.join(wrong or words)}", **found}
+
+
+def _verdict(wrong: list[str], hold_only: bool) -> str:
+    """Whether it is held, and what else was not tried."""
+    untried = " (held alone, at the found tensions from the found posture; no push, turn or closing was tried)"
+    return f"{'not held' if wrong else 'held'} in MuJoCo{untried if hold_only else ''}"
 
 
 def _words(away: Array) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp.addons.chains.controls import Control, cable_springs, controls_of
 from continuum_grasp.addons.chains.hands import CLOSES, LINKS, HandChain, hand_chain
 from continuum_grasp.addons.chains.links import Links, rounded_step
-from continuum_grasp.addons.chains.text import written
+from continuum_grasp.addons.chains.text import LEAST_INERTIA, written
 from continuum_grasp.base import Array, CheckedArgument, InputError, check_arguments
 from continuum_grasp.core import Core
 from continuum_grasp.export import check_file, title_of
@@ -25,8 +25,6 @@ from continuum_grasp.simulation import Signals, initial_state, resolve_fidelity
 
 _HINGES = 40
 """Hinges of a finger in the plane where none are given: shapes are then within 1 % of the rod's."""
-_LEAST_INERTIA = 1e-15
-"""Least inertia that MuJoCo accepts of a moving body [kg m2] (mjMINVAL of its sources)."""
 _CONTACT = "contacts are MuJoCo's own, as stiff as the step allows"
 (_CARRIED,) = Consumer.refusals(
     "out_of_plane_gravity without table: the chain is planar: a weight out of the plane that friction carries is not "
@@ -207,10 +205,10 @@ def _of_finger(scene: Scene, file: str | os.PathLike[str] | None, hinges: int) -
     if file is not None and scene.time is not None and any(control.varies for control in controls):
         check_file(Path(file).with_suffix(".csv"), _is_table)
     links = Links.of(scene.finger, hinges, [at for control in controls for at in control.jumps], per_arc=per_arc)
-    if links.inertia.min() < _LEAST_INERTIA:
+    if links.inertia.min() < LEAST_INERTIA:
         raise InputError(
             f"with {hinges} hinges a link has an inertia of {links.inertia.min():.2g} kg m2, below MuJoCo's minimum of "
-            f"{_LEAST_INERTIA:g}: use fewer",
+            f"{LEAST_INERTIA:g}: use fewer",
             key="hinges",
         )
     pulsations, _ = links.pulsations()

@@ -17,10 +17,6 @@ from continuum_grasp.scene import HandScene
 
 _HALVINGS = 50
 """Bisections along a ray: to rounding."""
-_COARSE = 25
-"""Rows of points of convex parts: a chord of 60 mm is 0.26 mm off."""
-_DENT = 2e-3
-"""Dent per size up to which a body counts as convex, which no contact shows [1]."""
 _NEWTON = 30
 """Steps toward the nearest point of a surface at most; of ellipsoids 5 are enough."""
 _CLOSE = 1e-14
@@ -175,17 +171,16 @@ class BodySurface:
         directions = np.stack(local, axis=-1).reshape(-1, 3) @ self.axes.T
         return of_grid(self._along(directions).reshape(count, 2 * count, 3))
 
-    def convex_parts(self) -> list[Array]:
-        """Corners (N, 3) of the convex bodies that make it up, in its own frame [m]; for a mesh, of its hull alone."""
-        from scipy.spatial import ConvexHull
+    def edge_distance(self, points: Array) -> Array:
+        """Distance (N,) of points (N, 3) from the nearest convex edge of a mesh [m]; infinite for other shapes."""
+        if self.solid.shape != "mesh":
+            return np.full(len(points), np.inf)
+        return np.asarray(self._local.edge_distance((points - self.center) @ self.axes))
 
-        corners, _ = self.triangles(_COARSE)
-        corners = (corners - self.center) @ self.axes
-        hull = ConvexHull(corners)
-        depth = (corners @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
-        if depth.min() < -_DENT * np.ptp(corners) and hasattr(self._local, "convex_parts"):
-            return list(self._local.convex_parts())
-        return [np.asarray(corners[hull.vertices])]
+    @property
+    def convex_parts(self) -> list[Array]:
+        """Corners (N, 3) of convex bodies that make it up, in its own frame [m]; none where no formula has them."""
+        return self._local.convex_parts() if hasattr(self._local, "convex_parts") else []
 
     def _along(self, directions: Array) -> Array:
         """Points (K, 3) where rays from the center leave it in directions (K, 3), of shapes in closed form."""

@@ -111,6 +111,17 @@ class MeshSurface:
                 beyond[:, k, j], own[:, k, j] = self.corner_normals[other, same], self.corner_normals[:, end]
         return beyond, np.asarray((np.abs(beyond - own) > 1e-9).any(axis=(2, 3)))
 
+    def edge_distance(self, points: Array) -> Array:
+        """Distance (N,) of points (N, 3) from the nearest convex crease [m]; infinite where there is none."""
+        triangle, k = np.nonzero(self.creased)
+        other = self.neighbor[triangle, k]
+        start, end = (self.places[triangle, (k + j) % 3] for j in (1, 2))
+        convex = ((self.middle[other] - start) * self.flat[triangle]).sum(axis=1) < 0.0
+        start, span = start[convex], (end - start)[convex]
+        away = points[:, None] - start
+        share = np.clip((away * span).sum(axis=2) / np.maximum((span**2).sum(axis=1), 1e-300), 0.0, 1.0)
+        return np.asarray(np.linalg.norm(away - share[:, :, None] * span, axis=2).min(axis=1, initial=np.inf))
+
     # -- from points ---------------------------------------------------------------------------------------------
 
     def distance(self, points: Array) -> tuple[Array, Array]:

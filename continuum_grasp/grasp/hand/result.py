@@ -44,6 +44,11 @@ STORED = (
 """Arrays of the grasp of a hand."""
 
 
+_EDGE = 0.25
+"""Distance of a contact from an edge, per radius of the finger [1], from which on the edge is named: a finger of 6 mm
+that shifts by 1.5 mm, which grasps that turn may allow (``shift_max``), is then on the edge."""
+
+
 @dataclass(frozen=True)
 class FingerTouch:
     """A contact of the object, as the hand sees it: with a finger, or, such as ``palm_1``, with palm or table."""
@@ -255,9 +260,24 @@ class HandResult(Result):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings before this grasp is relied on."""
+        found = list[str]()
         if self.solved and self.certificate is not None and not self.certificate.stability.stable:
-            return ("the grasp is unstable: small motions that the contacts allow lower the energy",)
-        return ()
+            found.append("the grasp is unstable: small motions that the contacts allow lower the energy")
+        if edges := self._near_edges() if self.solved else []:
+            found.append(
+                f"sharp edges of the mesh are near contacts: {', '.join(edges)}; a finger that moves as far slips off, "
+                "and on an edge the normal is any between both sides: round the edges of the mesh, or move the hand"
+            )
+        return tuple(found)
+
+    def _near_edges(self) -> list[str]:
+        """Contacts of fingers that sharp edges of a mesh are near, with their distances."""
+        halves = {s.name: s.finger.profile.half_thickness for s in self.scene.setups}
+        contacts = [c for c in self.contacts if c.name.rpartition(".")[0] in halves]
+        distances = self.body.edge_distance(np.array([c.position for c in contacts]).reshape(-1, 3))
+        limits = [_EDGE * float(halves[c.name.rpartition(".")[0]](c.station)) for c in contacts]
+        near = zip(contacts, distances, limits, strict=True)
+        return [f"{c.name} ({1e3 * distance:.2f} mm)" for c, distance, limit in near if distance <= limit]
 
     def pairs(self) -> dict[str, str]:
         """Tension, forces and certificate; where there is no grasp, why."""

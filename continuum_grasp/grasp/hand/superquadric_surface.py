@@ -119,6 +119,10 @@ class SuperquadricSurface:
         hessian = np.linalg.solve(_grown(shape, height), shape)
         return height, normal, 0.5 * (hessian + hessian.transpose(0, 2, 1))
 
+    def convex_parts(self) -> list[Array]:
+        """Points of its surface (N, 3), which is convex, in its own frame [m]."""
+        return [self.samples]
+
     def triangles(self) -> tuple[Array, Array]:
         """Corners (V, 3) and triangles (T, 3) of it, for pictures."""
         up = np.linspace(0.0, np.pi, 41)[:, None]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +19,8 @@ FEW = 64
 """Points up to which all lines and arcs are looked at."""
 TURNS = 97
 """Points around a circle, for pictures."""
+ROUNDED = 32
+"""Points around the edge of a convex part: chords are 0.5 % of its radius off."""
 
 
 class PlaneDistance(NamedTuple):
@@ -146,16 +147,6 @@ class TurnedSurface:
         """Corners (V, 3) and triangles (T, 3) of it, for pictures."""
         return of_grid(self._grid(TURNS))
 
-    def convex_parts(self) -> list[Array]:
-        """Corners of convex bodies: slices, or of a ring sectors."""
-        grid = self._grid(25)
-        parts = grid.transpose(1, 0, 2) if self.section.samples[:, 0].min() > 0.0 else grid
-        return [
-            np.unique(np.concatenate(pair), axis=0)
-            for pair in pairwise(parts)
-            if np.ptp(np.concatenate(pair), axis=0).min() > 0.0
-        ]
-
     def _grid(self, turns: int) -> Array:
         """Points on circles about the axis (N, turns, 3), from below up."""
         ring, _ = self.section.ring()
@@ -178,7 +169,7 @@ class ExtrudedSurface:
         self.core = PlaneBoundary(solid.core)
         self.half = solid.half_height
         self.radius = solid.edge_radius
-        self._pieces = solid.core_part
+        self._pieces = solid.core_pieces
 
     def distance(self, points: Array) -> tuple[Array, Array]:
         """Distance (N,) of points (N, 3), and outward normals (N, 3)."""
@@ -223,15 +214,12 @@ class ExtrudedSurface:
         return of_grid(self._grid(ring, outward))
 
     def convex_parts(self) -> list[Array]:
-        """Corners of convex bodies: those between the corners of its core."""
-        turn = np.linspace(0.0, 2.0 * np.pi, 17)[:-1]
+        """Corners (N, 3) of convex bodies that make it up, in its own frame [m]: the pieces of its core, grown."""
+        turn = np.linspace(0.0, 2.0 * np.pi, ROUNDED + 1)[:-1]
         around = np.column_stack([np.cos(turn), np.sin(turn)])
-        parts = []
-        for piece in self._pieces.pieces:
-            ring = (np.array(piece.vertices)[:, None] + piece.radius * around).reshape(-1, 2)
-            outward = np.tile(around, (len(piece.vertices), 1))
-            parts.append(self._grid(ring, outward).reshape(-1, 3))
-        return parts
+        rings = [PlaneBoundary(piece).ring()[0] for piece in self._pieces]
+        grids = [self._grid(np.repeat(ring, ROUNDED, axis=0), np.tile(around, (len(ring), 1))) for ring in rings]
+        return [grid.reshape(-1, 3) for grid in grids]
 
     def _grid(self, ring: Array, outward: Array) -> Array:
         """Points of caps and rims (12, N + 1, 3) around points of the core with normals there (N, 2)."""

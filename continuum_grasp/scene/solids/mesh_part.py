@@ -20,13 +20,14 @@ class MeshPart(SolidBody):
     """A closed surface of triangles; the frame has the axes of the file, and its origin at the centroid of the volume.
 
     Distances are those from the triangles; normals go smoothly over edges that are blunter than 30 degrees, as pictures
-    of meshes have them.
+    of meshes have them. A closed surface inside of the outer one bounds a cavity, whichever way its normals point: the
+    volume, its centroid and the inertia are those of the hollow body; fingers touch it outside.
     """
 
     shape: Literal["mesh"]
     """A closed surface of triangles; the frame has the axes of the file and its origin at the centroid."""
     file: Annotated[str, Field(examples=["part.stl"])]
-    """STL, OBJ, PLY or 3MF; one closed body."""
+    """STL, OBJ, PLY or 3MF; one closed body, which may have closed cavities."""
     scale: Annotated[Extent, Field(examples=["1 mm"])] | None = None
     """Length of a unit of the file [m]; None: what a 3MF states."""
 

@@ -155,6 +155,11 @@ class Extruded(SolidBody):
         return boundary(self.core_part)
 
     @property
+    def core_pieces(self) -> list[tuple[Face, ...]]:
+        """Boundaries of the convex pieces of the core."""
+        return [boundary(piece) for piece in self.core_part.pieces]
+
+    @property
     def half_height(self) -> float:
         """Half the height of the core [m]."""
         return 0.5 * self.height - self.edge_radius

@@ -10,6 +10,7 @@ from typing import Any
 from continuum_grasp.base import Array
 from continuum_grasp.scene.objects.outline import MESHES
 from continuum_grasp.scene.problems import KeyedError
+from continuum_grasp.scene.solids.shells import outer_shell
 
 CREASE = 0.52
 """Angle between the normals of neighboring triangles [rad], 30 degrees, from which on their edge is one of the object;
@@ -24,12 +25,15 @@ _UNITS = {"millimeter": 1e-3, "centimeter": 1e-2, "meter": 1.0, "inch": 0.0254, 
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """A closed surface of triangles, whose frame has its origin at the centroid of the volume."""
+    """The outer surface of a solid of triangles; the origin of its frame is the centroid of the volume, without that of
+    cavities.
+    """
 
     corners: Array  # (V, 3) [m]
     triangles: Array  # (T, 3) indices, counter-clockwise from outside
     normals: Array = field(repr=False)  # (T, 3, 3) outward unit normals at the three corners of each triangle
-    volume: float  # [m3]
+    volume: float  # of the material [m3]
+    inertia: Array = field(repr=False)  # (3, 3) of the homogeneous body about its centroid, per mass [m2]
     size: float  # greatest distance of a corner from the centroid [m]
     deviation: float  # greatest distance of an edge from the arc that the normals at its ends make it [m]
 
@@ -54,12 +58,16 @@ def read_triangles(file: Path, scale: float | None) -> TriangleMesh:
 def _read(file: Path, scale: float | None, changed: int, count: int) -> TriangleMesh:
     import numpy as np
 
-    mesh, factor = load_closed(file, scale)
+    mesh, factor, is_outer = load_closed(file, scale)
     # The tensor of trimesh is of second order in what rounding far from the origin leaves: near the origin first.
     center = 0.5 * mesh.bounds.sum(axis=0)
     mesh.apply_translation(-center)
     mesh.apply_scale(factor)
     mesh.apply_translation(-mesh.center_mass)
+    volume = float(mesh.volume)
+    inertia = np.array(mesh.moment_inertia) / volume
+    mesh.update_faces(is_outer)
+    mesh.remove_unreferenced_vertices()
     corners = np.array(mesh.vertices, dtype=float)
     triangles = np.array(mesh.faces)
     normals = corner_normals(mesh)
@@ -68,14 +76,20 @@ def _read(file: Path, scale: float | None, changed: int, count: int) -> Triangle
     chords, turns = (np.linalg.norm(np.roll(part, -1, axis=1) - part, axis=2) for part in ends)
     size = float(np.linalg.norm(corners, axis=1).max())
     off = float((chords * turns).max()) / 8.0
-    surface = TriangleMesh(corners, triangles, normals, float(mesh.volume), size, off)
-    for array in (surface.corners, surface.triangles, surface.normals):
+    surface = TriangleMesh(corners, triangles, normals, volume, inertia, size, off)
+    for array in (corners, triangles, normals, inertia):
         array.setflags(write=False)
     return surface
 
 
-def load_closed(file: Path, scale: float | None) -> tuple[Any, float]:
-    """Return a closed mesh as its file has it, and the length of a unit of it [m]; raises `KeyedError`."""
+def load_closed(file: Path, scale: float | None) -> tuple[Any, float, Array]:
+    """Return the closed mesh of a file, the length of a unit of it [m], and whether each triangle (T,) is outside.
+
+    Raises
+    ------
+    KeyedError
+        As `read_triangles`.
+    """
     import trimesh
 
     name = file.name
@@ -95,8 +109,8 @@ def load_closed(file: Path, scale: float | None) -> tuple[Any, float]:
     factor = _factor(name, mesh, scale)
     _check_size(name, mesh, factor)
     _merge(mesh)
-    _check_closed(name, mesh, factor)
-    return mesh, factor
+    _check_closed(name, mesh)
+    return mesh, factor, outer_shell(name, mesh, factor)
 
 
 def _first_line(error: Exception) -> str:
@@ -146,7 +160,7 @@ def _merge(mesh: Any) -> None:
     mesh.remove_unreferenced_vertices()
 
 
-def _check_closed(name: str, mesh: Any, factor: float) -> None:
+def _check_closed(name: str, mesh: Any) -> None:
     import numpy as np
 
     if not mesh.is_watertight:
@@ -160,22 +174,13 @@ def _check_closed(name: str, mesh: Any, factor: float) -> None:
                 "in units of the file; close its holes (a repair tool, or export it as a solid)"
             )
         raise KeyedError(
-            f"file: {name} is no surface of a solid: {int((counts > 2).sum())} edges have more than two triangles; "
-            "unite its bodies before export"
+            f"file: {name} is no surface of a solid: {int((counts > 2).sum())} edges have more than two triangles, as "
+            "where bodies or cavities touch; unite bodies, and part cavities, before export"
         )
     if not mesh.is_winding_consistent:
         raise KeyedError(
             f"file: {name} has triangles whose corners go round the other way; make its normals consistent"
         )
-    bodies = mesh.split(only_watertight=False)
-    if len(bodies) > 1:
-        sizes = ", ".join(f"{float(max(body.extents)) * factor:.3g} m" for body in bodies[:4])
-        raise KeyedError(
-            f"file: {name} has {len(bodies)} bodies ({sizes}{', ...' if len(bodies) > 4 else ''}); a hand holds one: "
-            "unite them, or export one"
-        )
-    if mesh.volume <= 0.0:
-        raise KeyedError(f"file: {name} is inside-out: its normals point inward; reverse all triangles")
 
 
 def corner_normals(mesh: Any) -> Array:

@@ -20,7 +20,7 @@ def read_cut(given: OutlineFile) -> Drawing:
     from continuum_grasp.scene.objects.outline import PlaneCut
     from continuum_grasp.scene.solids.triangles import load_closed
 
-    mesh, factor = load_closed(Path(given.file), given.scale)
+    mesh, factor, _ = load_closed(Path(given.file), given.scale)
     cut = given.cut or PlaneCut()
     point = np.array(cut.point) / factor
     normal = np.array(cut.normal) / np.linalg.norm(cut.normal)
