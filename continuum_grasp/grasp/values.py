@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from typing import Any
@@ -83,9 +83,10 @@ class FingerPosture:
     tensions : ndarray, shape (2,)
         Tensions of the tendon on the finger's left (-X side), which bends it positively, and on its right [N].
     base : ndarray, shape (3,)
-        World x, y [m] and angle [rad].
+        World x, y [m] and angle [rad]; of a hand's finger, in its own plane.
     backbone : ndarray, shape (K, 4)
-        Position along it [m], world x, y [m], angle of the section's X axis [rad].
+        Position along it [m], world x, y [m], angle of the section's X axis [rad]; of a hand's finger, in its own
+        plane.
     """
 
     name: str
@@ -96,6 +97,17 @@ class FingerPosture:
     tensions: Array
     base: Array
     backbone: Array = field(repr=False)
+
+
+def postures_of(names: Iterable[str], arrays: Mapping[str, Array]) -> dict[str, FingerPosture]:
+    """Fingers by name from the stored arrays of a grasp."""
+
+    def posture(name: str) -> FingerPosture:
+        keys = ("family", "q", "lengths", "tip_curvature", "tensions", "base", "backbone")
+        family, q, lengths, tip_curvature, *rest = (arrays[f"{name}.{key}"] for key in keys)
+        return FingerPosture(name, str(family), q, lengths, float(tip_curvature), *rest)
+
+    return {name: posture(name) for name in names}
 
 
 @dataclass(frozen=True)
