@@ -29,6 +29,9 @@ OPENED = ". Unstable: a small push opens this grasp. (`stability: ignore` accept
 ROUGH = 0.02
 """Change of the tension by a polygon nearer to the object's drawing from which on a warning says so [1]: as much as a
 basin must promise for the search not to be complete without it."""
+PUSH_SHARE = 0.1
+"""Share of the greatest push that a grasp bears where nothing loads the object and no push is asked [1]: contacts press
+by a tenth of what they could, a hundred times what models leave open, at tensions far from their limits."""
 IGNORED = "Set stability: ignore where the drives hold their position or something else steadies the object."
 STEADIER = (
     "For a stable grasp, move contacts nearer to the base, add a contact or support, or use a stiffer finger. "
@@ -38,6 +41,12 @@ STEADIER_IN_SPACE = (
     "For a grasp that is stable in space, use a finger with a wider section, a contact off the line of two others, a "
     f"support, or less force. {IGNORED}"
 )
+
+
+def unloaded_words(greatest: float) -> str:
+    """Say why a grasp bears a push that nobody asked for, by the greatest push [N]."""
+    most = amount_text(greatest, "N", ".3g")
+    return f"nothing loads the object, so the grasp bears {PUSH_SHARE:.0%} of the greatest push found, {most} (contacts.push)"
 
 
 class GraspStatus(StrEnum):

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.curved_parts import SHARE
-from continuum_grasp.scene.finger_setup import FingerSetup
+from continuum_grasp.scene.finger_setup import FingerSetup, is_light
 from continuum_grasp.scene.grasp_options import (
     Aim,
     AnyFinger,
@@ -89,7 +89,8 @@ class GraspScene(Configuration, Supported):
     objective: Aim | ObjectiveWeights = "least_tension"
     """least_tension: least sum of all tendon tensions; least_normal_force: the greatest normal force is as small as
     can be; greatest_disturbance: the ``disturbances`` may grow by the greatest factor; greatest_friction_margin: the
-    contacts are as far from slipping as can be; or weights of these."""
+    contacts are as far from slipping as can be; greatest_push: the object bears the greatest push in any direction, as
+    ``contacts.push`` describes; or weights of these."""
     disturbances: Disturbances = Disturbances()
     """Wrenches that the grasp should resist."""
     stability: Literal["require", "ignore"] = "require"
@@ -180,6 +181,14 @@ class GraspScene(Configuration, Supported):
     def weight(self) -> float:
         """Weight of the object [N]."""
         return self.object.mass * math.hypot(*self.gravity)
+
+    @property
+    def unloaded(self) -> bool:
+        """Whether nothing loads the object, so that contacts which press nothing would hold it: weight, disturbances,
+        errors and friction states do.
+        """
+        aimed = {"greatest_disturbance", "greatest_push"} & set(self.aims)
+        return not (aimed or self.is_robust) and is_light(self.weight, self.setups)
 
     @property
     def spatial(self) -> bool:

@@ -14,7 +14,7 @@ from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.finger_scene import Fidelity
 from continuum_grasp.scene.finger_section import FingerSection
-from continuum_grasp.scene.finger_setup import FingerSetup
+from continuum_grasp.scene.finger_setup import FingerSetup, is_light
 from continuum_grasp.scene.grasp import check_finger
 from continuum_grasp.scene.grasp_options import GraspContacts, GraspFinger, GraspGravity, GraspSolver
 from continuum_grasp.scene.hand_supports import (
@@ -271,6 +271,11 @@ class HandScene(Configuration):
     def weight(self) -> float:
         """Weight of the object [N]."""
         return self.object.weighed * (self.turned or math.hypot(*self.acceleration))
+
+    @property
+    def unloaded(self) -> bool:
+        """Whether nothing loads the object, so that contacts which press nothing would hold it."""
+        return is_light(self.weight, self.setups)
 
     @cached_property
     def supports(self) -> tuple[PlaneSupport, ...]:

@@ -25,6 +25,7 @@ from continuum_grasp.grasp.certificate.certificate import (
     storage_checks,
 )
 from continuum_grasp.grasp.certificate.check import CURLED, EXACT, GUARDED, Check, self_overlap, worst
+from continuum_grasp.grasp.certificate.push import push_check
 from continuum_grasp.grasp.certificate.recomputed import OF_FINGER
 from continuum_grasp.grasp.certificate.space import ASIDE, SpatialStability
 from continuum_grasp.grasp.certificate.stability import held_by
@@ -38,7 +39,7 @@ from continuum_grasp.grasp.hand.recomputed import (
     of_contacts,
 )
 from continuum_grasp.grasp.hand.stability import HandResponse, hand_response, hand_stability, points_response
-from continuum_grasp.grasp.hand.weights import TurnedContact, promised_wrench, turned_contacts
+from continuum_grasp.grasp.hand.weights import TurnedContact, borne_push, promised_wrench, turned_contacts
 from continuum_grasp.scene import FAMILIES, HandScene
 
 TURNED = ", weight in any direction"
@@ -128,6 +129,15 @@ class HandCertificate(Summarized):
         if self.hand is None or not self._bounds:
             return float("nan")
         return max(promised_wrench(self.hand, response, np.array(along, dtype=float)) for response in self._bounds)
+
+    @cached_property
+    def push(self) -> float:
+        """Greatest push that the grasp bears in every direction, to first order [N]; none where it is unstable, or
+        nothing holds.
+        """
+        if self.hand is None or not self.stability.eigenvalue > 0.0:
+            return 0.0
+        return max((borne_push(self.hand, response) for response in self._bounds), default=0.0)
 
     @cached_property
     def promise(self) -> dict[str, float]:
@@ -259,6 +269,8 @@ def certify_hand(scene: HandScene, arrays: Mapping[str, Any]) -> HandCertificate
         certificate = HandCertificate(tuple(checks), contacts, hand)
         more = [check for contact in certificate.turned for check in _turned(hand, contact)]
         more += _turned_motion(scene, certificate.turned_motion)
+        if scene.contacts.push is not None:
+            more.append(push_check(certificate.push, scene.contacts.push))
         return replace(certificate, checks=(*checks, *more)) if more else certificate
 
 
