@@ -32,6 +32,7 @@ from continuum_grasp.grasp.certificate.check import (
 from continuum_grasp.grasp.certificate.held import held_checks
 from continuum_grasp.grasp.certificate.model_error import ModelError, model_error
 from continuum_grasp.grasp.certificate.out_of_plane import stability_out_of_plane
+from continuum_grasp.grasp.certificate.push import push_check
 from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS, OF_FINGER, RecomputedFinger, RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import Stability, contact_stability
 from continuum_grasp.scene import FAMILIES, GraspScene
@@ -121,6 +122,15 @@ class Certificate(Summarized):
         return contact_stability(self.grasp).with_space(stability_out_of_plane(self.grasp))
 
     @cached_property
+    def push(self) -> float:
+        """Greatest push on the object that the grasp bears in every direction, to first order while tensions stay, or
+        with locked tendons where ``disturbances.tendons`` says so [N]; none where it is unstable.
+        """
+        from continuum_grasp.grasp.quality.response import GraspResponse
+
+        return 0.0 if self.grasp is None else GraspResponse(self.grasp.scene, self.grasp.arrays).push
+
+    @cached_property
     def model_error(self) -> ModelError:
         """Error of the curvature family; computed when first asked for.
 
@@ -199,7 +209,11 @@ def certify_reached(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate
     with np.errstate(all="ignore"):
         checks, grasp = _recomputed(scene, arrays)
         contacts = () if grasp is None else grasp.contacts
-        return Certificate(tuple(checks), {c.name: c.friction_margin for c in contacts if c.friction > 0.0}, grasp)
+        margins = {c.name: c.friction_margin for c in contacts if c.friction > 0.0}
+        reached = Certificate(tuple(checks), margins, grasp)
+        if scene.contacts.push is None or grasp is None:
+            return reached
+        return replace(reached, checks=(*checks, push_check(reached.push, scene.contacts.push)))
 
 
 def _recomputed(

@@ -172,6 +172,7 @@ def _turned(scene: HandScene, down: HandResult, held: HandTried, progress: Calla
         return HandResult(
             scene, GraspStatus.NOT_SOLVED, message, arrays, certificate, advice=advice, statistics=statistics
         )
+    # One grasp was turned; another may hold every direction.
     needed = beyond_needed(max(c.friction / c.held for c in certificate.turned) * scene.contacts.friction, 1.0)
     limit = next(limit for limit in LIMITS if limit.name == "friction")
     other = certify_hand(limit.changed(scene, needed), arrays)
@@ -179,7 +180,7 @@ def _turned(scene: HandScene, down: HandResult, held: HandTried, progress: Calla
     message = f"not held in every direction of the weight: at best, with {tension}, a friction of {worst.friction:.3g} "
     message += f"is needed, by {where}"
     return HandResult(
-        scene, GraspStatus.INFEASIBLE, message, arrays, certificate, reasons, advice, statistics=statistics
+        scene, GraspStatus.NOT_SOLVED, message, arrays, certificate, reasons, advice, statistics=statistics
     )
 
 
@@ -269,11 +270,14 @@ def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], stati
         if not reasons[0].stable:
             advice = f"Any one of these balances the forces, but a small push then drives the object away: {repairs}."
             advice += _of_two(scene)
-        message = reasons[0].text
+        tries = f"the search tried {len(tried)} starting postures, a sample of all postures"
+        status, message = GraspStatus.INFEASIBLE, f"{reasons[0].text}; {tries}"
+        if not search.agreed:
+            # A greater effort may hold it as it is.
+            status = GraspStatus.NOT_SOLVED
+            message = f"no grasp found; nearest to one: {message}{_more(scene, search)}"
         arrays = dict(reasons[0].arrays)
-        return HandResult(
-            scene, GraspStatus.INFEASIBLE, message, arrays, None, tuple(reasons), advice, statistics=statistics
-        )
+        return HandResult(scene, status, message, arrays, None, tuple(reasons), advice, statistics=statistics)
     converged = [one for one in tried if one.attempt.converged]
     if converged:
         broken = ", ".join(check.name for check in certify_hand(scene, converged[0].arrays).failed)
@@ -282,16 +286,24 @@ def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], stati
     else:
         worst = nearest.problem.rows.violations(nearest.attempt.g, 1e-6, {})
         names = ", ".join(violation.name for violation in worst[:3])
-        message = f"No grasp found. {len(tried)} starting postures were tried; the nearest violates {names}. "
-        message += "No single limit explains it."
+        message = f"No grasp found. {len(tried)} starting postures were tried{_more(scene, search)}; the nearest violates "
+        message += f"{names}. No single limit explains it."
         advice = (
             "Probably the geometry is the cause: move the object or the bases, or turn the planes of the fingers to "
             "it (twist)."
         )
         advice += _of_two(scene)
-    return HandResult(
-        scene, GraspStatus.NOT_SOLVED, message, nearest.arrays, None, advice=advice, statistics=statistics
-    )
+    status = GraspStatus.STOPPED if search.budget.stopped else GraspStatus.NOT_SOLVED
+    return HandResult(scene, status, message, nearest.arrays, None, advice=advice, statistics=statistics)
+
+
+def _more(scene: HandScene, search: HandSearch) -> str:
+    """Say what would let a search try more."""
+    if search.budget.stopped:
+        return f" (the clock stopped it after {scene.solver.time_limit:g} s: solver.time_limit)"
+    if search.budget.cut:
+        return " (all iterations were used up: solver.max_total_iterations)"
+    return "" if scene.solver.effort == "thorough" else " (solver.effort: thorough tries more)"
 
 
 def _of_two(scene: HandScene) -> str:
