@@ -86,14 +86,16 @@ def overlaps_at_rest(scene: GraspScene | HandScene) -> tuple[RestOverlap, ...]:
     return tuple(found)
 
 
-def rest_line(setup: FingerSetup) -> tuple[Array, Array]:
-    """Stations (K,) [m] along a finger at rest, and its line (K, 2) from the origin along y, bent in its plane [m]."""
+def free_line(setup: FingerSetup, tensions: tuple[float, float] = (0.0, 0.0)) -> tuple[Array, Array]:
+    """Shape of a finger that nothing touches: stations (K,) along it [m], and its line (K, 2) from the origin along y,
+    bent in its plane by tensions [N], which act without friction [m].
+    """
     profile = setup.finger.profile
-    edges = np.concatenate([np.linspace(0.0, profile.length, PANELS + 1), profile.rest_curvature.edges])
-    stations = np.unique(edges)
+    stations = np.unique([*np.linspace(0.0, profile.length, PANELS + 1), *profile.rest_curvature.edges])
     middle = 0.5 * (stations[1:] + stations[:-1])
     steps = np.diff(stations)
-    turns = profile.rest_curvature(middle) * steps
+    moment = sum(np.dot(channel.arms, tensions) * channel.shape(middle) for channel in setup.finger.channels)
+    turns = (profile.rest_curvature(middle) + moment / profile.bending_stiffness(middle)) * steps
     # The angle at the middle of each panel, which is exact where the curvature is even.
     angle = np.cumsum(turns) - 0.5 * turns
     line = np.zeros((len(stations), 2))
@@ -112,7 +114,7 @@ def _in_space(scene: HandScene) -> Iterator[_Line]:
     body = BodySurface(scene)
     bases = scene.hand.named_bases
     for setup, frame in zip(scene.setups, PlaneFrame.each(scene), strict=True):
-        stations, line = rest_line(setup)
+        stations, line = free_line(setup)
         points = frame.world(np.column_stack([line, np.zeros(len(line))]))
         half = setup.finger.profile.half_thickness(stations)
         # A mesh is not where its object is by more than its deviation.
@@ -130,7 +132,7 @@ def _in_space(scene: HandScene) -> Iterator[_Line]:
 
 def _in_plane(scene: GraspScene) -> Iterator[_Line]:
     for setup in scene.setups:
-        stations, line = rest_line(setup)
+        stations, line = free_line(setup)
         base = setup.finger.base
         c, s = math.cos(base.angle), math.sin(base.angle)
         points = np.array(base.position) + line @ np.array([[c, s], [-s, c]])
@@ -145,5 +147,7 @@ def _in_plane(scene: GraspScene) -> Iterator[_Line]:
                 gap = height if math.isinf(place.half_length) else np.hypot(height, np.maximum(beside, 0.0))
             else:
                 gap = np.linalg.norm(points - np.array(place.position), axis=1) - place.radius
-            gaps[place.name] = gap - half
+            # A finger may come out of a support that its base is in.
+            out = np.logical_or.accumulate(gap >= half)
+            gaps[place.name] = np.where(out, gap - half, np.inf) if out.any() else gap - half
         yield setup, stations, gaps

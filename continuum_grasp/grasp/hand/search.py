@@ -113,13 +113,13 @@ class HandSearch:
                 sets[frozenset(on | carried)] = None
         return list(sets)
 
-    def run(self) -> Iterator[HandTried]:
+    def run(self, *, further: bool = True) -> Iterator[HandTried]:
         """Solve the likeliest start of each set of contacts, then the next of each, until ``held`` is set; where none of
-        a normal search holds, those likely ones that a thorough one would try.
+        a normal search holds, ``further`` likely ones, which a thorough one would try.
         """
         effort = self.scene.solver.effort
         yield from self._run(effort)
-        if effort == "normal" and not self.held:
+        if effort == "normal" and further and not self.held:
             self.budget.tell("no grasp yet; more starts are tried")
             yield from self._run("thorough", LEFT)
 

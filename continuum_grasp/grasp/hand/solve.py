@@ -13,12 +13,13 @@ import numpy as np
 from continuum_grasp.base import Interrupted, amount_text
 from continuum_grasp.grasp.hand.certificate import HandCertificate, certify_hand, least_push
 from continuum_grasp.grasp.hand.gripped import GrippedGrasp, least_pushed, pushed_grasps, turned_grasps
+from continuum_grasp.grasp.hand.opening import in_the_way, opening_words, openings, way_words
 from continuum_grasp.grasp.hand.repairs import LIMITS, repair_of
 from continuum_grasp.grasp.hand.result import HandResult
 from continuum_grasp.grasp.hand.search import HandSearch, HandTried
 from continuum_grasp.grasp.hand.steady import steadied
 from continuum_grasp.grasp.problem.relaxations import beyond_needed
-from continuum_grasp.grasp.values import OPENED, PUSH_SHARE, GraspStatus, unloaded_words
+from continuum_grasp.grasp.values import OPENED, PUSH_SHARE, SATISFIED, GraspStatus, unloaded_words
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import HandScene
 
@@ -37,7 +38,17 @@ _STEADIED = 2
 
 
 def hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> HandResult:
-    """The best grasp of a hand, or why there is none."""
+    """The best grasp of a hand, or why there is none; fingers that are in the object's way at rest can be opened."""
+    way = in_the_way(scene)
+    result = _held(scene, progress)
+    if not (way and result.solved):
+        return result
+    opened = openings(scene, result.arrays, [overlap.finger for overlap in way])
+    return replace(result, message=f"{result.message}; {way_words(way)}: {opening_words(opened)}")
+
+
+def _held(scene: HandScene, progress: Callable[[str], None] | None) -> HandResult:
+    """The best grasp for what loads the object."""
     if scene.contacts.push is not None or scene.unloaded:
         return _pushed(scene, progress)
     if not scene.turned:
@@ -184,6 +195,12 @@ def _turned(scene: HandScene, down: HandResult, held: HandTried, progress: Calla
     )
 
 
+def _tension_text(scene: HandScene, tried: HandTried) -> str:
+    """The sum of the tensions of a grasp; none where it is what a solver leaves of zero."""
+    most = sum(setup.max_tension for setup in scene.setups)
+    return amount_text(tried.tension if tried.tension > SATISFIED * most else 0.0, "N", ".4g")
+
+
 def _motion_text(shift: float, turn: float) -> str:
     """A displacement [m] and a turn [rad], where they are finite."""
     shown = [f"{1e3 * shift:.3g} mm"] if math.isfinite(shift) else []
@@ -199,19 +216,25 @@ def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tu
     search = HandSearch(scene, budget)
     tried = list[HandTried]()
     verified = list[tuple[HandTried, HandCertificate]]()
+    way = in_the_way(scene)
+    if way:
+        budget.tell(way_words(way))
+    # Where every finger is in the way, it is the place of the object, whatever else may be changed.
+    misplaced = len(way) == len(scene.setups)
 
     def look(one: HandTried) -> None:
         tried.append(one)
         if not one.attempt.converged:
             return
         certificate = certify_hand(scene, one.arrays)
-        if certificate.passed:
+        opened = openings(scene, one.arrays, [overlap.finger for overlap in way])
+        if certificate.passed and not any(map(math.isnan, opened.values())):
             verified.append((one, certificate))
             search.held |= certificate.acceptable
             budget.tell(f"held with {amount_text(one.tension, 'N', '.4g')}")
 
     try:
-        for one in search.run():
+        for one in search.run(further=not misplaced):
             look(one)
         if not search.held:
             for pair in sorted(verified, key=lambda pair: -pair[1].stability.eigenvalue)[:_STEADIED]:
@@ -230,7 +253,7 @@ def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tu
     if asked or verified:
         ranked = sorted(asked or verified, key=lambda pair: pair[0].tension)
         best, certificate = ranked[0]
-        held = f"a sum of tensions of {amount_text(best.tension, 'N', '.4g')}"
+        held = f"a sum of tensions of {_tension_text(scene, best)}"
         if not asked:
             unstable = HandResult(
                 scene,
@@ -249,6 +272,13 @@ def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tu
         message = f"held with {held}; {len(tried)} starting postures were tried, a sample of all postures{words}"
         result = HandResult(scene, GraspStatus.FEASIBLE, message, best.arrays, certificate, statistics=statistics)
         return result, [one for one, _ in ranked]
+    if misplaced:
+        message = f"{way_words(way)}, and no grasp was found to which their tendons open and close them"
+        advice = "Move the object or the bases, or give the fingers a rest_curvature that clears the object."
+        arrays = min(tried, key=lambda one: one.attempt.violation).arrays if tried else {}
+        return HandResult(
+            scene, GraspStatus.NOT_SOLVED, message, arrays, advice=advice, statistics=statistics
+        ), []
     return _without(scene, search, tried, statistics), []
 
 
