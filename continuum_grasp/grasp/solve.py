@@ -304,7 +304,7 @@ class _ModelSearch:
         return self._verdict.unsolved(closest)
 
     def _gives_way(self, closest: Tried | None) -> GraspResult:
-        """The verdict where no grasp bears a push: the greatest that one bears, or what stands in the way without it."""
+        """The verdict where no grasp bears a push: the greatest that one bears, or why nothing holds without it."""
         if self.search.strongest is not None:
             return self._verdict.infeasible([push_reason(self.scene, self.search.strongest)], closest)
         contacts = self.scene.contacts.replaced(push=None)

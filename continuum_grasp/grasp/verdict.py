@@ -34,6 +34,9 @@ from continuum_grasp.grasp.values import (
 from continuum_grasp.nlp import Budget, Violation
 from continuum_grasp.scene import GraspScene
 
+_CASE = r"^((?:disturbed|pushed) .*|(?:sticking contact|constant tensions|locked tendons), .*), (?:[+-]?\d+|push [xy])$"
+"""Name of a constraint under one of several disturbances, whose kind is the group."""
+
 
 def most_elements(scene: GraspScene) -> int:
     """Most elements of a finger."""
@@ -262,7 +265,7 @@ def _overlapping(crossed: Sequence[tuple[str, str]]) -> tuple[str, str]:
 
 def _broken(violations: Sequence[Violation]) -> tuple[str, ...]:
     """Violated constraints in words, the worst first; of those that several disturbances break, the worst alone."""
-    kinds = [re.sub(r"^((?:disturbed|pushed) .*|(?:sticking contact|constant tensions|locked tendons), .*), (?:\d+|push [xy])$", r"\1", violation.name) for violation in violations]
+    kinds = [re.sub(_CASE, r"\1", violation.name) for violation in violations]
     return tuple(str(violation) for k, violation in enumerate(violations) if kinds[k] not in kinds[:k])
 
 

@@ -272,6 +272,10 @@ class GraspScene(Configuration, Supported):
         twice = set(self.named_fingers) & set(self.supports)
         if twice:
             raise ValueError(f"a finger and a support share the name {twice.pop()!r}")
+        if self.contacts.push is not None and self.is_robust:
+            raise ValueError(
+                "contacts.push: is not for grasps that hold for errors or for all friction states so far: leave it out"
+            )
         for setup in self.setups:
             check_finger(setup, self.fidelity)
             self._check_place(setup, setup.where)

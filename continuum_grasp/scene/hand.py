@@ -300,6 +300,8 @@ class HandScene(Configuration):
     def _check(self) -> None:
         if self.turned and self.table is not None:
             raise ValueError("gravity.any: a table does not turn with the hand: give gravity as [x, y, z], or no table")
+        if self.turned and self.contacts.push is not None:
+            raise ValueError("contacts.push: is not for a weight of any direction so far: give gravity as [x, y, z]")
         self._check_supports()
         self._check_torsional_friction()
         bases = self.hand.named_bases

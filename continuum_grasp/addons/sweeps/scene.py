@@ -260,7 +260,8 @@ class Front(Value):
 
 class Sweep(Varied):
     """A grasp, in the plane or of a hand, with some of its keys varied, or a closed loop for environments: a grid,
-    random draws, or both."""
+    random draws, or both.
+    """
 
     vary: WaysByKey[Grid] = Field(default_factory=dict, max_length=40)
     """Key paths in the scene with their values; all combinations are tried, the last key changing fastest."""

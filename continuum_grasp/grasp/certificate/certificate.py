@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.base import Array, Summarized, check_arguments
+from continuum_grasp.base import Array, Summarized, amount_text, check_arguments
 from continuum_grasp.grasp.certificate.check import (
     CROSSED,
     CURLED,
@@ -101,6 +101,7 @@ class Certificate(Summarized):
             "friction_states": self.states,
             "stability": self.stability.data(),
             "overlap_of_fingers": self.overlap,
+            "push": self.push if self.grasp is not None and self.grasp.scene.contacts.push is not None else None,
         }
         if error:
             bound = self.model_error
@@ -154,7 +155,10 @@ class Certificate(Summarized):
         failed = {"failed": ", ".join(check.name for check in self.failed)} if self.failed else {}
         margin = f"{self.friction_margin:.1%} of the friction cone"
         stable = self.stability.word
-        return {**failed, "least margin": margin, "second-order test": stable, "model": str(self.model_error)}
+        asked = None if self.grasp is None else self.grasp.scene.contacts.push
+        pushed = {} if asked is None else {"push in any direction": amount_text(self.push, "N", ".3g")}
+        model = str(self.model_error)
+        return {**failed, "least margin": margin, **pushed, "second-order test": stable, "model": model}
 
     def __getitem__(self, name: str) -> Check:
         for check in self.checks:

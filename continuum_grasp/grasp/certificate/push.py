@@ -24,7 +24,7 @@ from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.check import Check
 
 SHORT = 0.02
-"""Share of a push that may be missing [1]: the search finds how a grasp yields by few elements, the certificate by many."""
+"""Share of a push that may be missing [1]: grasps yield by few elements in the search, by many in the certificate."""
 _STEPS = 120
 """Steps of the golden section over the logarithm of e, from 1e-12 to 1e12 of its scale: to 1e-15 of that range."""
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)

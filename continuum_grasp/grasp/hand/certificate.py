@@ -193,6 +193,7 @@ class HandCertificate(Summarized):
             "contacts": [asdict(contact) for contact in self.contacts],
             "friction_margin": self.friction_margin,
             "promise": dict(self.promise),
+            "push": self.push,
             "stability": self.stability.data(),
         }
 
@@ -209,6 +210,7 @@ class HandCertificate(Summarized):
             "least margin": f"{self.friction_margin:.1%} of the friction cone",
             "lateral deflection": f"{aside:.1%} of the length",
             "promised push": f"{amount_text(least_push(self.promise), 'N', '.3g')} along any axis, to first order",
+            "push in any direction": amount_text(self.push, "N", ".3g"),
             "second-order test": str(self.stability),
         }
 

@@ -1,8 +1,9 @@
-"""How the fingers of a hand are opened, so that a grasp can be reached whose fingers at rest are in the object's way."""
+"""How the fingers of a hand are opened, so that grasps are reached whose fingers at rest are in the object's way."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -29,7 +30,7 @@ def way_words(overlaps: Sequence[RestOverlap]) -> str:
 
 
 def opening_words(found: Mapping[str, float]) -> str:
-    """Say how fingers are opened, by differences of their tensions [N]."""
+    """Say how fingers are opened that do not leave the object as they are released, by differences of tensions [N]."""
     each = [
         f"{name} by {amount_text(abs(pull), 'N', '.3g')} on the {'bending' if pull > 0.0 else 'back'} tendon"
         for name, pull in found.items()
@@ -37,45 +38,52 @@ def opening_words(found: Mapping[str, float]) -> str:
     return f"open {', '.join(each)} before the object is there"
 
 
-def openings(scene: HandScene, arrays: Mapping[str, Array], names: Iterable[str]) -> dict[str, float]:
-    """Difference of the tensions [N] that takes fingers off the object, from those of a grasp, by their names.
+def openings(scene: HandScene, arrays: Mapping[str, Array]) -> dict[str, float]:
+    """Difference of the tensions [N] that takes each finger off the object which does not leave it as it is released.
 
-    Positive where a finger is opened by bending it further. Without the object, a finger follows its tendons alone; NaN
-    where no difference within the limits of its tendons clears the object on the side on which it touches.
+    Such a finger at rest is in the object or on its other side: it is opened before the object is there, then closed.
+    Positive where it is opened by bending it further. Without the object, a finger follows its tendons alone; NaN where
+    no difference within the limits of its tendons clears the object on the side on which it touches.
     """
     body = BodySurface(scene)
-    frames = dict(zip((setup.name for setup in scene.setups), PlaneFrame.each(scene), strict=True))
-    setups = {setup.name: setup for setup in scene.setups}
-    return {name: _opening(body, setups[name], frames[name], arrays) for name in names}
+    frames = PlaneFrame.each(scene)
+    names = arrays["contact_names"].tolist()
+    found = dict[str, float]()
+    for setup, frame in zip(scene.setups, frames, strict=True):
+        touching = [k for k, name in enumerate(names) if name.startswith(f"{setup.name}.")]
+        if not touching:
+            continue
+        left, right = (float(tension) for tension in arrays[f"{setup.name}.tensions"])
+        side = _side(setup, frame, arrays, touching)
+        now = left - right
+        if side * now <= 0.0 and _is_clear(body, setup, frame, 0.0):
+            continue
+        most = setup.max_tension
+        end = 0.0 if setup.finger.tendons_used == ("right" if side > 0.0 else "left") else side * most
+        path = np.linspace(now, end, STEPS + 1) if side * (end - now) > 0.0 else [now]
+        clear = (float(difference) for difference in path if _is_clear(body, setup, frame, float(difference)))
+        found[setup.name] = next(clear, math.nan)
+    return found
 
 
-def _opening(body: BodySurface, setup: FingerSetup, frame: PlaneFrame, arrays: Mapping[str, Array]) -> float:
-    """The same of one finger."""
-    left, right = (float(tension) for tension in arrays[f"{setup.name}.tensions"])
-    now = left - right
-    touched = [k for k, name in enumerate(arrays["contact_names"].tolist()) if name.startswith(f"{setup.name}.")]
-    if not touched:
-        return now
-    most = setup.max_tension
-    used = setup.finger.tendons_used
-    ends = {1.0: most if used != "right" else 0.0, -1.0: -most if used != "left" else 0.0}
-    half = setup.finger.profile.half_thickness
-    # The side to which a greater difference moves the places that touch.
-    step = 1e-3 * most
-    stations, ahead = _line(setup, frame, now + step)
-    _, behind = _line(setup, frame, now - step)
+def _side(setup: FingerSetup, frame: PlaneFrame, arrays: Mapping[str, Array], touching: Sequence[int]) -> float:
+    """Sign of the change of the difference of the tensions that moves the places which touch off the object."""
+    line = arrays[f"{setup.name}.backbone"]
+    stations, points = line[:, 0], line[:, 1:3]
+    # How much the section at each place turns per bending moment.
+    gives = np.gradient(stations) / setup.finger.profile.bending_stiffness(stations)
     moved = 0.0
-    for k in touched:
+    for k in touching:
         at = int(np.abs(stations - arrays["contact_stations"][k]).argmin())
-        moved += float((ahead[at] - behind[at]) @ arrays["contact_normals"][k])
-    for difference in np.linspace(now, ends[1.0 if moved > 0.0 else -1.0], STEPS + 1):
-        stations, points = _line(setup, frame, float(difference))
-        if float((body.distance(points)[0] - half(stations)).min()) > -CLEAR * setup.finger.rod.length:
-            return float(difference)
-    return float("nan")
+        arm = points[at] - points[: at + 1]
+        shift = gives[: at + 1] @ np.column_stack([-arm[:, 1], arm[:, 0]])
+        moved += float(shift @ (arrays["contact_normals"][k] @ frame.axes[:, :2]))
+    return 1.0 if moved > 0.0 else -1.0
 
 
-def _line(setup: FingerSetup, frame: PlaneFrame, difference: float) -> tuple[Array, Array]:
-    """Stations, and points (K, 3) as the hand sees them, of a finger pulled by a difference of its tensions [N]."""
+def _is_clear(body: BodySurface, setup: FingerSetup, frame: PlaneFrame, difference: float) -> bool:
+    """Whether a finger pulled by a difference of its tensions [N], which nothing touches, is clear of the object."""
     stations, line = free_line(setup, (max(difference, 0.0), max(-difference, 0.0)))
-    return stations, frame.world(np.column_stack([line, np.zeros(len(line))]))
+    points = frame.world(np.column_stack([line, np.zeros(len(line))]))
+    gaps = body.distance(points)[0] - setup.finger.profile.half_thickness(stations)
+    return float(gaps.min()) > -CLEAR * setup.finger.rod.length

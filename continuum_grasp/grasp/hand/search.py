@@ -114,8 +114,9 @@ class HandSearch:
         return list(sets)
 
     def run(self, *, further: bool = True) -> Iterator[HandTried]:
-        """Solve the likeliest start of each set of contacts, then the next of each, until ``held`` is set; where none of
-        a normal search holds, ``further`` likely ones, which a thorough one would try.
+        """Solve the likeliest start of each set of contacts, then the next of each, until ``held`` is set.
+
+        Where none of a normal search holds, ``further`` likely ones, which a thorough one would try.
         """
         effort = self.scene.solver.effort
         yield from self._run(effort)

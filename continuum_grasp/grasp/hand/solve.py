@@ -41,10 +41,10 @@ def hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> Han
     """The best grasp of a hand, or why there is none; fingers that are in the object's way at rest can be opened."""
     way = in_the_way(scene)
     result = _held(scene, progress)
-    if not (way and result.solved):
-        return result
-    opened = openings(scene, result.arrays, [overlap.finger for overlap in way])
-    return replace(result, message=f"{result.message}; {way_words(way)}: {opening_words(opened)}")
+    opened = openings(scene, result.arrays) if result.solved else {}
+    words = [way_words(way)] if way and result.solved else []
+    words += [opening_words(opened)] if opened else []
+    return replace(result, message="; ".join([result.message, *words]))
 
 
 def _held(scene: HandScene, progress: Callable[[str], None] | None) -> HandResult:
@@ -89,7 +89,9 @@ def _pushed(scene: HandScene, progress: Callable[[str], None] | None) -> HandRes
         return _gives_way(scene, strongest, statistics)
     best = min(bearing, key=lambda grasp: grasp.tried.tension)
     borne = amount_text(best.push, "N", ".3g")
-    message = f"held with a sum of tensions of {amount_text(best.tried.tension, 'N', '.4g')} against any push up to {borne}"
+    message = (
+        f"held with a sum of tensions of {amount_text(best.tried.tension, 'N', '.4g')} against any push up to {borne}"
+    )
     message += f"; {result.statistics['starts']} starting postures were tried, a sample of all postures"
     if asked is None:
         message += f"; {unloaded_words(greatest)}"
@@ -123,7 +125,13 @@ def _gives_way(scene: HandScene, strongest: GrippedGrasp | None, statistics: dic
         message = f"the solver converged, but the independent check rejects: {broken}"
         advice = "Give the fingers more space, or raise fidelity.elements."
     return HandResult(
-        scene, status, message, strongest.tried.arrays, certificate, advice=advice + _of_two(scene), statistics=statistics
+        scene,
+        status,
+        message,
+        strongest.tried.arrays,
+        certificate,
+        advice=advice + _of_two(scene),
+        statistics=statistics,
     )
 
 
@@ -227,8 +235,7 @@ def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tu
         if not one.attempt.converged:
             return
         certificate = certify_hand(scene, one.arrays)
-        opened = openings(scene, one.arrays, [overlap.finger for overlap in way])
-        if certificate.passed and not any(map(math.isnan, opened.values())):
+        if certificate.passed and not any(map(math.isnan, openings(scene, one.arrays).values())):
             verified.append((one, certificate))
             search.held |= certificate.acceptable
             budget.tell(f"held with {amount_text(one.tension, 'N', '.4g')}")
@@ -276,9 +283,7 @@ def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tu
         message = f"{way_words(way)}, and no grasp was found to which their tendons open and close them"
         advice = "Move the object or the bases, or give the fingers a rest_curvature that clears the object."
         arrays = min(tried, key=lambda one: one.attempt.violation).arrays if tried else {}
-        return HandResult(
-            scene, GraspStatus.NOT_SOLVED, message, arrays, advice=advice, statistics=statistics
-        ), []
+        return HandResult(scene, GraspStatus.NOT_SOLVED, message, arrays, advice=advice, statistics=statistics), []
     return _without(scene, search, tried, statistics), []
 
 
@@ -316,7 +321,9 @@ def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], stati
     else:
         worst = nearest.problem.rows.violations(nearest.attempt.g, 1e-6, {})
         names = ", ".join(violation.name for violation in worst[:3])
-        message = f"No grasp found. {len(tried)} starting postures were tried{_more(scene, search)}; the nearest violates "
+        message = (
+            f"No grasp found. {len(tried)} starting postures were tried{_more(scene, search)}; the nearest violates "
+        )
         message += f"{names}. No single limit explains it."
         advice = (
             "Probably the geometry is the cause: move the object or the bases, or turn the planes of the fingers to "

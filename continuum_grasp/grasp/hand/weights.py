@@ -78,6 +78,9 @@ def promised_wrench(hand: RecomputedHand, response: HandResponse, along: Array) 
         most = min([most, *(float(edge.real) for edge in edges if edge.imag == 0.0 and edge.real > 0.0)])
         if more > 0.0:
             most = min(most, (contact.normal_force_max - press) / more)
+        elif more < 0.0:
+            # Through the apex of the cone the edges are a double root, which rounding makes complex.
+            most = min(most, press / -more)
     return most
 
 

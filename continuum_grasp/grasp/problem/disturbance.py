@@ -59,27 +59,24 @@ def add_push(problem: PlanarPart, push: ca.SX) -> None:
         force = contact.force[: problem.spec.dimensions]
         changes = ca.horzcat(*(change[f"change of force, {name}"] for change in along))
         friction = number(f"{name}.friction")
-        limits = [("normal force", "normal_force_max", ca.DM([[1.0, 0.0], [-1.0, 0.0]]), [0.0, number(f"{name}.normal_force_max")])]
-        if force.numel() == 2:
-            sides = ca.vertcat(ca.horzcat(friction, 1.0), ca.horzcat(friction, -1.0))
-            limits.append(("friction cone", "friction", sides, [0.0, 0.0]))
-        for kind, key, sides, beyond in limits:
-            # 1e-24 keeps the root differentiable where nothing changes.
-            reach = ca.sqrt(ca.sum2((sides @ changes) ** 2) + 1e-24)
-            spare = sides @ force[:2] + ca.vertcat(*beyond) - reach
-            problem.rows.require(f"pushed {kind}, {name}", spare, "N", f"contacts.{key}", upper=ca.inf)
-        if force.numel() > 2:
-            for k in range(CORNERS):
-                angle = 2.0 * math.pi * k / CORNERS
-                corner = ca.DM([math.cos(angle), math.sin(angle)]) / math.cos(math.pi / CORNERS)
-                moved = ca.vertcat(force[:2] + changes @ corner, force[2])
-                cone = friction_cone(number, friction, moved)
-                problem.rows.require(f"pushed friction cone, {name}, {k}", cone, "N", "contacts.friction", upper=ca.inf)
+        # 1e-24 keeps the root differentiable where nothing changes.
+        more = ca.sqrt(ca.sumsqr(changes[0, :]) + 1e-24)
+        spare = ca.vertcat(force[0] - more, number(f"{name}.normal_force_max") - force[0] - more)
+        problem.rows.require(f"pushed normal force, {name}", spare, "N", "contacts.normal_force_max", upper=ca.inf)
+        key = f"contacts.friction ({name})"
+        for sign in (1.0, -1.0) if force.numel() == 2 else ():
+            across = ca.sqrt(ca.sumsqr(friction * changes[0, :] + sign * changes[1, :]) + 1e-24)
+            cone = friction * force[0] + sign * force[1] - across
+            problem.rows.require(f"pushed friction cone, {name}, {sign:+.0f}", cone, "N", key, upper=ca.inf)
+        for k in range(CORNERS if force.numel() > 2 else 0):
+            angle = 2.0 * math.pi * k / CORNERS
+            corner = ca.DM([math.cos(angle), math.sin(angle)]) / math.cos(math.pi / CORNERS)
+            moved = ca.vertcat(force[:2] + changes @ corner, force[2])
+            cone = friction_cone(number, friction, moved)
+            problem.rows.require(f"pushed friction cone, {name}, {k}", cone, "N", key, upper=ca.inf)
 
 
-def _changes(
-    problem: PlanarPart, wrenches: ca.SX, tendons: str, cases: Sequence[str]
-) -> list[dict[str, ca.SX]]:
+def _changes(problem: PlanarPart, wrenches: ca.SX, tendons: str, cases: Sequence[str]) -> list[dict[str, ca.SX]]:
     """Unknown changes of a part under wrenches (3, W), one of each case, by name, and the rows that they satisfy."""
     changes = Columns()
     rows = list(_yielded(problem, changes, tendons))
