@@ -87,7 +87,7 @@ class GraspSearch:
     def run(self) -> None:
         """Polish what fingers hold; then go on from the best grasp where its solver was stopped."""
         self._from_settled()
-        if self.scene.contacts.push is not None and self.best is None:
+        if self.scene.contacts.push and self.best is None:
             # Without a least push, so that the greatest says what can be borne.
             scene = self.scene.replaced(contacts=self.scene.contacts.replaced(push=None), objective="greatest_push")
             strongest = GraspSearch(scene, self.budget)
@@ -202,7 +202,7 @@ class GraspSearch:
     @property
     def pushed(self) -> bool:
         """Whether the object bears a push."""
-        return self.scene.contacts.push is not None or "greatest_push" in self.scene.aims
+        return bool(self.scene.contacts.push) or "greatest_push" in self.scene.aims
 
     @property
     def _least_tension(self) -> bool:

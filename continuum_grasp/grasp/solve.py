@@ -121,7 +121,7 @@ def optimize_grasp(
 def _held(scene: GraspScene, fine: bool, progress: _Listener) -> GraspResult:
     """The best grasp in the plane, for errors and of a fine model where these are asked for."""
     budget = Budget.of(scene.solver, progress)
-    if scene.contacts.push is None and scene.unloaded:
+    if scene.unloaded:
         return _held_unloaded(scene, fine, budget)
     return _held_within(scene, fine, budget)
 

@@ -62,7 +62,7 @@ class SearchVerdict:
         unit = force_units(best.arrays)[0]
         tension = tension_of(self.scene, best.arrays)
         held = f"a sum of tensions of {force_text(best.arrays, tension, unit)} {unit}"
-        if self.scene.contacts.push is not None or "greatest_push" in self.scene.aims:
+        if self.search.pushed:
             held += f" against any push up to {amount_text(best.certificate.push, 'N', '.3g')}"
         notes = list(self._notes(best))
         why = best.certificate.stability.why

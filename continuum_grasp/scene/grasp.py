@@ -184,11 +184,12 @@ class GraspScene(Configuration, Supported):
 
     @property
     def unloaded(self) -> bool:
-        """Whether nothing loads the object, so that contacts which press nothing would hold it: weight, disturbances,
-        errors and friction states do.
+        """Whether nothing loads the object, so that contacts which press nothing would hold it, and no push is given:
+        weight, disturbances, errors and friction states load it.
         """
         aimed = {"greatest_disturbance", "greatest_push"} & set(self.aims)
-        return not (aimed or self.is_robust) and is_light(self.weight, self.setups)
+        none = self.contacts.push is None and not (aimed or self.is_robust)
+        return none and is_light(self.weight, self.setups)
 
     @property
     def spatial(self) -> bool:
@@ -272,7 +273,7 @@ class GraspScene(Configuration, Supported):
         twice = set(self.named_fingers) & set(self.supports)
         if twice:
             raise ValueError(f"a finger and a support share the name {twice.pop()!r}")
-        if self.contacts.push is not None and self.is_robust:
+        if self.contacts.push and self.is_robust:
             raise ValueError(
                 "contacts.push: is not for grasps that hold for errors or for all friction states so far: leave it out"
             )

@@ -21,6 +21,7 @@ from continuum_grasp.scene.value import (
     Increasing,
     Length,
     ListOf,
+    NonNegative,
     Positive,
     Ratio,
     Real,
@@ -69,10 +70,10 @@ class GraspContacts(FingerContacts):
     reserve: Annotated[Ratio, Field(lt=1.0, examples=[0.2])] = 0.0
     """Part of every friction cone that stays free [1]: 0.2 holds with friction coefficients that are 20 % less. What
     the grasp resists is counted with the whole cones."""
-    push: Annotated[Positive, Unit("N")] | None = None
+    push: Annotated[NonNegative, Unit("N")] | None = None
     """Push on the object [N] that the grasp bears in any direction: to first order, while tensions stay, no contact
     slips, parts or exceeds its greatest normal force. None: no push, but where nothing loads the object, as without
-    gravity, 10 % of the greatest push that the search finds."""
+    gravity, 10 % of the greatest push that the search finds; 0: no push at all, a touch is enough."""
 
 
 class GraspFinger(Finger):

@@ -274,8 +274,8 @@ class HandScene(Configuration):
 
     @property
     def unloaded(self) -> bool:
-        """Whether nothing loads the object, so that contacts which press nothing would hold it."""
-        return is_light(self.weight, self.setups)
+        """Whether no push is given and nothing loads the object, so that contacts which press nothing would hold it."""
+        return self.contacts.push is None and is_light(self.weight, self.setups)
 
     @cached_property
     def supports(self) -> tuple[PlaneSupport, ...]:
@@ -300,7 +300,7 @@ class HandScene(Configuration):
     def _check(self) -> None:
         if self.turned and self.table is not None:
             raise ValueError("gravity.any: a table does not turn with the hand: give gravity as [x, y, z], or no table")
-        if self.turned and self.contacts.push is not None:
+        if self.turned and self.contacts.push:
             raise ValueError("contacts.push: is not for a weight of any direction so far: give gravity as [x, y, z]")
         self._check_supports()
         self._check_torsional_friction()

@@ -101,7 +101,7 @@ class Certificate(Summarized):
             "friction_states": self.states,
             "stability": self.stability.data(),
             "overlap_of_fingers": self.overlap,
-            "push": self.push if self.grasp is not None and self.grasp.scene.contacts.push is not None else None,
+            "push": self.push if self._asked else None,
         }
         if error:
             bound = self.model_error
@@ -131,6 +131,11 @@ class Certificate(Summarized):
 
         return 0.0 if self.grasp is None else GraspResponse(self.grasp.scene, self.grasp.arrays).push
 
+    @property
+    def _asked(self) -> float:
+        """Push that the scene asks for [N]; zero where it asks for none."""
+        return 0.0 if self.grasp is None else self.grasp.scene.contacts.push or 0.0
+
     @cached_property
     def model_error(self) -> ModelError:
         """Error of the curvature family; computed when first asked for.
@@ -155,8 +160,7 @@ class Certificate(Summarized):
         failed = {"failed": ", ".join(check.name for check in self.failed)} if self.failed else {}
         margin = f"{self.friction_margin:.1%} of the friction cone"
         stable = self.stability.word
-        asked = None if self.grasp is None else self.grasp.scene.contacts.push
-        pushed = {} if asked is None else {"push in any direction": amount_text(self.push, "N", ".3g")}
+        pushed = {"push in any direction": amount_text(self.push, "N", ".3g")} if self._asked else {}
         model = str(self.model_error)
         return {**failed, "least margin": margin, **pushed, "second-order test": stable, "model": model}
 
@@ -215,9 +219,8 @@ def certify_reached(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate
         contacts = () if grasp is None else grasp.contacts
         margins = {c.name: c.friction_margin for c in contacts if c.friction > 0.0}
         reached = Certificate(tuple(checks), margins, grasp)
-        if scene.contacts.push is None or grasp is None:
-            return reached
-        return replace(reached, checks=(*checks, push_check(reached.push, scene.contacts.push)))
+        asked = reached._asked
+        return replace(reached, checks=(*checks, push_check(reached.push, asked))) if asked else reached
 
 
 def _recomputed(

@@ -271,7 +271,7 @@ def certify_hand(scene: HandScene, arrays: Mapping[str, Any]) -> HandCertificate
         certificate = HandCertificate(tuple(checks), contacts, hand)
         more = [check for contact in certificate.turned for check in _turned(hand, contact)]
         more += _turned_motion(scene, certificate.turned_motion)
-        if scene.contacts.push is not None:
+        if scene.contacts.push:
             more.append(push_check(certificate.push, scene.contacts.push))
         return replace(certificate, checks=(*checks, *more)) if more else certificate
 

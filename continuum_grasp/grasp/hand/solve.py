@@ -49,7 +49,7 @@ def hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> Han
 
 def _held(scene: HandScene, progress: Callable[[str], None] | None) -> HandResult:
     """The best grasp for what loads the object."""
-    if scene.contacts.push is not None or scene.unloaded:
+    if scene.contacts.push or scene.unloaded:
         return _pushed(scene, progress)
     if not scene.turned:
         return _hold(scene, progress)[0]
@@ -65,9 +65,9 @@ def _pushed(scene: HandScene, progress: Callable[[str], None] | None) -> HandRes
     asked = scene.contacts.push
     plain = scene.replaced(contacts=scene.contacts.replaced(push=None))
     weight = _PROBED * sum(setup.tip_force for setup in scene.setups)
-    result, held = _hold(_weighing(plain, weight) if scene.unloaded else plain, progress)
+    result, held = _hold(_weighing(plain, weight) if plain.unloaded else plain, progress)
     if not held:
-        if not scene.unloaded:
+        if not plain.unloaded:
             return replace(result, scene=scene)
         stands_for = amount_text(weight, "N", ".2g")
         message = f"no grasp was found that bears a push of {stands_for} on the object, which has no weight to speak of"

@@ -217,7 +217,7 @@ class ProblemSpec:
             finite = support is not None and support.name in bounded
             specs.append(ContactSpec(name, *place, isinstance(support, Peg), surfaces[start.part], finite))
         disturbed = "greatest_disturbance" in aims
-        pushed = "greatest_push" in aims or scene.contacts.push is not None
+        pushed = "greatest_push" in aims or bool(scene.contacts.push)
         pairs = scene.pairs
         if apart is not None:
             count = range(len(setups))
