@@ -63,9 +63,10 @@ class GraspStatus(StrEnum):
     """All checks of the certificate pass, but small motions that the contacts allow lower the energy, where the scene
     requires a stable grasp: the fingers do not hold the object."""
     INFEASIBLE = "infeasible"
-    """There is no grasp near any start, and relaxing a named limit gives one: see ``reasons``."""
+    """There is no grasp near any start, and relaxing a named limit gives one: see ``reasons``. Of hands, the search
+    tried the starts of the greatest effort, too."""
     NOT_SOLVED = "not_solved"
-    """Neither a grasp nor a proof that there is none."""
+    """Neither a grasp nor a proof that there is none; ``reasons`` may name what came nearest."""
     STOPPED = "stopped"
     """The clock stopped the search before there was a verdict: an emergency, which another machine may not meet."""
 
