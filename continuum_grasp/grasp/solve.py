@@ -27,6 +27,7 @@ from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.stations import find_station_reasons, search_stations, stabilize, without_stations
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import (
+    NEAR,
     PUSH_SHARE,
     REFUTED,
     GraspStatus,
@@ -135,6 +136,12 @@ def _held_unloaded(scene: GraspScene, fine: bool, budget: Budget) -> GraspResult
     if not strongest.solved or strongest.certificate is None or strongest.statistics["interrupted"]:
         return replace(strongest, scene=scene, message=f"nothing loads the object, but a push may: {strongest.message}")
     greatest = strongest.certificate.push
+    if greatest <= NEAR * max(setup.tip_force for setup in scene.setups):  # as little as a weight that is none
+        most = amount_text(greatest, "N", ".3g")
+        message = (
+            f"nothing loads the object, and the greatest push that a grasp was found to bear is next to none: {most}"
+        )
+        return replace(strongest, scene=scene, status=GraspStatus.NOT_SOLVED, message=message)
     pushed = scene.replaced(contacts=scene.contacts.replaced(push=PUSH_SHARE * greatest))
     result = _held_within(pushed, fine, budget)
     return replace(result, message=f"{result.message}; {unloaded_words(greatest)}")

@@ -19,7 +19,7 @@ from continuum_grasp.grasp.hand.result import HandResult
 from continuum_grasp.grasp.hand.search import HandSearch, HandTried
 from continuum_grasp.grasp.hand.steady import steadied
 from continuum_grasp.grasp.problem.relaxations import beyond_needed
-from continuum_grasp.grasp.values import OPENED, PUSH_SHARE, SATISFIED, GraspStatus, unloaded_words
+from continuum_grasp.grasp.values import NEAR, OPENED, PUSH_SHARE, SATISFIED, GraspStatus, unloaded_words
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import HandScene
 
@@ -84,6 +84,8 @@ def _pushed(scene: HandScene, progress: Callable[[str], None] | None) -> HandRes
     strongest = max((grasp for each in found for grasp in each), key=lambda grasp: grasp.push, default=None)
     greatest = 0.0 if strongest is None else strongest.push
     push = PUSH_SHARE * greatest if asked is None else asked
+    if asked is None and greatest <= NEAR * max(setup.tip_force for setup in scene.setups):
+        push = 0.0  # as little as a weight that is none
     bearing = [grasp for each in found if (grasp := least_pushed(each, search, push)) is not None] if push else []
     if not bearing:
         return _gives_way(scene, strongest, statistics)
@@ -112,9 +114,9 @@ def _gives_way(scene: HandScene, strongest: GrippedGrasp | None, statistics: dic
     certificate = strongest.certificate
     status = GraspStatus.NOT_SOLVED
     if strongest.push:
-        asked = amount_text(scene.contacts.push or 0.0, "N", ".3g")
         message = f"the grasp bears a push of {amount_text(strongest.push, 'N', '.3g')} in every direction, "
-        message += f"less than contacts.push asks, {asked}"
+        asked = scene.contacts.push
+        message += f"less than contacts.push asks, {amount_text(asked, 'N', '.3g')}" if asked else "next to none"
         advice = "Use stronger tendons, more friction, more fingers, or a smaller contacts.push."
     elif certificate.passed:
         status = GraspStatus.UNSTABLE
