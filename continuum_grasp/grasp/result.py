@@ -28,6 +28,7 @@ from continuum_grasp.grasp.values import (
     contacts_of,
     force_text,
     force_units,
+    postures_of,
     tension_of,
 )
 from continuum_grasp.model import Family
@@ -276,13 +277,7 @@ class GraspResult(Result):
     @property
     def fingers(self) -> dict[str, FingerPosture]:
         """The fingers by name; empty where there are no numbers."""
-
-        def posture(name: str) -> FingerPosture:
-            keys = ("family", "q", "lengths", "tip_curvature", "tensions", "base", "backbone")
-            family, q, lengths, tip_curvature, *rest = (self.arrays[f"{name}.{key}"] for key in keys)
-            return FingerPosture(name, str(family), q, lengths, float(tip_curvature), *rest)
-
-        return {name: posture(name) for name in (self.scene.named_fingers if self.arrays else ())}
+        return postures_of(self.scene.named_fingers if self.arrays else (), self.arrays)
 
     @cached_property
     def drives(self) -> dict[str, tuple[RecomputedDrive, ...]]:

@@ -53,6 +53,7 @@ class GraspSearch:
         self.tried: list[Tried] = []
         self.good: list[Tried] = []  # those that the certificate confirms
         self.fallback: Tried | None = None  # a grasp with least tension, where something else is sought
+        self.strongest: Tried | None = None  # that bears the greatest push, where none bears what is asked
         # Spent on building solvers, and on starts.
         self.build_seconds = self.start_seconds = 0.0
         self._effort = EFFORTS[scene.solver.effort]
@@ -86,6 +87,12 @@ class GraspSearch:
     def run(self) -> None:
         """Polish what fingers hold; then go on from the best grasp where its solver was stopped."""
         self._from_settled()
+        if self.scene.contacts.push and self.best is None:
+            # Without a least push, so that the greatest says what can be borne.
+            scene = self.scene.replaced(contacts=self.scene.contacts.replaced(push=None), objective="greatest_push")
+            strongest = GraspSearch(scene, self.budget)
+            self._from(strongest, "greatest push")
+            self.strongest = strongest.best
         if not self._least_tension and not (self.best and self.best.attempt.optimal):
             self._from(GraspSearch(self.scene.replaced(objective="least_tension"), self.budget), "least tension")
         if not self.proven:
@@ -172,7 +179,7 @@ class GraspSearch:
         try:
             other.run()
         finally:  # also on Ctrl-C
-            if other.scene.objective != self.scene.objective:
+            if other.scene.objective != self.scene.objective and not self.pushed:
                 self.fallback = other.best
             self.build_seconds += other.build_seconds
             self.start_seconds += other.start_seconds
@@ -189,8 +196,13 @@ class GraspSearch:
 
     @property
     def _tensions_tell(self) -> bool:
-        """Whether tensions of settled fingers predict grasps: nothing else is sought, and nothing may move."""
-        return self._least_tension and not self._moves
+        """Whether tensions of settled fingers predict grasps: nothing else is sought, no push, and nothing may move."""
+        return self._least_tension and not self._moves and not self.pushed
+
+    @property
+    def pushed(self) -> bool:
+        """Whether the object bears a push."""
+        return bool(self.scene.contacts.push) or "greatest_push" in self.scene.aims
 
     @property
     def _least_tension(self) -> bool:
@@ -219,8 +231,8 @@ class GraspSearch:
 
     @property
     def held_exactly(self) -> list[Candidate]:
-        """Exact rods that hold the object."""
-        return _in_balance(self._settled_exactly)
+        """Exact rods that hold the object; none that are known where it bears a push, of which rods know nothing."""
+        return [] if self.pushed else _in_balance(self._settled_exactly)
 
     @cached_property
     def _settled_exactly(self) -> list[Candidate]:

@@ -21,16 +21,19 @@ from continuum_grasp.grasp.changes import (
 )
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.relaxations import gives_bending_range, gives_elements, with_bending_range
-from continuum_grasp.grasp.reasons.diagnosis import Repairs, out_of_reach
+from continuum_grasp.grasp.reasons.diagnosis import Repairs, out_of_reach, push_reason
 from continuum_grasp.grasp.result import GraspResult, flawed
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.stations import find_station_reasons, search_stations, stabilize, without_stations
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import (
+    NEAR,
+    PUSH_SHARE,
     REFUTED,
     GraspStatus,
     Reason,
     tension_of,
+    unloaded_words,
 )
 from continuum_grasp.grasp.verdict import SearchVerdict, most_elements
 from continuum_grasp.nlp import Budget
@@ -119,6 +122,33 @@ def optimize_grasp(
 def _held(scene: GraspScene, fine: bool, progress: _Listener) -> GraspResult:
     """The best grasp in the plane, for errors and of a fine model where these are asked for."""
     budget = Budget.of(scene.solver, progress)
+    if scene.unloaded:
+        return _held_unloaded(scene, fine, budget)
+    return _held_within(scene, fine, budget)
+
+
+def _held_unloaded(scene: GraspScene, fine: bool, budget: Budget) -> GraspResult:
+    """The best grasp of an object that nothing loads: it bears a part of the greatest push."""
+    tolerance = asked_tolerance(scene)
+    sought = (scene if tolerance is None else with_elements(scene, FIRST)).replaced(objective="greatest_push")
+    budget.tell("nothing loads the object: the greatest push that it bears is sought")
+    strongest = _ModelSearch(sought, budget).result()
+    if not strongest.solved or strongest.certificate is None or strongest.statistics["interrupted"]:
+        return replace(strongest, scene=scene, message=f"nothing loads the object, but a push may: {strongest.message}")
+    greatest = strongest.certificate.push
+    if greatest <= NEAR * max(setup.tip_force for setup in scene.setups):  # as little as a weight that is none
+        most = amount_text(greatest, "N", ".3g")
+        message = (
+            f"nothing loads the object, and the greatest push that a grasp was found to bear is next to none: {most}"
+        )
+        return replace(strongest, scene=scene, status=GraspStatus.NOT_SOLVED, message=message)
+    pushed = scene.replaced(contacts=scene.contacts.replaced(push=PUSH_SHARE * greatest))
+    result = _held_within(pushed, fine, budget)
+    return replace(result, message=f"{result.message}; {unloaded_words(greatest)}")
+
+
+def _held_within(scene: GraspScene, fine: bool, budget: Budget) -> GraspResult:
+    """The best grasp of a scene that says what loads the object."""
     tolerance = asked_tolerance(scene)
     if tolerance is None:
         first = _ModelSearch(scene, budget)
@@ -262,6 +292,8 @@ class _ModelSearch:
         if best is not None:
             return self._verdict.solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
+        if search.pushed and not self.budget.stopped:
+            return self._gives_way(closest)
         self.budget.tell("no grasp found; looking for a change that allows one")
         reasons = self._reasons()
         if not reasons and self._best() is None:
@@ -277,6 +309,18 @@ class _ModelSearch:
                 return self._with_wider_model(bent)
             return self._verdict.infeasible([reason for reason in reasons if reason not in bent], closest)
         return self._verdict.unsolved(closest)
+
+    def _gives_way(self, closest: Tried | None) -> GraspResult:
+        """The verdict where no grasp bears a push: the greatest that one bears, or why nothing holds without it."""
+        if self.search.strongest is not None:
+            return self._verdict.infeasible([push_reason(self.scene, self.search.strongest)], closest)
+        contacts = self.scene.contacts.replaced(push=None)
+        plain = self.scene.replaced(contacts=contacts, objective="least_tension")
+        if not plain.unloaded:
+            result = _ModelSearch(plain, self.budget, self._chosen_range, self._chosen_elements).result()
+            if not result.solved:
+                return replace(result, scene=self.scene)
+        return self._verdict.gives_way(closest)
 
     def _with_wider_model(self, reasons: Sequence[Reason]) -> GraspResult:
         """The verdict with a model that bends further, for reasons that include its bending range."""

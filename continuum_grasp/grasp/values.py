@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from typing import Any
@@ -29,6 +29,9 @@ OPENED = ". Unstable: a small push opens this grasp. (`stability: ignore` accept
 ROUGH = 0.02
 """Change of the tension by a polygon nearer to the object's drawing from which on a warning says so [1]: as much as a
 basin must promise for the search not to be complete without it."""
+PUSH_SHARE = 0.1
+"""Share of the greatest push that a grasp bears where nothing loads the object and no push is asked [1]: contacts press
+by a tenth of what they could, a hundred times what models leave open, at tensions far from their limits."""
 IGNORED = "Set stability: ignore where the drives hold their position or something else steadies the object."
 STEADIER = (
     "For a stable grasp, move contacts nearer to the base, add a contact or support, or use a stiffer finger. "
@@ -38,6 +41,13 @@ STEADIER_IN_SPACE = (
     "For a grasp that is stable in space, use a finger with a wider section, a contact off the line of two others, a "
     f"support, or less force. {IGNORED}"
 )
+
+
+def unloaded_words(greatest: float) -> str:
+    """Say why a grasp bears a push that nobody asked for, by the greatest push [N]."""
+    most = amount_text(greatest, "N", ".3g")
+    share = f"{PUSH_SHARE:.0%} of the greatest push found, {most}"
+    return f"nothing loads the object, so the grasp bears {share} (contacts.push)"
 
 
 class GraspStatus(StrEnum):
@@ -53,9 +63,10 @@ class GraspStatus(StrEnum):
     """All checks of the certificate pass, but small motions that the contacts allow lower the energy, where the scene
     requires a stable grasp: the fingers do not hold the object."""
     INFEASIBLE = "infeasible"
-    """There is no grasp near any start, and relaxing a named limit gives one: see ``reasons``."""
+    """There is no grasp near any start, and relaxing a named limit gives one: see ``reasons``. Of hands, the search
+    tried the starts of the greatest effort, too."""
     NOT_SOLVED = "not_solved"
-    """Neither a grasp nor a proof that there is none."""
+    """Neither a grasp nor a proof that there is none; ``reasons`` may name what came nearest."""
     STOPPED = "stopped"
     """The clock stopped the search before there was a verdict: an emergency, which another machine may not meet."""
 
@@ -83,9 +94,10 @@ class FingerPosture:
     tensions : ndarray, shape (2,)
         Tensions of the tendon on the finger's left (-X side), which bends it positively, and on its right [N].
     base : ndarray, shape (3,)
-        World x, y [m] and angle [rad].
+        World x, y [m] and angle [rad]; of a hand's finger, in its own plane.
     backbone : ndarray, shape (K, 4)
-        Position along it [m], world x, y [m], angle of the section's X axis [rad].
+        Position along it [m], world x, y [m], angle of the section's X axis [rad]; of a hand's finger, in its own
+        plane.
     """
 
     name: str
@@ -96,6 +108,17 @@ class FingerPosture:
     tensions: Array
     base: Array
     backbone: Array = field(repr=False)
+
+
+def postures_of(names: Iterable[str], arrays: Mapping[str, Array]) -> dict[str, FingerPosture]:
+    """Fingers by name from the stored arrays of a grasp."""
+
+    def posture(name: str) -> FingerPosture:
+        keys = ("family", "q", "lengths", "tip_curvature", "tensions", "base", "backbone")
+        family, q, lengths, tip_curvature, *rest = (arrays[f"{name}.{key}"] for key in keys)
+        return FingerPosture(name, str(family), q, lengths, float(tip_curvature), *rest)
+
+    return {name: posture(name) for name in names}
 
 
 @dataclass(frozen=True)

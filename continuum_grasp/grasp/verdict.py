@@ -34,6 +34,9 @@ from continuum_grasp.grasp.values import (
 from continuum_grasp.nlp import Budget, Violation
 from continuum_grasp.scene import GraspScene
 
+_CASE = r"^((?:disturbed|pushed) .*|(?:sticking contact|constant tensions|locked tendons), .*), (?:[+-]?\d+|push [xy])$"
+"""Name of a constraint under one of several disturbances, whose kind is the group."""
+
 
 def most_elements(scene: GraspScene) -> int:
     """Most elements of a finger."""
@@ -59,6 +62,8 @@ class SearchVerdict:
         unit = force_units(best.arrays)[0]
         tension = tension_of(self.scene, best.arrays)
         held = f"a sum of tensions of {force_text(best.arrays, tension, unit)} {unit}"
+        if self.search.pushed:
+            held += f" against any push up to {amount_text(best.certificate.push, 'N', '.3g')}"
         notes = list(self._notes(best))
         why = best.certificate.stability.why
         advice = STEADIER_IN_SPACE if why else STEADIER
@@ -123,6 +128,13 @@ class SearchVerdict:
             message += f"; the search tried {len(self.search.tried)} samples of all postures"
             message += f" ({self._more} tries more)" if self._more else ""
         return self._failed(GraspStatus.INFEASIBLE, message, advice, closest, reasons)
+
+    def gives_way(self, closest: Tried | None) -> GraspResult:
+        """Result where contacts hold the object, but bear no push."""
+        outcomes = {t.attempt.outcome for t in self.search.tried}
+        message = f"no grasp was found that bears a push in every direction. {self._fruitless(outcomes)}"
+        advice = "Let the object be touched from other sides: add a contact, a support or a finger."
+        return self._failed(GraspStatus.NOT_SOLVED, message, advice, closest)
 
     def unsolved(self, closest: Tried | None) -> GraspResult:
         """Result without a grasp and without a reason: the search ended, or no single limit explains it."""
@@ -253,7 +265,7 @@ def _overlapping(crossed: Sequence[tuple[str, str]]) -> tuple[str, str]:
 
 def _broken(violations: Sequence[Violation]) -> tuple[str, ...]:
     """Violated constraints in words, the worst first; of those that several disturbances break, the worst alone."""
-    kinds = [re.sub(r"^(disturbed .*|sticking contact, .*), \d+$", r"\1", violation.name) for violation in violations]
+    kinds = [re.sub(_CASE, r"\1", violation.name) for violation in violations]
     return tuple(str(violation) for k, violation in enumerate(violations) if kinds[k] not in kinds[:k])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, cast
@@ -19,6 +20,11 @@ from continuum_grasp.scene.tendons import Tendons
 _RELEASED = 1.4
 """Factor on the default bend of an element where friction may let go: with tendons that slide back, at tensions that
 stay, it bent by 1.8, 2.7 and 3.6 rad at friction 0.05, 0.1 and 0.15, pulled by 1.3 rad (mug)."""
+
+
+_LIGHT = 1e-3
+"""Weight per greatest force at the tip of a finger up to which it loads no contact [1]: a grasp that bears it alone
+presses by less than a thousandth of what its tendons can do, which is less than the error of models."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +129,11 @@ class FingerSetup:
         )
 
     @property
+    def tip_force(self) -> float:
+        """Force across its tip whose moment at the base is that of its greatest tension [N]."""
+        return self.max_tension * self.tendons.offset / self.finger.rod.length
+
+    @property
     def drive(self) -> DriveLaw | None:
         """Drive that winds up the tendons; None where tensions are commanded."""
         return self.finger.drive_law
@@ -204,6 +215,11 @@ class FingerSetup:
     def tip_name(self) -> str:
         """Name of the tip contact."""
         return f"{self.name}.tip"
+
+
+def is_light(weight: float, setups: Sequence[FingerSetup]) -> bool:
+    """Whether a weight [N] is nothing to fingers."""
+    return weight <= _LIGHT * max(setup.tip_force for setup in setups)
 
 
 def _is_graded(finger: GraspFinger) -> bool:

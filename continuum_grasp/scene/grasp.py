@@ -11,7 +11,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.curved_parts import SHARE
-from continuum_grasp.scene.finger_setup import FingerSetup
+from continuum_grasp.scene.finger_setup import FingerSetup, is_light
 from continuum_grasp.scene.grasp_options import (
     Aim,
     AnyFinger,
@@ -89,7 +89,8 @@ class GraspScene(Configuration, Supported):
     objective: Aim | ObjectiveWeights = "least_tension"
     """least_tension: least sum of all tendon tensions; least_normal_force: the greatest normal force is as small as
     can be; greatest_disturbance: the ``disturbances`` may grow by the greatest factor; greatest_friction_margin: the
-    contacts are as far from slipping as can be; or weights of these."""
+    contacts are as far from slipping as can be; greatest_push: the object bears the greatest push in any direction, as
+    ``contacts.push`` describes; or weights of these."""
     disturbances: Disturbances = Disturbances()
     """Wrenches that the grasp should resist."""
     stability: Literal["require", "ignore"] = "require"
@@ -182,6 +183,15 @@ class GraspScene(Configuration, Supported):
         return self.object.mass * math.hypot(*self.gravity)
 
     @property
+    def unloaded(self) -> bool:
+        """Whether nothing loads the object, so that contacts which press nothing would hold it, and no push is given:
+        weight, disturbances, errors and friction states load it.
+        """
+        aimed = {"greatest_disturbance", "greatest_push"} & set(self.aims)
+        none = self.contacts.push is None and not (aimed or self.is_robust)
+        return none and is_light(self.weight, self.setups)
+
+    @property
     def spatial(self) -> bool:
         """Whether forces act out of the plane of the fingers."""
         return self.gravity[2] != 0.0
@@ -263,6 +273,10 @@ class GraspScene(Configuration, Supported):
         twice = set(self.named_fingers) & set(self.supports)
         if twice:
             raise ValueError(f"a finger and a support share the name {twice.pop()!r}")
+        if self.contacts.push and self.is_robust:
+            raise ValueError(
+                "contacts.push: is not for grasps that hold for errors or for all friction states so far: leave it out"
+            )
         for setup in self.setups:
             check_finger(setup, self.fidelity)
             self._check_place(setup, setup.where)

@@ -22,6 +22,7 @@ from continuum_grasp.scene.value import (
     Increasing,
     Length,
     ListOf,
+    NonNegative,
     Positive,
     Ratio,
     Real,
@@ -70,6 +71,10 @@ class GraspContacts(FingerContacts):
     reserve: Annotated[Ratio, Field(lt=1.0, examples=[0.2])] = 0.0
     """Part of every friction cone that stays free [1]: 0.2 holds with friction coefficients that are 20 % less. What
     the grasp resists is counted with the whole cones."""
+    push: Annotated[NonNegative, Unit("N")] | None = None
+    """Push on the object [N] that the grasp bears in any direction: to first order, while tensions stay, no contact
+    slips, parts or exceeds its greatest normal force. None: no push, but where nothing loads the object, as without
+    gravity, 10 % of the greatest push that the search finds; 0: no push at all, a touch is enough."""
 
 
 class GraspFinger(Finger):
@@ -129,7 +134,9 @@ GraspGravity = Annotated[
     tuple[Real, Real, Real], Field(strict=False), Unit("m/s2"), ACCELERATION, BeforeValidator(_in_space)
 ]
 
-Aim = Literal["least_tension", "least_normal_force", "greatest_disturbance", "greatest_friction_margin"]
+Aim = Literal[
+    "least_tension", "least_normal_force", "greatest_disturbance", "greatest_friction_margin", "greatest_push"
+]
 
 
 class ObjectiveWeights(Value):
@@ -143,6 +150,8 @@ class ObjectiveWeights(Value):
     """Weight of the resisted disturbance, as a multiple of the wrenches given in ``disturbances`` [1]."""
     greatest_friction_margin: Ratio = 0.0
     """Weight of the least friction margin [1]."""
+    greatest_push: Ratio = 0.0
+    """Weight of the push that the grasp bears in any direction, per ``contacts.normal_force_max`` [1]."""
 
     def _check(self) -> None:
         if not self.stated():

@@ -14,7 +14,7 @@ from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.finger_scene import Fidelity
 from continuum_grasp.scene.finger_section import FingerSection
-from continuum_grasp.scene.finger_setup import FingerSetup
+from continuum_grasp.scene.finger_setup import FingerSetup, is_light
 from continuum_grasp.scene.grasp import check_finger
 from continuum_grasp.scene.grasp_options import GraspContacts, GraspFinger, GraspGravity, GraspSolver
 from continuum_grasp.scene.hand_supports import (
@@ -273,6 +273,11 @@ class HandScene(Configuration):
         """Weight of the object [N]."""
         return self.object.weighed * (self.turned or math.hypot(*self.acceleration))
 
+    @property
+    def unloaded(self) -> bool:
+        """Whether no push is given and nothing loads the object, so that contacts which press nothing would hold it."""
+        return self.contacts.push is None and is_light(self.weight, self.setups)
+
     @cached_property
     def supports(self) -> tuple[PlaneSupport, ...]:
         """Palm and table, as far as there are any."""
@@ -299,6 +304,8 @@ class HandScene(Configuration):
             self._doubt(f"object.{key}", f"gives {self.object.weighed:.3g} kg: {too_heavy(greatest)}")
         if self.turned and self.table is not None:
             raise ValueError("gravity.any: a table does not turn with the hand: give gravity as [x, y, z], or no table")
+        if self.turned and self.contacts.push:
+            raise ValueError("contacts.push: is not for a weight of any direction so far: give gravity as [x, y, z]")
         self._check_supports()
         self._check_torsional_friction()
         bases = self.hand.named_bases

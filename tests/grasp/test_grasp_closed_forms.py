@@ -34,10 +34,10 @@ def finger(tip, towards, half=HALF, stiffness=0.05, free=LOOSE):
     return loose(made, free) if free else made
 
 
-def solve(fingers, body, gravity, supports=None, friction=FRICTION, reserve=0.0, **more):
+def solve(fingers, body, gravity, supports=None, friction=FRICTION, reserve=0.0, push=None, **more):
     """The grasp by the tips of these fingers."""
     named = dict(zip(("one", "two", "three"), fingers, strict=False))
-    contacts = {"friction": friction, "reserve": reserve}
+    contacts = {"friction": friction, "reserve": reserve, "push": push}
     more = {"objective": "least_normal_force", "supports": supports or {}, **more}
     return optimize_grasp(held_by_tips(named, gravity, body.model_dump(), contacts, **more), raise_on_failure=False)
 
@@ -196,14 +196,14 @@ def test_a_wedge_that_slips_out_names_the_coefficient():
 
 
 def test_a_weightless_touch_takes_the_bend_alone():
-    """No weight, so no forces: the least tension bends the finger until it touches, T e = E I kappa, one circular arc;
-    from the base, a circle of that curvature meets the grown disc from outside.
+    """No weight and no push, so no forces: the least tension bends the finger until it touches, T e = E I kappa, one
+    circular arc; from the base, a circle of that curvature meets the grown disc from outside.
     """
     stiffness, radius = 0.01, 0.03
     one = finger((0.0, 0.0), 0.5 * math.pi, HALF, stiffness, free=0.0)
     one["base"] = {"position": (0.0, 0.0), "angle": 0.0}
     body = Circle(shape="circle", diameter=2 * radius, mass=MASS, position=(-0.06, 0.215))
-    result = solve([one], body, WEIGHTLESS, objective="least_tension")
+    result = solve([one], body, WEIGHTLESS, push=0.0, objective="least_tension")
     # Nothing presses, so that nothing steadies the object either.
     assert result.verified, result.message
     kappa = result.tension * 0.005 / stiffness

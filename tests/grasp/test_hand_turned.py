@@ -96,7 +96,7 @@ def test_a_hand_that_turns_holds_every_direction(turned):
 @pytest.mark.deep
 def test_too_heavy_to_turn_says_where_and_how_much_friction():
     found = optimize_grasp(cg.load(TURNED, ["contacts.friction=0.6"]), raise_on_failure=False)
-    assert found.status.name == "INFEASIBLE"
+    assert found.status.name == "NOT_SOLVED"  # one grasp was turned; another may do
     assert "in every direction" in found.message
     (reason,) = found.reasons
     assert reason.name == "friction"

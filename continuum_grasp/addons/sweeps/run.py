@@ -24,7 +24,7 @@ from continuum_grasp.addons.sweeps.folder import (
 )
 from continuum_grasp.addons.sweeps.plan import SweepPlan, SweepPoint
 from continuum_grasp.addons.sweeps.pools import ExecutorPool, WorkerPool, dask_pool
-from continuum_grasp.addons.sweeps.scene import Sweep
+from continuum_grasp.addons.sweeps.scene import GRASPS, Sweep
 from continuum_grasp.addons.sweeps.table import SweepTable, sweep_table, write_csv
 from continuum_grasp.addons.sweeps.worker import Job, Keep, SceneOutcome, row_of_crash, run_chunk, solve
 from continuum_grasp.base import (
@@ -38,7 +38,7 @@ from continuum_grasp.base import (
     interruptible,
 )
 from continuum_grasp.results import begin_run
-from continuum_grasp.scene import Consumer, GraspScene, Overrides
+from continuum_grasp.scene import Consumer, Overrides
 
 _ANYWHERE = Consumer("sweep at a scheduler", {"executor": "is given beside scheduler: give one of them, not both"})
 
@@ -53,7 +53,7 @@ def sweep(
     executor: Executor | None = None,
     scheduler: str | None = None,
     keep: Keep = "all",
-    evaluate: Callable[[GraspScene], Any] | None = None,
+    evaluate: Callable[[Any], Any] | None = None,
     progress: Callable[[float, str], None] | None = None,
     overrides: Overrides = (),
 ) -> SweepTable:
@@ -78,7 +78,7 @@ def sweep(
     keep : {"all", "failed", "none"}, optional
         Runs whose files to keep, in ``runs/``.
     evaluate : callable, optional
-        From a `GraspScene` to a `GraspResult`, importable by name; by default `optimize_grasp`.
+        From a scene to its result, such as a `GraspResult`, importable by name; by default `optimize_grasp`.
     progress : callable, optional
         Called with the share that is done, 0 to 1, and rows so far by status in words.
     overrides : iterable of str, or mapping, optional
@@ -111,7 +111,7 @@ def sweep(
     _ANYWHERE.check(None, of={"executor": executor is not None and scheduler is not None})
     count = None if workers is None else CheckedArgument("workers", workers).whole(1, 4096)
     plan = SweepPlan.of(config, overrides)
-    if plan.variation.kind != "grasp":
+    if plan.variation.kind not in GRASPS:
         raise InputError(
             "expected a grasp: a sweep finds grasps; draws of a closed loop are for continuum_grasp.addons.learning",
             key="scene",
@@ -120,7 +120,8 @@ def sweep(
     with held_folder(target):
         # The plan comes before any row: a table is never without the plan that it is of.
         notes = store_plan(target, plan)
-        job = Job(plan.variation.base, plan.keys, plan.paths, plan.sweep.record, keep, evaluate or solve)
+        of_plan = plan.variation.kind, plan.variation.base, plan.keys, plan.paths, plan.sweep.record
+        job = Job(*of_plan, keep, evaluate or solve)
         run = _SweepRun(plan, job, target, progress)
         if run.done < len(plan):
             begin_run(target, "sweep", retained=(PLAN,))

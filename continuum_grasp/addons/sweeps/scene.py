@@ -13,9 +13,7 @@ from continuum_grasp.base import InputError
 from continuum_grasp.scene import (
     Configuration,
     Consumer,
-    ControlScene,
     Document,
-    GraspScene,
     Interval,
     ListOf,
     Positive,
@@ -23,12 +21,17 @@ from continuum_grasp.scene import (
     Shape,
     Unit,
     Value,
+    kinds,
 )
 
 if TYPE_CHECKING:
     from continuum_grasp.scene import Overrides
 
 
+VARIED_KINDS = ("grasp", "hand", "mpc")
+"""Kinds of scenes that are varied, grasps first."""
+GRASPS = VARIED_KINDS[:2]
+"""Kinds of scenes whose grasps a sweep finds."""
 Key = Annotated[str, Field(min_length=1)]
 _IN_UNIT = {
     *("values", "uniform", "log_uniform", "normal", "choice", "plus"),
@@ -38,8 +41,8 @@ _IN_UNIT = {
 
 
 def _in_si(given: Any) -> Any:
-    # Without the scene itself: a key has one unit in all shapes of objects, and in grasps and closed loops.
-    shapes = Shape(GraspScene), Shape(ControlScene)
+    # Without the scene itself: a key has one unit in all shapes of objects, and in all kinds of scenes.
+    shapes = [Shape(kinds()[name].scene_class) for name in VARIED_KINDS]
     return {key: _way_in_si(key, way, shapes) for key, way in given.items()} if isinstance(given, dict) else given
 
 
@@ -256,14 +259,17 @@ class Front(Value):
 
 
 class Sweep(Varied):
-    """A grasp with some of its keys varied, or a closed loop for environments: a grid, random draws, or both."""
+    """A grasp, in the plane or of a hand, with some of its keys varied, or a closed loop for environments: a grid,
+    random draws, or both.
+    """
 
     vary: WaysByKey[Grid] = Field(default_factory=dict, max_length=40)
     """Key paths in the scene with their values; all combinations are tried, the last key changing fastest."""
     sample: Sample | None = None
     """Random draws of keys; None: none."""
     record: Annotated[ListOf[str], Field(max_length=40)] = ()
-    """More columns of the table: numbers of the result, such as ``quality.epsilon_l1`` or ``statistics.iterations``."""
+    """More columns of the table: numbers of the result, such as ``quality.epsilon_l1`` or ``statistics.iterations``;
+    of hands, ``certificate.push`` [N]."""
     maps: ListOf[Map] = ()
     """Pictures of one quantity over two keys."""
     pareto: ListOf[Front] = ()

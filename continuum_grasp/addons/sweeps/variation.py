@@ -13,7 +13,7 @@ from typing import Any, Generic, TypeVar
 
 from pydantic import ValidationError
 
-from continuum_grasp.addons.sweeps.scene import Draw, Follow, Grid, Sweep, Varied, Way
+from continuum_grasp.addons.sweeps.scene import VARIED_KINDS, Draw, Follow, Grid, Sweep, Varied, Way
 from continuum_grasp.base import InputError, nearest
 from continuum_grasp.scene import ConfigurationData, Document, KeyPath, Shape
 from continuum_grasp.scene import kinds as known_kinds
@@ -43,7 +43,7 @@ class Variation:
 
     sweep: Sweep
     kind: str
-    """Kind of the scene: grasp, or mpc."""
+    """Kind of the scene, one of `VARIED_KINDS`."""
     base: dict[str, Any]
     """The scene as plain data, with fingers from other files and what the sweep sets put in."""
     axes: tuple[VariedKey[Grid], ...]
@@ -57,7 +57,7 @@ def variation_of(data: ConfigurationData) -> Variation:
     A scene that does not make sense as a whole, such as a finger that begins inside the object, is no error: it is a
     failed run. A key that does not exist, and a value of the wrong type or out of its own range, is.
     """
-    scene = SceneKeys(Sweep, data, ("grasp", "mpc"))
+    scene = SceneKeys(Sweep, data, VARIED_KINDS)
     sweep = scene.config
     axes = []
     for key, grid in sweep.vary.items():
@@ -167,7 +167,7 @@ def base_scene(data: ConfigurationData) -> Any:
     """The scene that a sweep or design varies, as it stands in its file; any other configuration itself."""
     if not isinstance(data.scene, Varied):
         return data.scene
-    keys = SceneKeys(type(data.scene), data, ("grasp", "mpc"))
+    keys = SceneKeys(type(data.scene), data, VARIED_KINDS)
     return keys.base.validated(keys.model)
 
 

@@ -15,7 +15,7 @@ from continuum_grasp.addons.sweeps.folder import SOLVED, encode
 from continuum_grasp.addons.sweeps.plan import SweepPoint
 from continuum_grasp.base import ContinuumGraspError, InputError, SolverError, clipped
 from continuum_grasp.results import Run
-from continuum_grasp.scene import GraspScene, KeyPath
+from continuum_grasp.scene import GraspScene, HandScene, KeyPath, kinds
 
 Keep: TypeAlias = Literal["all", "failed", "none"]
 _ONE_AT_A_TIME = threading.Lock()
@@ -26,6 +26,8 @@ _ONE_AT_A_TIME = threading.Lock()
 class Job:
     """Data that all scenes of a sweep share; they travel with every chunk."""
 
+    kind: str
+    """Kind of the scene."""
     base: dict[str, Any]
     """The scene as plain data."""
     keys: tuple[str, ...]
@@ -36,8 +38,8 @@ class Job:
     """Further columns of the table."""
     keep: Keep
     """Runs whose files are wanted."""
-    evaluate: Callable[[GraspScene], Any]
-    """From a scene to a GraspResult."""
+    evaluate: Callable[[Any], Any]
+    """From a scene to its result."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ class SceneOutcome:
     run: bytes = b""
 
 
-def solve(scene: GraspScene) -> Any:
+def solve(scene: GraspScene | HandScene) -> Any:
     from continuum_grasp.grasp import optimize_grasp
 
     return optimize_grasp(scene, raise_on_failure=False)
@@ -75,7 +77,7 @@ def _run(job: Job, point: SweepPoint) -> SceneOutcome:
     result = None
     numbers = dict[str, Any]()
     try:
-        result = job.evaluate(GraspScene(**data))
+        result = job.evaluate(kinds()[job.kind].scene_class(**data))
     except ContinuumGraspError as error:
         kind = "invalid" if isinstance(error, InputError) else "error"
         status = error.status if isinstance(error, SolverError) else kind

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.base import Array, Summarized, check_arguments
+from continuum_grasp.base import Array, Summarized, amount_text, check_arguments
 from continuum_grasp.grasp.certificate.check import (
     CROSSED,
     CURLED,
@@ -32,6 +32,7 @@ from continuum_grasp.grasp.certificate.check import (
 from continuum_grasp.grasp.certificate.held import held_checks
 from continuum_grasp.grasp.certificate.model_error import ModelError, model_error
 from continuum_grasp.grasp.certificate.out_of_plane import stability_out_of_plane
+from continuum_grasp.grasp.certificate.push import push_check
 from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS, OF_FINGER, RecomputedFinger, RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import Stability, contact_stability
 from continuum_grasp.scene import FAMILIES, GraspScene
@@ -100,6 +101,7 @@ class Certificate(Summarized):
             "friction_states": self.states,
             "stability": self.stability.data(),
             "overlap_of_fingers": self.overlap,
+            "push": self.push if self._asked else None,
         }
         if error:
             bound = self.model_error
@@ -119,6 +121,20 @@ class Certificate(Summarized):
         if self.grasp is None:
             return Stability(False, float("nan"), 0)
         return contact_stability(self.grasp).with_space(stability_out_of_plane(self.grasp))
+
+    @cached_property
+    def push(self) -> float:
+        """Greatest push on the object that the grasp bears in every direction, to first order while tensions stay, or
+        with locked tendons where ``disturbances.tendons`` says so [N]; none where it is unstable.
+        """
+        from continuum_grasp.grasp.quality.response import GraspResponse
+
+        return 0.0 if self.grasp is None else GraspResponse(self.grasp.scene, self.grasp.arrays).push
+
+    @property
+    def _asked(self) -> float:
+        """Push that the scene asks for [N]; zero where it asks for none."""
+        return 0.0 if self.grasp is None else self.grasp.scene.contacts.push or 0.0
 
     @cached_property
     def model_error(self) -> ModelError:
@@ -144,7 +160,9 @@ class Certificate(Summarized):
         failed = {"failed": ", ".join(check.name for check in self.failed)} if self.failed else {}
         margin = f"{self.friction_margin:.1%} of the friction cone"
         stable = self.stability.word
-        return {**failed, "least margin": margin, "second-order test": stable, "model": str(self.model_error)}
+        pushed = {"push in any direction": amount_text(self.push, "N", ".3g")} if self._asked else {}
+        model = str(self.model_error)
+        return {**failed, "least margin": margin, **pushed, "second-order test": stable, "model": model}
 
     def __getitem__(self, name: str) -> Check:
         for check in self.checks:
@@ -199,7 +217,10 @@ def certify_reached(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate
     with np.errstate(all="ignore"):
         checks, grasp = _recomputed(scene, arrays)
         contacts = () if grasp is None else grasp.contacts
-        return Certificate(tuple(checks), {c.name: c.friction_margin for c in contacts if c.friction > 0.0}, grasp)
+        margins = {c.name: c.friction_margin for c in contacts if c.friction > 0.0}
+        reached = Certificate(tuple(checks), margins, grasp)
+        asked = reached._asked
+        return replace(reached, checks=(*checks, push_check(reached.push, asked))) if asked else reached
 
 
 def _recomputed(

@@ -174,7 +174,7 @@ class RecomputedGrasp:
     """Shapes, normals and forces of a grasp from its stored numbers, complete and of the right shapes."""
 
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any]) -> None:
-        self.scene = scene
+        self.scene, self.arrays = scene, arrays
         self.setups = scene.setups
         self.fingers = tuple(RecomputedFinger(setup, scene.gravity[:2], arrays) for setup in self.setups)
         self.pose = np.asarray(arrays["object.pose"], dtype=float)

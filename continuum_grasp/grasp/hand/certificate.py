@@ -25,6 +25,7 @@ from continuum_grasp.grasp.certificate.certificate import (
     storage_checks,
 )
 from continuum_grasp.grasp.certificate.check import CURLED, EXACT, GUARDED, Check, self_overlap, worst
+from continuum_grasp.grasp.certificate.push import push_check
 from continuum_grasp.grasp.certificate.recomputed import OF_FINGER
 from continuum_grasp.grasp.certificate.space import ASIDE, SpatialStability
 from continuum_grasp.grasp.certificate.stability import held_by
@@ -38,7 +39,7 @@ from continuum_grasp.grasp.hand.recomputed import (
     of_contacts,
 )
 from continuum_grasp.grasp.hand.stability import HandResponse, hand_response, hand_stability, points_response
-from continuum_grasp.grasp.hand.weights import TurnedContact, promised_wrench, turned_contacts
+from continuum_grasp.grasp.hand.weights import TurnedContact, borne_push, promised_wrench, turned_contacts
 from continuum_grasp.scene import FAMILIES, HandScene
 
 TURNED = ", weight in any direction"
@@ -130,6 +131,15 @@ class HandCertificate(Summarized):
         return max(promised_wrench(self.hand, response, np.array(along, dtype=float)) for response in self._bounds)
 
     @cached_property
+    def push(self) -> float:
+        """Greatest push that the grasp bears in every direction, to first order [N]; none where it is unstable, or
+        nothing holds.
+        """
+        if self.hand is None or not self.stability.eigenvalue > 0.0:
+            return 0.0
+        return max((borne_push(self.hand, response) for response in self._bounds), default=0.0)
+
+    @cached_property
     def promise(self) -> dict[str, float]:
         """Force [N] and moment [N m] promised along each axis, the less of both senses."""
         axes = zip((f"{kind} {axis}" for kind in ("force", "moment") for axis in "xyz"), np.eye(6), strict=True)
@@ -183,6 +193,7 @@ class HandCertificate(Summarized):
             "contacts": [asdict(contact) for contact in self.contacts],
             "friction_margin": self.friction_margin,
             "promise": dict(self.promise),
+            "push": self.push,
             "stability": self.stability.data(),
         }
 
@@ -199,6 +210,7 @@ class HandCertificate(Summarized):
             "least margin": f"{self.friction_margin:.1%} of the friction cone",
             "lateral deflection": f"{aside:.1%} of the length",
             "promised push": f"{amount_text(least_push(self.promise), 'N', '.3g')} along any axis, to first order",
+            "push in any direction": amount_text(self.push, "N", ".3g"),
             "second-order test": str(self.stability),
         }
 
@@ -259,6 +271,8 @@ def certify_hand(scene: HandScene, arrays: Mapping[str, Any]) -> HandCertificate
         certificate = HandCertificate(tuple(checks), contacts, hand)
         more = [check for contact in certificate.turned for check in _turned(hand, contact)]
         more += _turned_motion(scene, certificate.turned_motion)
+        if scene.contacts.push:
+            more.append(push_check(certificate.push, scene.contacts.push))
         return replace(certificate, checks=(*checks, *more)) if more else certificate
 
 

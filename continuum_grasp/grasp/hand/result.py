@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from os import PathLike, fspath
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 
 from continuum_grasp.base import Array, InputError, Summarized, amount_text, check_arguments
 from continuum_grasp.grasp.stored import OF_FINGERS, SHAPE
-from continuum_grasp.grasp.values import GraspStatus, Reason
+from continuum_grasp.grasp.values import FingerPosture, GraspStatus, Reason, postures_of
 from continuum_grasp.results import Dimension, File, Picture, Result, Stored, plain, yaml_text
 from continuum_grasp.scene import HandScene
 
@@ -60,6 +61,7 @@ class FingerTouch:
     station: float  # position along the finger [m], zero of a support
     deflection: float  # shift of the backbone out of its plane [m], zero of a support
     moment: float = 0.0  # about the normal, on the finger [N m]
+    friction_margin: float = math.nan  # share of the friction cone that is free [1]; NaN where nothing presses
 
     @property
     def normal_force(self) -> float:
@@ -213,10 +215,16 @@ class HandResult(Result):
             return ()
         stored = [self.arrays[f"contact_{key}"] for key in keys]
         stored.append(self.arrays.get("contact_moments", np.zeros(len(self.contact_names))))
-        return tuple(
+        touches = [
             FingerTouch(name, x, n, f, float(s), float(w), float(m))
             for name, x, n, f, s, w, m in zip(self.contact_names, *stored, strict=True)
-        )
+        ]
+        return tuple(replace(touch, friction_margin=self._margin(touch)) for touch in touches)
+
+    @property
+    def fingers(self) -> dict[str, FingerPosture]:
+        """The fingers by name, each in its own plane; empty where there are no numbers."""
+        return postures_of([setup.name for setup in self.scene.setups] if self.arrays else (), self.arrays)
 
     @property
     def tensions(self) -> dict[str, Array]:
@@ -343,9 +351,8 @@ class HandResult(Result):
         moment = ["Moment [N mm]"] if soft else []
         head = ["Contact", "At [mm]", "Along [mm]", "Normal [N]", "Friction [N]", *moment, "Margin", "To the side [mm]"]
         rows = [tuple(head)]
-        margins = self._margins()
         for contact in self.contacts:
-            margin = margins.get(contact.name, np.nan)
+            margin = contact.friction_margin
             rows.append(
                 (
                     contact.name,
@@ -360,17 +367,14 @@ class HandResult(Result):
             )
         return Summarized.aligned(rows, {0, 1})
 
-    def _margins(self) -> dict[str, float]:
-        """Part of the friction cone that is free, by contact."""
-        margins = dict[str, float]()
-        for contact in self.contacts:
-            friction = self.friction_of(contact.name)
-            across = contact.friction_force
-            if contact.moment:
-                across = np.hypot(across, contact.moment * friction / self.scene.contacts.torsional_friction)
-            limit = friction * contact.normal_force
-            margins[contact.name] = float(1.0 - across / limit) if limit > 0.0 else np.nan
-        return margins
+    def _margin(self, contact: FingerTouch) -> float:
+        """Share of the friction cone of a contact that is free; NaN where nothing presses."""
+        friction = self.friction_of(contact.name)
+        across = contact.friction_force
+        if contact.moment:
+            across = float(np.hypot(across, contact.moment * friction / self.scene.contacts.torsional_friction))
+        limit = friction * contact.normal_force
+        return 1.0 - across / limit if limit > 0.0 else math.nan
 
     def friction_of(self, contact: str) -> float:
         """Coefficient of friction of a contact."""

@@ -91,6 +91,7 @@ class HandSearch:
         self.units = self.points.units
         self._solver = settings_of(scene).solver()
         self._met = dict[HandSpec, list[Array]]()  # solutions of first runs by structure
+        self._begun = set[tuple[frozenset[str], tuple[TouchingPosture, ...]]]()  # starts that were solved
         self.held = False  # whether a grasp was found that is as the scene asks
         # Fingers that touch the object in no posture, by set of contacts.
         self.untouched = dict[frozenset[str], list[str]]()
@@ -112,8 +113,24 @@ class HandSearch:
                 sets[frozenset(on | carried)] = None
         return list(sets)
 
-    def run(self) -> Iterator[HandTried]:
-        """Solve the likeliest start of each set of contacts, then the next of each, until ``held`` is set."""
+    def run(self, *, further: bool = True) -> Iterator[HandTried]:
+        """Solve the likeliest start of each set of contacts, then the next of each, until ``held`` is set.
+
+        Where none of a normal search holds, ``further`` likely ones, which a thorough one would try.
+        """
+        effort = self.scene.solver.effort
+        yield from self._run(effort)
+        if effort == "normal" and further and not self.held:
+            self.budget.tell("no grasp yet; more starts are tried")
+            yield from self._run("thorough", LEFT)
+
+    @property
+    def agreed(self) -> bool:
+        """Whether a search of the greatest effort came to its end."""
+        return self.scene.solver.effort != "quick" and not self.budget.cut
+
+    def _run(self, effort: str, most: float = np.inf) -> Iterator[HandTried]:
+        """A search of some effort, from starts that leave no more than a residual."""
         thorough = self.scene.solver.effort == "thorough"
         once = list[frozenset[str]]()
         twice = list[frozenset[str]]()
@@ -123,23 +140,27 @@ class HandSearch:
         for modes in (once, twice):
             if self.held and not thorough:
                 return
-            touching = {on: self._candidates(on) for on in modes}
+            touching = {on: self._candidates(on, effort) for on in modes}
             ranked = [self._ranked([touching[on]]) for on in modes]
             mixed = list[HandStart]()
-            for n in range(SOLVED[self.scene.solver.effort]):
-                yield from self._round(ranked, n)
+            for n in range(SOLVED[effort]):
+                yield from self._round(ranked, n, most)
                 if self.held and not thorough:
                     break
                 if n == 0 and len(modes) > 1:
                     # Mix kinds of contacts across fingers if one kind alone holds nothing.
                     mixed = self._ranked(list(touching.values()))
-                yield from self._round([mixed], n)
+                yield from self._round([mixed], n, most)
 
-    def _round(self, ranked: Sequence[Sequence[HandStart]], n: int) -> Iterator[HandTried]:
-        """Solve the n-th start of some sets of contacts, the likeliest first, without those that are not likely."""
+    def _round(self, ranked: Sequence[Sequence[HandStart]], n: int, most: float) -> Iterator[HandTried]:
+        """Solve the n-th start of some sets of contacts, the likeliest first, without those that are not likely or were
+        solved before.
+        """
         for start in sorted((each[n] for each in ranked if n < len(each)), key=lambda start: start.left):
-            most = LEFT if self.held else LOST if n else np.inf
-            if start.left <= most or self.scene.solver.effort == "thorough":
+            likely = LEFT if self.held else LOST if n else np.inf
+            known = (start.on, start.chosen) in self._begun
+            if not known and start.left <= most and (start.left <= likely or self.scene.solver.effort == "thorough"):
+                self._begun.add((start.on, start.chosen))
                 yield from self._tried(start)
 
     def _tried(self, start: HandStart) -> Iterator[HandTried]:
@@ -221,9 +242,9 @@ class HandSearch:
 
     # -- a start -------------------------------------------------------------------------------------------------
 
-    def _candidates(self, on: frozenset[str]) -> list[list[PostureCandidate]]:
+    def _candidates(self, on: frozenset[str], effort: str) -> list[list[PostureCandidate]]:
         """Postures of each finger with contacts of a set; none for a finger that touches in no posture."""
-        most = POSTURES[self.scene.solver.effort]
+        most = POSTURES[effort]
         each = [self.points.postures(plane, on, most) for plane in self.points.planes]
         untouched = [setup.name for setup, found in zip(self.scene.setups, each, strict=True) if not found]
         if untouched:

@@ -6,37 +6,145 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from continuum_grasp.base import Interrupted, amount_text
 from continuum_grasp.grasp.hand.certificate import HandCertificate, certify_hand, least_push
+from continuum_grasp.grasp.hand.gripped import GrippedGrasp, least_pushed, pushed_grasps, turned_grasps
+from continuum_grasp.grasp.hand.opening import in_the_way, opening_words, openings, way_words
 from continuum_grasp.grasp.hand.repairs import LIMITS, repair_of
 from continuum_grasp.grasp.hand.result import HandResult
 from continuum_grasp.grasp.hand.search import HandSearch, HandTried
 from continuum_grasp.grasp.hand.steady import steadied
-from continuum_grasp.grasp.hand.turning import turned_grasps
 from continuum_grasp.grasp.problem.relaxations import beyond_needed
-from continuum_grasp.grasp.values import OPENED, GraspStatus
+from continuum_grasp.grasp.values import NEAR, OPENED, PUSH_SHARE, SATISFIED, GraspStatus, unloaded_words
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import HandScene
 
 _SLIGHT = 1e-3
 """Push, per weight, below which none is promised."""
 _NO_RESERVE = "; a contact is at the edge of friction, so a slight push may make it slip: give contacts.reserve, as 0.2"
+_PROBED = 0.01
+"""Weight that stands for a push where grasps are sought without one, per sum of the forces that the tendons can exert
+at tips [1]: a tenth of the push that is then asked of strong grasps."""
+_FAINT = 1e-3
+"""Gravity of that weight where there is none [m/s2]."""
+_PUSHED = 3
+"""Grasps from which forces rise to bear a push, those with the least tension."""
 _STEADIED = 2
 """Unstable grasps next to which stable ones are sought, the most stable."""
 
 
 def hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> HandResult:
-    """The best grasp of a hand, or why there is none."""
+    """The best grasp of a hand, or why there is none; fingers that are in the object's way at rest can be opened."""
+    way = in_the_way(scene)
+    result = _held(scene, progress)
+    opened = openings(scene, result.arrays) if result.solved else {}
+    words = [way_words(way)] if way and result.solved else []
+    words += [opening_words(opened)] if opened else []
+    return replace(result, message="; ".join([result.message, *words]))
+
+
+def _held(scene: HandScene, progress: Callable[[str], None] | None) -> HandResult:
+    """The best grasp for what loads the object."""
+    if scene.contacts.push or scene.unloaded:
+        return _pushed(scene, progress)
     if not scene.turned:
         return _hold(scene, progress)[0]
     # First with the weight along -z, then with more tension while it takes every direction.
     result, held = _hold(scene.replaced(gravity=(0.0, 0.0, -scene.turned)), progress)
-    if held is None:
+    if not held:
         return replace(result, scene=scene, message=f"with the weight along -z: {result.message}")
-    return _turned(scene, result, held, progress)
+    return _turned(scene, result, held[0], progress)
+
+
+def _pushed(scene: HandScene, progress: Callable[[str], None] | None) -> HandResult:
+    """The grasp with the least normal forces that bears a push in every direction."""
+    asked = scene.contacts.push
+    plain = scene.replaced(contacts=scene.contacts.replaced(push=None))
+    weight = _PROBED * sum(setup.tip_force for setup in scene.setups)
+    result, held = _hold(_weighing(plain, weight) if plain.unloaded else plain, progress)
+    if not held:
+        if not plain.unloaded:
+            return replace(result, scene=scene)
+        stands_for = amount_text(weight, "N", ".2g")
+        message = f"no grasp was found that bears a push of {stands_for} on the object, which has no weight to speak of"
+        return replace(
+            result,
+            scene=scene,
+            status=result.status if result.status is GraspStatus.UNSTABLE else GraspStatus.NOT_SOLVED,
+            message=f"{message}; with a weight of {stands_for} in place of the push: {result.message}",
+            certificate=None,
+        )
+    search = HandSearch(plain, Budget.of(scene.solver, progress))
+    found = [pushed_grasps(plain, one, search, asked or math.inf) for one in held[:_PUSHED]]
+    statistics = {**result.statistics, "grips tried": sum(map(len, found))}
+    strongest = max((grasp for each in found for grasp in each), key=lambda grasp: grasp.push, default=None)
+    greatest = 0.0 if strongest is None else strongest.push
+    push = PUSH_SHARE * greatest if asked is None else asked
+    if asked is None and greatest <= NEAR * max(setup.tip_force for setup in scene.setups):
+        push = 0.0  # as little as a weight that is none
+    bearing = [grasp for each in found if (grasp := least_pushed(each, search, push)) is not None] if push else []
+    if not bearing:
+        return _gives_way(scene, strongest, statistics)
+    best = min(bearing, key=lambda grasp: grasp.tried.tension)
+    borne = amount_text(best.push, "N", ".3g")
+    message = (
+        f"held with a sum of tensions of {amount_text(best.tried.tension, 'N', '.4g')} against any push up to {borne}"
+    )
+    message += f"; {result.statistics['starts']} starting postures were tried, a sample of all postures"
+    if asked is None:
+        message += f"; {unloaded_words(greatest)}"
+    final = scene.replaced(contacts=scene.contacts.replaced(push=push))
+    certificate = certify_hand(final, best.tried.arrays)
+    words = "" if certificate.stability.stable else OPENED
+    return HandResult(
+        final, GraspStatus.FEASIBLE, message + words, best.tried.arrays, certificate, statistics=statistics
+    )
+
+
+def _gives_way(scene: HandScene, strongest: GrippedGrasp | None, statistics: dict[str, Any]) -> HandResult:
+    """The verdict where no grasp bears the push, with the one that bears the greatest."""
+    if strongest is None:
+        message = "no grasp was found whose contacts press more than the weight asks"
+        advice = "Use stronger tendons, more friction, or a palm."
+        return HandResult(scene, GraspStatus.NOT_SOLVED, message, advice=advice, statistics=statistics)
+    certificate = strongest.certificate
+    status = GraspStatus.NOT_SOLVED
+    if strongest.push:
+        message = f"the grasp bears a push of {amount_text(strongest.push, 'N', '.3g')} in every direction, "
+        asked = scene.contacts.push
+        message += f"less than contacts.push asks, {amount_text(asked, 'N', '.3g')}" if asked else "next to none"
+        advice = "Use stronger tendons, more friction, more fingers, or a smaller contacts.push."
+    elif certificate.passed:
+        status = GraspStatus.UNSTABLE
+        message = f"in balance, but a small push drives the object away: {certificate.stability}"
+        advice = "For a stable grasp, use fingers with a wider section, shorter fingers, or middle contacts."
+    else:
+        broken = ", ".join(check.name for check in certificate.failed)
+        message = f"the solver converged, but the independent check rejects: {broken}"
+        advice = "Give the fingers more space, or raise fidelity.elements."
+    return HandResult(
+        scene,
+        status,
+        message,
+        strongest.tried.arrays,
+        certificate,
+        advice=advice + _of_two(scene),
+        statistics=statistics,
+    )
+
+
+def _weighing(scene: HandScene, weight: float) -> HandScene:
+    """The scene of an object with some weight [N] along gravity, or along -z where there is none."""
+    gravity = scene.acceleration
+    if not any(gravity):
+        # So little that the fingers' own weight does not matter.
+        gravity = (0.0, 0.0, -_FAINT)
+    mass = weight / math.hypot(*gravity)
+    return scene.replaced(object=scene.object.replaced(mass=mass, density=None), gravity=gravity)
 
 
 def _turned(scene: HandScene, down: HandResult, held: HandTried, progress: Callable[[str], None] | None) -> HandResult:
@@ -85,6 +193,7 @@ def _turned(scene: HandScene, down: HandResult, held: HandTried, progress: Calla
         return HandResult(
             scene, GraspStatus.NOT_SOLVED, message, arrays, certificate, advice=advice, statistics=statistics
         )
+    # One grasp was turned; another may hold every direction.
     needed = beyond_needed(max(c.friction / c.held for c in certificate.turned) * scene.contacts.friction, 1.0)
     limit = next(limit for limit in LIMITS if limit.name == "friction")
     other = certify_hand(limit.changed(scene, needed), arrays)
@@ -92,8 +201,14 @@ def _turned(scene: HandScene, down: HandResult, held: HandTried, progress: Calla
     message = f"not held in every direction of the weight: at best, with {tension}, a friction of {worst.friction:.3g} "
     message += f"is needed, by {where}"
     return HandResult(
-        scene, GraspStatus.INFEASIBLE, message, arrays, certificate, reasons, advice, statistics=statistics
+        scene, GraspStatus.NOT_SOLVED, message, arrays, certificate, reasons, advice, statistics=statistics
     )
+
+
+def _tension_text(scene: HandScene, tried: HandTried) -> str:
+    """The sum of the tensions of a grasp; none where it is what a solver leaves of zero."""
+    most = sum(setup.max_tension for setup in scene.setups)
+    return amount_text(tried.tension if tried.tension > SATISFIED * most else 0.0, "N", ".4g")
 
 
 def _motion_text(shift: float, turn: float) -> str:
@@ -102,26 +217,33 @@ def _motion_text(shift: float, turn: float) -> str:
     return " and ".join([*shown, f"{math.degrees(turn):.2g} degrees"] if math.isfinite(turn) else shown)
 
 
-def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tuple[HandResult, HandTried | None]:
-    """The best grasp under gravity of one direction, with the point that it is, or why there is none."""
+def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tuple[HandResult, list[HandTried]]:
+    """The best grasp under gravity of one direction, or why there is none; all that are as the scene asks, the best
+    first.
+    """
     began = time.monotonic()
     budget = Budget.of(scene.solver, progress)
     search = HandSearch(scene, budget)
     tried = list[HandTried]()
     verified = list[tuple[HandTried, HandCertificate]]()
+    way = in_the_way(scene)
+    if way:
+        budget.tell(way_words(way))
+    # Where every finger is in the way, it is the place of the object, whatever else may be changed.
+    misplaced = len(way) == len(scene.setups)
 
     def look(one: HandTried) -> None:
         tried.append(one)
         if not one.attempt.converged:
             return
         certificate = certify_hand(scene, one.arrays)
-        if certificate.passed:
+        if certificate.passed and not any(map(math.isnan, openings(scene, one.arrays).values())):
             verified.append((one, certificate))
             search.held |= certificate.acceptable
             budget.tell(f"held with {amount_text(one.tension, 'N', '.4g')}")
 
     try:
-        for one in search.run():
+        for one in search.run(further=not misplaced):
             look(one)
         if not search.held:
             for pair in sorted(verified, key=lambda pair: -pair[1].stability.eigenvalue)[:_STEADIED]:
@@ -138,8 +260,9 @@ def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tu
     stable = [pair for pair in verified if pair[1].stability.stable]
     asked = stable if scene.stability == "require" else verified
     if asked or verified:
-        best, certificate = min(asked or verified, key=lambda pair: pair[0].tension)
-        held = f"a sum of tensions of {amount_text(best.tension, 'N', '.4g')}"
+        ranked = sorted(asked or verified, key=lambda pair: pair[0].tension)
+        best, certificate = ranked[0]
+        held = f"a sum of tensions of {_tension_text(scene, best)}"
         if not asked:
             unstable = HandResult(
                 scene,
@@ -151,13 +274,19 @@ def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tu
                 "Set stability: ignore where something else steadies the object." + _of_two(scene),
                 statistics=statistics,
             )
-            return unstable, None
+            return unstable, []
         words = "" if certificate.stability.stable else OPENED
         if least_push(certificate.promise) < _SLIGHT * scene.weight:
             words += _NO_RESERVE
         message = f"held with {held}; {len(tried)} starting postures were tried, a sample of all postures{words}"
-        return HandResult(scene, GraspStatus.FEASIBLE, message, best.arrays, certificate, statistics=statistics), best
-    return _without(scene, search, tried, statistics), None
+        result = HandResult(scene, GraspStatus.FEASIBLE, message, best.arrays, certificate, statistics=statistics)
+        return result, [one for one, _ in ranked]
+    if misplaced:
+        message = f"{way_words(way)}, and no grasp was found to which their tendons open and close them"
+        advice = "Move the object or the bases, or give the fingers a rest_curvature that clears the object."
+        arrays = min(tried, key=lambda one: one.attempt.violation).arrays if tried else {}
+        return HandResult(scene, GraspStatus.NOT_SOLVED, message, arrays, advice=advice, statistics=statistics), []
+    return _without(scene, search, tried, statistics), []
 
 
 def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], statistics: dict[str, float]) -> HandResult:
@@ -178,11 +307,14 @@ def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], stati
         if not reasons[0].stable:
             advice = f"Any one of these balances the forces, but a small push then drives the object away: {repairs}."
             advice += _of_two(scene)
-        message = reasons[0].text
+        tries = f"the search tried {len(tried)} starting postures, a sample of all postures"
+        status, message = GraspStatus.INFEASIBLE, f"{reasons[0].text}; {tries}"
+        if not search.agreed:
+            # A greater effort may hold it as it is.
+            status = GraspStatus.NOT_SOLVED
+            message = f"no grasp found; nearest to one: {message}{_more(scene, search)}"
         arrays = dict(reasons[0].arrays)
-        return HandResult(
-            scene, GraspStatus.INFEASIBLE, message, arrays, None, tuple(reasons), advice, statistics=statistics
-        )
+        return HandResult(scene, status, message, arrays, None, tuple(reasons), advice, statistics=statistics)
     converged = [one for one in tried if one.attempt.converged]
     if converged:
         broken = ", ".join(check.name for check in certify_hand(scene, converged[0].arrays).failed)
@@ -191,16 +323,26 @@ def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], stati
     else:
         worst = nearest.problem.rows.violations(nearest.attempt.g, 1e-6, {})
         names = ", ".join(violation.name for violation in worst[:3])
-        message = f"No grasp found. {len(tried)} starting postures were tried; the nearest violates {names}. "
-        message += "No single limit explains it."
+        message = (
+            f"No grasp found. {len(tried)} starting postures were tried{_more(scene, search)}; the nearest violates "
+        )
+        message += f"{names}. No single limit explains it."
         advice = (
             "Probably the geometry is the cause: move the object or the bases, or turn the planes of the fingers to "
             "it (twist)."
         )
         advice += _of_two(scene)
-    return HandResult(
-        scene, GraspStatus.NOT_SOLVED, message, nearest.arrays, None, advice=advice, statistics=statistics
-    )
+    status = GraspStatus.STOPPED if search.budget.stopped else GraspStatus.NOT_SOLVED
+    return HandResult(scene, status, message, nearest.arrays, None, advice=advice, statistics=statistics)
+
+
+def _more(scene: HandScene, search: HandSearch) -> str:
+    """Say what would let a search try more."""
+    if search.budget.stopped:
+        return f" (the clock stopped it after {scene.solver.time_limit:g} s: solver.time_limit)"
+    if search.budget.cut:
+        return " (all iterations were used up: solver.max_total_iterations)"
+    return "" if scene.solver.effort == "thorough" else " (solver.effort: thorough tries more)"
 
 
 def _of_two(scene: HandScene) -> str:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from continuum_grasp.base import Array
+from continuum_grasp.grasp.certificate.push import bears
 from continuum_grasp.grasp.hand.recomputed import ObjectTouch, RecomputedHand
 from continuum_grasp.grasp.hand.stability import HandResponse
 
@@ -77,7 +78,19 @@ def promised_wrench(hand: RecomputedHand, response: HandResponse, along: Array) 
         most = min([most, *(float(edge.real) for edge in edges if edge.imag == 0.0 and edge.real > 0.0)])
         if more > 0.0:
             most = min(most, (contact.normal_force_max - press) / more)
+        elif more < 0.0:
+            # Through the apex of the cone the edges are a double root, which rounding makes complex.
+            most = min(most, press / -more)
     return most
+
+
+def borne_push(hand: RecomputedHand, response: HandResponse) -> float:
+    """Greatest push on the object that it bears in every direction [N], to first order at constant tensions."""
+    slopes = zip(response.forces[..., :3], response.moments[:, :3], strict=True)
+    return min(
+        bears(*_with_moment(contact, slope, twist), contact.friction, contact.normal_force_max)
+        for contact, (slope, twist) in zip(hand.pressing, slopes, strict=True)
+    )
 
 
 def _with_moment(contact: ObjectTouch, slope: Array, twist: Array) -> tuple[Array, Array, Array]:

@@ -12,12 +12,16 @@ that has yielded; its derivative at the grasp, times the changes d( ) per wrench
     limits    forces + changes within their cones, tensions + changes within their limits
 
 Retensioned tendons change their tension freely; locked ones have a fixed length, so the tip's angle stays and the
-tension reacts, shared equally where both tendons are there.
+tension reacts, shared equally where both tendons are there; of constant ones neither reacts.
+
+A push p d of any direction d in the plane changes forces by p (F_x, F_y) d, from the answers to pushes along x and y. A
+limit c . f >= 0 that is linear is kept for all of them where c . f >= p |c' (F_x, F_y)|.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 
 import casadi as ca
 
@@ -30,25 +34,65 @@ LEAST = 0.02
 """Least sum of the curvatures of two surfaces that touch, per size of the object: below it the contact
 point would run along the finger without bound as it rolls; a finger that fits the object counts as wrapped."""
 
+CORNERS = 16
+"""Corners of the polygon around all pushes that stands for them where a friction cone is not linear: 2 % more."""
+
 _Row = tuple[str, ca.SX, str, str]
 """Name, expression, unit and key of what must stay zero."""
 
 
 def add_disturbances(problem: PlanarPart, wrenches: ca.SX) -> None:
     """Add unknowns and constraints of a part for all wrenches (3, W), which act on it."""
+    tendons = "locked" if problem.spec.locked else "retensioned"
+    cases = [str(k) for k in range(problem.spec.wrenches)]
+    for case, change in zip(cases, _changes(problem, wrenches, tendons, cases), strict=True):
+        _keep_limits(problem, change, case)
+
+
+def add_push(problem: PlanarPart, push: ca.SX) -> None:
+    """Add unknowns and constraints of a part for a push on it in any direction; zero where it acts on another part."""
+    tendons = "locked" if problem.spec.locked else "constant"
+    along = _changes(problem, ca.vertcat(push * ca.SX.eye(2), ca.SX(1, 2)), tendons, ["push x", "push y"])
+    number = problem.numbers
+    for contact in problem.contacts:
+        name = contact.spec.name
+        force = contact.force[: problem.spec.dimensions]
+        changes = ca.horzcat(*(change[f"change of force, {name}"] for change in along))
+        friction = number(f"{name}.friction")
+        # 1e-24 keeps the root differentiable where nothing changes.
+        more = ca.sqrt(ca.sumsqr(changes[0, :]) + 1e-24)
+        spare = ca.vertcat(force[0] - more, number(f"{name}.normal_force_max") - force[0] - more)
+        problem.rows.require(f"pushed normal force, {name}", spare, "N", "contacts.normal_force_max", upper=ca.inf)
+        key = f"contacts.friction ({name})"
+        for sign in (1.0, -1.0) if force.numel() == 2 else ():
+            across = ca.sqrt(ca.sumsqr(friction * changes[0, :] + sign * changes[1, :]) + 1e-24)
+            cone = friction * force[0] + sign * force[1] - across
+            problem.rows.require(f"pushed friction cone, {name}, {sign:+.0f}", cone, "N", key, upper=ca.inf)
+        for k in range(CORNERS if force.numel() > 2 else 0):
+            angle = 2.0 * math.pi * k / CORNERS
+            corner = ca.DM([math.cos(angle), math.sin(angle)]) / math.cos(math.pi / CORNERS)
+            moved = ca.vertcat(force[:2] + changes @ corner, force[2])
+            cone = friction_cone(number, friction, moved)
+            problem.rows.require(f"pushed friction cone, {name}, {k}", cone, "N", key, upper=ca.inf)
+
+
+def _changes(problem: PlanarPart, wrenches: ca.SX, tendons: str, cases: Sequence[str]) -> list[dict[str, ca.SX]]:
+    """Unknown changes of a part under wrenches (3, W), one of each case, by name, and the rows that they satisfy."""
     changes = Columns()
-    rows = list(_yielded(problem, changes))
+    rows = list(_yielded(problem, changes, tendons))
     z = changes.symbol
     slopes = [ca.substitute(ca.jacobian(row, z), z, ca.DM.zeros(z.numel())) for _, row, _, _ in rows]
-    for k in range(problem.spec.wrenches):
-        change = {name: problem.x(f"{name}, {k}", at.stop - at.start) for name, at in changes.at.items() if at.start}
+    each = []
+    for k, case in enumerate(cases):
+        change = {name: problem.x(f"{name}, {case}", at.stop - at.start) for name, at in changes.at.items() if at.start}
         column = ca.vertcat(wrenches[:, k], *change.values())
         for (name, _, unit, key), slope in zip(rows, slopes, strict=True):
-            problem.rows.require(f"{name}, {k}", slope @ column, unit, key)
-        _keep_limits(problem, change, k)
+            problem.rows.require(f"{name}, {case}", slope @ column, unit, key)
+        each.append(change)
+    return each
 
 
-def _yielded(problem: PlanarPart, changes: Columns) -> Iterator[_Row]:
+def _yielded(problem: PlanarPart, changes: Columns, tendons: str) -> Iterator[_Row]:
     """Rows that stay zero as a grasp yields, right to first order, in ``changes``: the wrench (3,), then changes of
     coordinates, tensions, contact forces along axes that turn with the contact, and the object's pose.
     """
@@ -99,9 +143,11 @@ def _yielded(problem: PlanarPart, changes: Columns) -> Iterator[_Row]:
     for finger, (q, u), carried, pull in zip(problem.fingers, states, loads, pulls, strict=True):
         missing = _moment(finger) * finger.missing_force(q, u, finger.loads(*carried))
         yield f"disturbed finger, {finger.spec.name}", missing, "N m", "disturbances"
-        if problem.spec.locked:
+        if tendons == "locked":
             retained = _retained(finger, finger.backbone.drawn(q, u, finger.p), pull)
             yield f"locked tendons, {finger.spec.name}", retained, "rad", "disturbances.tendons"
+        elif tendons == "constant":
+            yield f"constant tensions, {finger.spec.name}", pull, "1", "disturbances.tendons"
     yield "disturbed object, forces", force, "N", "disturbances"
     yield "disturbed object, moment", moment / problem.numbers("size"), "moment per size", "disturbances"
     yield from gaps
@@ -161,7 +207,7 @@ def _retained(finger: UnitFinger, drawn: ca.SX, pulls: ca.SX) -> ca.SX:
     return ca.vertcat(*rows)
 
 
-def _keep_limits(problem: PlanarPart, change: dict[str, ca.SX], k: int) -> None:
+def _keep_limits(problem: PlanarPart, change: dict[str, ca.SX], case: str) -> None:
     require = problem.rows.require
     number = problem.numbers
     for contact in problem.contacts:
@@ -170,11 +216,11 @@ def _keep_limits(problem: PlanarPart, change: dict[str, ca.SX], k: int) -> None:
         moved = contact.force[:2] + change[f"change of force, {name}"]
         force = ca.vertcat(moved, contact.force[2])[: problem.spec.dimensions]
         cone = friction_cone(number, number(f"{name}.friction"), force)
-        require(f"disturbed friction cone, {name}, {k}", cone, "N", "contacts.friction", upper=ca.inf)
+        require(f"disturbed friction cone, {name}, {case}", cone, "N", "contacts.friction", upper=ca.inf)
         spare = ca.vertcat(moved[0], number(f"{name}.normal_force_max") - moved[0])
-        require(f"disturbed normal force, {name}, {k}", spare, "N", "contacts.normal_force_max", upper=ca.inf)
+        require(f"disturbed normal force, {name}, {case}", spare, "N", "contacts.normal_force_max", upper=ca.inf)
     for finger in problem.fingers:
         pulls = finger.pulls + change[f"{finger.spec.name}.change of pulls"]
         spare = ca.vertcat(pulls - finger.number("pull_min", 2), finger.number("pull_most", 2) - pulls)
         name = finger.spec.name
-        require(f"disturbed tension, {name}, {k}", spare, f"tension, {name}", f"{name}.tendons", upper=ca.inf)
+        require(f"disturbed tension, {name}, {case}", spare, f"tension, {name}", f"{name}.tendons", upper=ca.inf)

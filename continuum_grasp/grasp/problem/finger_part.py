@@ -7,7 +7,7 @@ from functools import cached_property, lru_cache
 import casadi as ca
 
 from continuum_grasp.grasp.problem.blocks import rotation
-from continuum_grasp.grasp.problem.disturbance import add_disturbances
+from continuum_grasp.grasp.problem.disturbance import add_disturbances, add_push
 from continuum_grasp.grasp.problem.limits import keep_apart, keep_clear, keep_limits
 from continuum_grasp.grasp.problem.planar import PlanarPart, Touch
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec, ProblemSpec
@@ -36,6 +36,8 @@ class PlanarFinger(PlanarPart):
         self.aim(self._effort())
         if "greatest_disturbance" in spec.aims:
             add_disturbances(self, ca.SX(3, spec.wrenches))
+        if spec.pushed:
+            add_push(self, ca.SX(0))
         if spec.steadied:
             self.steady(ca.SX(0))
 

@@ -9,7 +9,7 @@ import casadi as ca
 
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.problem.blocks import in_space, rotation
-from continuum_grasp.grasp.problem.disturbance import add_disturbances
+from continuum_grasp.grasp.problem.disturbance import add_disturbances, add_push
 from continuum_grasp.grasp.problem.planar import PlanarPart, Touch
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import ContactSpec, ProblemSpec
@@ -99,6 +99,12 @@ class PlanarObject(PlanarPart):
             count = self.spec.wrenches
             add_disturbances(self, factor * ca.reshape(self.numbers("wrenches", 3 * count), 3, count))
             total -= number("disturbance weight") * factor
+        if self.spec.pushed:
+            sought = "greatest_push" in aims
+            push = self.x("borne push") if sought else number("push")
+            add_push(self, push)
+            if sought:
+                total -= number("push weight") * push
         return total
 
 

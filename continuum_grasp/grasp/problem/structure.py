@@ -173,7 +173,8 @@ class ProblemSpec:
     balances: tuple[int, ...]  # of the object that must be met: force along x, y, z, moment about x, y, z
     aims: tuple[str, ...]  # objectives with a weight
     wrenches: int  # disturbances, where they are an aim
-    locked: bool  # whether tendons are locked under disturbances
+    locked: bool  # whether tendons are locked under disturbances and pushes
+    pushed: bool = False  # whether a push of any direction is borne
     steadied: bool = False  # whether there is a bound on what the least eigenvalue is to first order
     yielding: bool = False  # whether the object yields to tips that stay where they met it
 
@@ -216,6 +217,7 @@ class ProblemSpec:
             finite = support is not None and support.name in bounded
             specs.append(ContactSpec(name, *place, isinstance(support, Peg), surfaces[start.part], finite))
         disturbed = "greatest_disturbance" in aims
+        pushed = "greatest_push" in aims or bool(scene.contacts.push)
         pairs = scene.pairs
         if apart is not None:
             count = range(len(setups))
@@ -233,7 +235,8 @@ class ProblemSpec:
             balances=scene.balances,
             aims=aims,
             wrenches=len(scene.wrenches) if disturbed else 0,
-            locked=disturbed and scene.disturbances.tendons == "locked",
+            locked=(disturbed or pushed) and scene.disturbances.tendons == "locked",
+            pushed=pushed,
         )
 
     def in_error(self, *, yielding: bool) -> ProblemSpec:
@@ -245,7 +248,9 @@ class ProblemSpec:
         free = self.free or yielding
         aims = ("greatest_reserve",)
         fingers = tuple(finger if finger.drive is None else replace(finger, in_error=True) for finger in self.fingers)
-        return replace(self, fingers=fingers, free=free, yielding=yielding, aims=aims, wrenches=0, locked=False)
+        return replace(
+            self, fingers=fingers, free=free, yielding=yielding, aims=aims, wrenches=0, locked=False, pushed=False
+        )
 
     def lands(self, contact: ContactSpec) -> bool:
         """Whether a contact stays where it met the object."""

@@ -145,6 +145,8 @@ def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str,
     high: Values = dict(low)
     low["greatest normal force"] = 0.0
     low["friction margin"], high["friction margin"] = 0.0, 1.0
+    # A push that is sought is no less than one that is asked for, nor than what is none to the fingers.
+    low["borne push"] = max(scene.contacts.push or 0.0, NEAR * units.force) / units.force
     for setup in scene.setups:
         name = setup.name
         finger = setup.finger
@@ -158,8 +160,8 @@ def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str,
             high[f"{name}.pulls"] = [np.inf, 0.0] if finger.tendons_used == "left" else [0.0, np.inf]
         low[f"{name}.base"], high[f"{name}.base"] = map(units.pose, zip(*finger.base_bounds, strict=True))
     low["object pose"], high["object pose"] = map(units.pose, zip(*scene.object.pose_bounds, strict=True))
-    steady = bool({"greatest_disturbance", "greatest_friction_margin"} & set(problem.spec.aims))
-    # Where slipping or disturbances are an aim, each contact presses.
+    steady = bool({"greatest_disturbance", "greatest_friction_margin", "greatest_push"} & set(problem.spec.aims))
+    # Where slipping, disturbances or pushes are an aim, each contact presses.
     least = NEAR * max(scene.weight / units.force, 1.0) if steady else 0.0
     if "reserve" in problem.x.at:  # which says whether contacts press
         least = -np.inf
@@ -314,6 +316,8 @@ def _objective_values(scene: GraspScene, units: Units) -> Values:
         "normal weight": 1.0 / (per_force / units.force) if alone else weights.least_normal_force / greatest_force,
         "margin weight": 1.0 if alone else weights.greatest_friction_margin,
         "disturbance weight": 1.0 if alone else weights.greatest_disturbance,
+        "push weight": 1.0 if alone else weights.greatest_push / greatest_force,
+        "push": (scene.contacts.push or 0.0) / units.force,
         "wrenches": [
             [fx / units.force, fy / units.force, m / (units.force * units.length)] for fx, fy, m in scene.wrenches
         ],

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
+from continuum_grasp.grasp.certificate.push import bears
 from continuum_grasp.grasp.quality.bent_finger import BentFinger, rolled
 from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.scene import GraspScene
@@ -117,6 +119,21 @@ class GraspResponse:
         except np.linalg.LinAlgError:
             return False
         return True
+
+    @cached_property
+    def push(self) -> float:
+        """Greatest push that it bears in every direction [N]: at constant tensions, or with locked tendons where the
+        scene's disturbances have these; none where it is unstable.
+        """
+        # Tensions that are not chosen anew are constant.
+        tendons: Tendons = self._scene.disturbances.tendons
+        if not self.contacts.count or not self.stable(tendons):
+            return 0.0
+        slopes = np.zeros((self.contacts.count, 3, 2))
+        slopes[:, :2] = self.to_wrenches(tendons).forces[..., :2]
+        each = zip(self.contacts.forces, slopes, self.contacts.friction, self.contacts.normal_max, strict=True)
+        inward = np.array([1.0, 0.0, 0.0])
+        return min(bears(force, slope, inward, friction, most) for force, slope, friction, most in each)
 
     def to_wrenches(self, tendons: Tendons) -> UnitChanges:
         """Response to a force along x and y [1 N] and a moment about the center of mass [1 N m]: K = 3."""

@@ -16,7 +16,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
 
-from continuum_grasp.base import InputError, prefixed
+from continuum_grasp.base import InputError, amount_text, prefixed
 from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.certificate.certificate import certify_reached
 from continuum_grasp.grasp.effort import CLOSEST, FIRST_CAP
@@ -26,6 +26,7 @@ from continuum_grasp.grasp.reasons.starts import Starts, eased
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.values import GraspStart
+from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import NEAR, GraspStatus, Reason
 from continuum_grasp.scene import FingerSetup, GraspScene
 
@@ -147,6 +148,15 @@ def out_of_reach(scene: GraspScene) -> Reason | None:
     text = f"the object is out of reach: it is {distance:.4g} m from the base; the finger reaches {reach:.4g} m"
     repair = f"move object and base closer together, by at least {missing:.4g} m"
     return Reason("reach", "object.position", "m", distance, reach, text, repair)
+
+
+def push_reason(scene: GraspScene, strongest: Tried) -> Reason:
+    """The push is greater than the greatest that was found."""
+    asked = scene.contacts.push or 0.0
+    borne = beyond_needed(strongest.certificate.push, -1.0)
+    text = f"the push is too great: {amount_text(asked, 'N', '.3g')}, {amount_text(borne, 'N', '.3g')} can be borne"
+    repair = f"contacts.push = {amount_text(borne, 'N', '.3g')}"
+    return Reason("push", "contacts.push", "N", asked, borne, text, repair, arrays=strongest.arrays)
 
 
 def _reach(setup: FingerSetup) -> float:

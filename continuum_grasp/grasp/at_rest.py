@@ -1,0 +1,153 @@
+"""Fingers at rest against what surrounds them: without tensions, weight and contacts, each has its rest curvature."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from continuum_grasp.base import Array
+from continuum_grasp.scene import FingerSetup, GraspScene, HandScene, Wall
+
+PANELS = 400
+"""Chords that stand for a finger at rest: one that is bent by a turn is off by 3e-5 of its length."""
+CLEAR = 1e-3
+"""Depth, per length of the finger, up to which a finger at rest lies against a body [1]: drawings and places of
+rounded numbers are off by as much."""
+
+
+@dataclass(frozen=True)
+class RestOverlap:
+    """A finger at rest that passes through a body.
+
+    Attributes
+    ----------
+    finger : str
+        Name of the finger.
+    key : str
+        Key of the finger in the scene.
+    body : str
+        ``object``, or the name of a support.
+    depth : float
+        Greatest depth of the finger's skin in the body [m].
+    station : float
+        Place along the finger where it is deepest [m].
+    """
+
+    finger: str
+    key: str
+    body: str
+    depth: float
+    station: float
+
+    def __str__(self) -> str:
+        name = "the object" if self.body == "object" else self.body
+        return (
+            f"{self.finger} at rest passes through {name}: {1e3 * self.depth:.3g} mm deep, {1e3 * self.station:.3g} mm "
+            "from its base"
+        )
+
+
+def overlaps_at_rest(scene: GraspScene | HandScene) -> tuple[RestOverlap, ...]:
+    """Find the fingers that pass through the object or a support where no tendon pulls.
+
+    Takes milliseconds: nothing is solved. Bodies and bases are where the scene puts them; a base or an object whose
+    pose is free counts as it starts. Weight and contacts, which bend fingers too, are left out.
+
+    Parameters
+    ----------
+    scene : GraspScene or HandScene
+
+    Returns
+    -------
+    tuple of RestOverlap
+        By finger, the object first; empty where all fingers are clear.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.grasp.at_rest import overlaps_at_rest
+    >>> overlaps_at_rest(cg.load("configs/hand/ball.yaml"))
+    ()
+    >>> low = {"object.position": [0.045, 0.0, -0.09]}  # m: the ball is below the first finger
+    >>> [overlap.finger for overlap in overlaps_at_rest(cg.load("configs/hand/ball.yaml").changed(low))]
+    ['finger_1']
+    """
+    lines = _in_space(scene) if isinstance(scene, HandScene) else _in_plane(scene)
+    found = list[RestOverlap]()
+    for setup, stations, gaps in lines:
+        for body, gap in gaps.items():
+            deepest = int(gap.argmin())
+            depth = -float(gap[deepest])
+            if depth > CLEAR * setup.finger.rod.length:
+                found.append(RestOverlap(setup.name, setup.where, body, depth, float(stations[deepest])))
+    return tuple(found)
+
+
+def free_line(setup: FingerSetup, tensions: tuple[float, float] = (0.0, 0.0)) -> tuple[Array, Array]:
+    """Shape of a finger that nothing touches: stations (K,) along it [m], and its line (K, 2) from the origin along y,
+    bent in its plane by tensions [N], which act without friction [m].
+    """
+    profile = setup.finger.profile
+    stations = np.unique([*np.linspace(0.0, profile.length, PANELS + 1), *profile.rest_curvature.edges])
+    middle = 0.5 * (stations[1:] + stations[:-1])
+    steps = np.diff(stations)
+    moment = sum(np.dot(channel.arms, tensions) * channel.shape(middle) for channel in setup.finger.channels)
+    turns = (profile.rest_curvature(middle) + moment / profile.bending_stiffness(middle)) * steps
+    # The angle at the middle of each panel, which is exact where the curvature is even.
+    angle = np.cumsum(turns) - 0.5 * turns
+    line = np.zeros((len(stations), 2))
+    line[1:] = np.cumsum(np.column_stack([-np.sin(angle), np.cos(angle)]) * steps[:, None], axis=0)
+    return stations, line
+
+
+_Line = tuple[FingerSetup, Array, dict[str, Array]]
+"""A finger, stations along it, and by body the gaps between that and its skin [m]."""
+
+
+def _in_space(scene: HandScene) -> Iterator[_Line]:
+    from continuum_grasp.grasp.hand.body import BodySurface
+    from continuum_grasp.grasp.hand.frames import PlaneFrame
+
+    body = BodySurface(scene)
+    bases = scene.hand.named_bases
+    for setup, frame in zip(scene.setups, PlaneFrame.each(scene), strict=True):
+        stations, line = free_line(setup)
+        points = frame.world(np.column_stack([line, np.zeros(len(line))]))
+        half = setup.finger.profile.half_thickness(stations)
+        # A mesh is not where its object is by more than its deviation.
+        gaps = {"object": body.distance(points)[0] - half + scene.object.deviation}
+        for support in scene.supports:
+            away = points - np.array(support.point)
+            heights = away @ np.array(support.normal)
+            beside = np.linalg.norm(away - heights[:, None] * np.array(support.normal), axis=1) - support.radius
+            base = bases[setup.name]
+            # Near its base, a finger may come out of the support.
+            first = support.clear_from(base.position, base.direction, setup.finger.thickness_radius)
+            gaps[support.name] = np.where(stations >= first, np.maximum(heights, beside) - half, np.inf)
+        yield setup, stations, gaps
+
+
+def _in_plane(scene: GraspScene) -> Iterator[_Line]:
+    for setup in scene.setups:
+        stations, line = free_line(setup)
+        base = setup.finger.base
+        c, s = math.cos(base.angle), math.sin(base.angle)
+        points = np.array(base.position) + line @ np.array([[c, s], [-s, c]])
+        half = setup.finger.profile.half_thickness(stations)
+        gaps = {"object": np.array([scene.object.distance((x, y)) for x, y in points.tolist()]) - half}
+        for place in scene.places:
+            if isinstance(place, Wall):
+                away = points - np.array(place.point)
+                height = away @ np.array(place.normal)
+                beside = np.abs(away @ np.array([-place.normal[1], place.normal[0]])) - place.half_length
+                # An edge has no inside: what crosses it is as deep as half its thickness.
+                gap = height if math.isinf(place.half_length) else np.hypot(height, np.maximum(beside, 0.0))
+            else:
+                gap = np.linalg.norm(points - np.array(place.position), axis=1) - place.radius
+            # A finger may come out of a support that its base is in.
+            out = np.logical_or.accumulate(gap >= half)
+            gaps[place.name] = np.where(out, gap - half, np.inf) if out.any() else gap - half
+        yield setup, stations, gaps
