@@ -25,8 +25,8 @@ from continuum_grasp.scene import Channel, Curve, Tendon
 class Cell:
     """A part of an element along which one friction state holds; sequences have an entry per local coordinate.
 
-    Integrals along the cell are of the curvature shapes: ``bends``, one per part between jumps of the rest curvature,
-    at which the finger may bend to the other side; with the shape of the tendon's moment ``work``; this with the
+    Integrals along the cell are of the curvature shapes: ``bends``, one per part on which the finger is smooth, since
+    it may bend to the other side where the rest curvature jumps; with the shape of the tendon's moment ``work``; this with the
     fraction of the cell less a half, per ``most``, ``lean``; and ``late`` is ``work`` of the half towards the tip. The
     same of the rest curvature is one more entry, but of ``lean``; of one where it is a run-time number.
     """
@@ -109,7 +109,8 @@ def _cell(family: Family, shape: Curve, element: int, a: float, b: float, unit_r
     curves = mesh.stiffness, mesh.rest, shape
     early, late = (mesh.integral(*half, parts, *curves) for half in ((a, middle), (middle, b)))
     _, work, lean = early + late
-    ends = [a, *(at for at in mesh.rest.jumps if a < at < b), b]
+    along = mesh.stiffness, mesh.linear_density, mesh.rotary_inertia, mesh.rest, shape
+    ends = sorted({a, b, *(at for curve in along for at in curve.breaks if a < at < b)})
     bends = [mesh.integral(*part, parts, *curves)[0].tolist() for part in pairwise(ends)]
     lean = np.where(np.abs(lean) > 1e-12 * np.abs(work[:-1]).max(), lean, 0.0)[:-1]
     # Of two nodes they often differ by their sign alone: one product serves both.

@@ -71,8 +71,7 @@ class TendonFriction:
     def _turned(self) -> Array:
         """Turn (K,) of the finger without sign along each cell, where the tendons run [rad].
 
-        It is that of the law of the model that is verified: rounded off, of each part between places where the finger
-        may bend to the other side at once.
+        It is that of the law of the model that is verified: rounded off, of each part on which the finger is smooth.
         """
         channel, profile = self._shape.channels[0], self._shape.profile
         inside = np.concatenate([self.edges, profile.breaks, channel.shape.breaks])

@@ -312,7 +312,9 @@ class ChainSystem(Model):
     def start(self, finger: Array, u: Array) -> Array:
         """State at rest in the shape and with the friction that ``finger_model`` has in a state ``finger`` (nx,)."""
         model, x = self.finger_model, np.zeros(self.nx)
-        bends, rates, drives, _ = np.split(finger, np.cumsum([self.n, self.n, model.structure.drive_states]))
+        groups, winches = model.structure.states, sum(winch.states for winch in self.winches)
+        # Lags of the finger's drives are no states of the chain.
+        bends, rates, _, drives, _ = np.split(finger, np.cumsum([self.n, self.n, len(groups["lag"]), winches]))
         # The model's bends count from the shape at rest.
         q = bends + self.links.rest
         x[: self.n], x[self.n : 2 * self.n] = q, rates
