@@ -57,7 +57,7 @@ def test_tests_read_only_what_is_packed():
 def test_version_is_the_same_everywhere():
     version = re.search(r'__version__ = "(.+)"', (ROOT / "continuum_grasp/__init__.py").read_text(encoding="utf-8"))[1]
     cited = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)[1]
-    newest = re.search(r"^## ([\d.]+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)[1]
+    newest = re.search(r"^## ([\d.]+)$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)[1]
     assert cited == newest == version
 
 

@@ -125,7 +125,7 @@ READ = {
     "mirror": '[part transform="matrix(-1 0 0 1 120 0)"]',
     "page with an offset": '<svg [space] width="100mm" height="80mm" viewBox="10 5 100 80">[part]</svg>',
     "page in inches": '<svg [space] width="4in" height="3in" viewBox="0 0 120 90">[part]</svg>',
-    "page that stretches": '<svg [space] width="100mm" height="40mm" viewBox="0 0 120 90" preserveAspectRatio="none">'
+    "page without aspect": '<svg [space] width="100mm" height="40mm" viewBox="0 0 120 90" preserveAspectRatio="none">'
     "[part]</svg>",
     "page at its right": '<svg [space] width="200mm" height="90mm" viewBox="0 0 120 90" preserveAspectRatio="xMaxYMin">'
     "[part]</svg>",
@@ -191,8 +191,8 @@ WEB = {
     "print": "<style>@media print { path { display: none } } @media screen { rect { display: none } }</style>"
     '<rect width="110" height="80"/>[part]',
     "print alone": '<style media="print">path { display: none }</style>[part]',
-    "first of a kind": '<style>rect:nth-of-type(2), rect:not(.kept) { display: none }</style><rect x="20" y="15" width="60" '
-    'height="40" class="kept"/><rect width="110" height="80" class="kept"/>',
+    "first of a kind": '<style>rect:nth-of-type(2), rect:not(.body) { display: none }</style><rect x="20" y="15" width="60" '
+    'height="40" class="body"/><rect width="110" height="80" class="body"/>',
     "geometry by style": '<style>circle { r: 25px; cx: 50px } rect { rx: 6px }</style><circle cx="3" cy="40" r="1"/>',
     "size by style": '<rect x="20" y="15" style="width: 60px; height: 30px"/>',
 }

@@ -31,7 +31,7 @@ def outline(file, **keys):
 
 
 def picture(paint):
-    """Pixels of the largest thing in a picture, with its holes."""
+    """Pixels of the largest part of a picture, with its holes."""
     import matplotlib.pyplot as plt
 
     figure = plt.figure(figsize=(8.0, 8.0), dpi=PIXELS / 8)
@@ -153,7 +153,7 @@ def nested(document):
     document.modelspace().add_blockref("OUTER", (-20, 5), dxfattribs={"rotation": 20, "yscale": -1})
 
 
-def stretched(document):
+def two_scales(document):
     part = document.blocks.new("PART")
     part.add_circle((0, 0), 20)
     document.modelspace().add_blockref("PART", (0, 0), dxfattribs={"xscale": 3.0, "yscale": 1.5, "rotation": 30})
@@ -199,7 +199,7 @@ def in_paper(document):
 
 
 READ = [
-    lines, bulges, below, arcs_below, ellipse, spline, fitted, layers, mirrored, mirrored_below, nested, stretched,
+    lines, bulges, below, arcs_below, ellipse, spline, fitted, layers, mirrored, mirrored_below, nested, two_scales,
     clip_around, clip_of_a_part, attributes, hatched, wide, wide_of_old, in_paper,
 ]  # fmt: skip
 NAMED = {

@@ -73,7 +73,7 @@ def by_chromium(browser, file):
 
 
 def seen(colors):
-    """Pixels of the largest thing that is painted, with its holes."""
+    """Pixels of the largest part that is painted, with its holes."""
     ink = 255 - colors.min(axis=2)
     dark = ndimage.binary_fill_holes(ink > 0.4 * np.median(ink[ink > 5]))
     parts, _ = ndimage.label(dark)

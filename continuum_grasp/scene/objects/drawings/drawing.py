@@ -112,11 +112,11 @@ def _once_each(rings: list[DrawnCurve]) -> list[DrawnCurve]:
     for ring in rings:
         least = WRITTEN * ring.solid.area
         alike = [k for k, other in enumerate(unique) if abs(other.solid.area - ring.solid.area) <= least]
-        twin = next((k for k in alike if ring.solid.symmetric_difference(unique[k].solid).area <= least), None)
-        if twin is None:
+        same = next((k for k in alike if ring.solid.symmetric_difference(unique[k].solid).area <= least), None)
+        if same is None:
             unique.append(ring)
-        elif ring.width > unique[twin].width:
-            unique[twin] = replace(unique[twin], width=ring.width)
+        elif ring.width > unique[same].width:
+            unique[same] = replace(unique[same], width=ring.width)
     return unique
 
 

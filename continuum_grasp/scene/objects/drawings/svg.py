@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.scene.objects.drawings.curves import DrawnCurve
 from continuum_grasp.scene.objects.drawings.drawing import Drawing
-from continuum_grasp.scene.objects.drawings.svg_effects import MOVING, Effects, Place
+from continuum_grasp.scene.objects.drawings.svg_effects import MOVING, Effects, ElementPlace
 from continuum_grasp.scene.objects.drawings.svg_geometry import (
     SHAPES,
     box,
@@ -79,7 +79,7 @@ class _Document:
         """Everything that the document shows."""
         style = self.styles.of(self.root, {})
         matrix, viewport, page = self._page(style)
-        place = Place(matrix, viewport, style, (self.root,), fraction(style.get("opacity", "1")))
+        place = ElementPlace(matrix, viewport, style, (self.root,), fraction(style.get("opacity", "1")))
         if style.get("transform", "none") != "none":
             raise ValueError(f"{named(self.root)}: transform is not read: put it into a group")
         shapes = [shape for child in self.root for shape in self._drawn(child, place)]
@@ -116,7 +116,7 @@ class _Document:
                 return length(text, 0.0)
         return 0.0
 
-    def _drawn(self, element: Any, place: Place) -> list[DrawnShape]:
+    def _drawn(self, element: Any, place: ElementPlace) -> list[DrawnShape]:
         """Everything that an element shows."""
         if not isinstance(element.tag, str) or "}" in element.tag or not _wanted(element):
             return []
@@ -129,20 +129,20 @@ class _Document:
         inside = self._turned(element, inside)
         return self.effects.seen(element, inside, draw(element, inside))
 
-    def _drawing_of(self, tag: str) -> Callable[[Any, Place], list[DrawnShape]] | None:
+    def _drawing_of(self, tag: str) -> Callable[[Any, ElementPlace], list[DrawnShape]] | None:
         """The method that draws elements of a kind; None where there is none."""
         if tag in SHAPES:
             return self._shape
         return self._used if tag == "use" else self._group if tag in _GROUPS else None
 
-    def _inside(self, element: Any, place: Place) -> Place:
+    def _inside(self, element: Any, place: ElementPlace) -> ElementPlace:
         """The place with the properties of an element, which is not displayed inside of one that is not."""
         style = self.styles.of(element, place.style)
         if place.style.get("display") == "none":
             style["display"] = "none"
         return replace(place, style=style, opacity=place.opacity * fraction(style.get("opacity", "1")))
 
-    def _turned(self, element: Any, place: Place) -> Place:
+    def _turned(self, element: Any, place: ElementPlace) -> ElementPlace:
         """The place of an element with its own transform, of which x and y of a use are a part."""
         place = place.turned(named(element))
         if element.tag != "use":
@@ -150,7 +150,7 @@ class _Document:
         x, y, _, _ = box(place.style, place.viewport, {})
         return replace(place, matrix=fitted({}, "", (x, y, 0.0, 0.0))[0] * place.matrix)
 
-    def _group(self, element: Any, place: Place, sized: dict[str, str] | None = None) -> list[DrawnShape]:
+    def _group(self, element: Any, place: ElementPlace, sized: dict[str, str] | None = None) -> list[DrawnShape]:
         """The children of a group; ``sized`` has the size of a viewport, which a use may state."""
         place = replace(place, within=(*place.within, element))
         edge = None
@@ -169,7 +169,7 @@ class _Document:
         shapes = [shape for child in children for shape in self._drawn(child, place)]
         return shapes if edge is None else [shape.cut(edge) for shape in shapes]
 
-    def _used(self, element: Any, place: Place) -> list[DrawnShape]:
+    def _used(self, element: Any, place: ElementPlace) -> list[DrawnShape]:
         reference = next((element.get(key) for key in REFERENCES if element.get(key)), "")
         target = self.target(reference)
         if target is None or target in place.within:
@@ -181,7 +181,7 @@ class _Document:
         inside = self._turned(target, self._inside(target, place))
         return self.effects.seen(target, inside, self._group(target, inside, self.styles.of(element, {})))
 
-    def _shape(self, element: Any, place: Place) -> list[DrawnShape]:
+    def _shape(self, element: Any, place: ElementPlace) -> list[DrawnShape]:
         if self._count >= _MOST:
             raise ValueError(f"more than {_MOST} shapes")
         import numpy as np
@@ -214,7 +214,7 @@ class _Document:
         shape = replace(shape, fill=fill, stroke=stroke if width else None, width=width)
         return [self._marked(element, style, shape)]
 
-    def _width(self, style: dict[str, str], place: Place) -> float:
+    def _width(self, style: dict[str, str], place: ElementPlace) -> float:
         """Width of a stroke on the page [px]."""
         width = length(style.get("stroke-width", "1"), math.hypot(*place.viewport) / math.sqrt(2.0))
         fixed = style.get("vector-effect") == "non-scaling-stroke"
@@ -229,7 +229,7 @@ class _Document:
             self.ignored[f"marker of {shape.label}"] += 1
         return replace(shape, dashed=bool(re.search("[1-9]", style.get("stroke-dasharray", "none"))))
 
-    def _alone(self, children: list[Any], place: Place) -> list[DrawnShape]:
+    def _alone(self, children: list[Any], place: ElementPlace) -> list[DrawnShape]:
         """Draw the shapes of a clip path or a mask; `ValueError` where it has anything else.
 
         They do not count in the names of other shapes.

@@ -26,7 +26,7 @@ _BOX = "objectBoundingBox"
 
 
 @dataclass(frozen=True)
-class Place:
+class ElementPlace:
     """Where an element is drawn.
 
     Attributes
@@ -52,7 +52,7 @@ class Place:
     opacity: float = 1.0
     clips: bool = False
 
-    def turned(self, label: str) -> Place:
+    def turned(self, label: str) -> ElementPlace:
         """The place with the transform of the element that has its properties."""
         check(self.style, label)
         return replace(self, matrix=transform(self.style, self.viewport) * self.matrix)
@@ -76,14 +76,14 @@ class Effects:
         root: Any,
         target: Callable[[str], Any],
         styles: Styles,
-        draw: Callable[[list[Any], Place], list[DrawnShape]],
+        draw: Callable[[list[Any], ElementPlace], list[DrawnShape]],
     ) -> None:
         self.target = target
         self.styles = styles
         self.draw = draw
         self._boxed = any(element.tag == "mask" or _BOX in element.attrib.values() for element in root.iter())
 
-    def seen(self, element: Any, place: Place, shapes: list[DrawnShape]) -> list[DrawnShape]:
+    def seen(self, element: Any, place: ElementPlace, shapes: list[DrawnShape]) -> list[DrawnShape]:
         """The shapes of an element as its clip path, its mask and its effects leave them."""
         style = place.style
         if self._boxed:
@@ -107,7 +107,7 @@ class Effects:
         flaw = f"is changed by {flaws[0]}, which is not read: apply or remove it in the program that drew it"
         return [replace(shape, flaw=shape.flaw or flaw) for shape in shapes]
 
-    def _region(self, key: str, text: str, place: Place, shapes: list[DrawnShape]) -> Any:
+    def _region(self, key: str, text: str, place: ElementPlace, shapes: list[DrawnShape]) -> Any:
         """The region that a clip path or a mask leaves visible."""
         match = re.fullmatch(r"url\(\s*[\"']?([^)\"']*)[\"']?\s*\)", text)
         target = self.target(match[1]) if match else None
@@ -128,7 +128,7 @@ class Effects:
                 region = region.intersection(self._region(other, style[other], around, shapes))
         return region
 
-    def _clip(self, target: Any, place: Place) -> Any:
+    def _clip(self, target: Any, place: ElementPlace) -> Any:
         """The region of a clip path, which has shapes and uses of shapes alone."""
         import shapely
 
@@ -139,7 +139,7 @@ class Effects:
             raise ValueError(f"{flawed.label} {flawed.flaw}")
         return shapely.union_all([shape.area for shape in shapes if shape.fill])
 
-    def _mask(self, target: Any, inner: Place, whole: Any, outer: Place) -> Any:
+    def _mask(self, target: Any, inner: ElementPlace, whole: Any, outer: ElementPlace) -> Any:
         """The region of a mask, within the rectangle that it states."""
         shapes = self.draw(list(target), inner)
         in_box = target.get("maskUnits", _BOX) == _BOX
