@@ -146,7 +146,7 @@ def _names(source: _Names, entries: Any, passed: Sequence[Any]) -> list[Hashable
 
 
 def _sources(message: Any, parts: Sequence[Part]) -> dict[int, _Names | None] | None:
-    """Where the names of each list on a path come from, by its place in the path; None if a list is empty.
+    """Return the source of the names of each list on a path, by its place in the path; None if a list is empty.
 
     Names of a message belong to the innermost list below it that has none yet: in a DynamicJointState, joints name the
     outer list and interfaces the inner one; in a JointTrajectory, joints name the positions of all points.

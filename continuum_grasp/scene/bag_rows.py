@@ -7,8 +7,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
-import numpy as np
-
 from continuum_grasp.base import InputError
 from continuum_grasp.scene.bag_fields import EntryName, FieldReader, Part, joined
 from continuum_grasp.scene.bag_topics import NANOSECONDS
@@ -130,7 +128,7 @@ def _samples(bag: OpenBag, columns: Sequence[FieldColumn]) -> tuple[dict[str, _S
         def refused(message: str, _: int, topic: str = topic) -> InputError:
             return bag.error(f"topic {topic}: {message}")
 
-        order, note = in_order(np.array(found.stamps, dtype=np.int64), "messages", refused)
+        order, note = in_order(found.stamps, "messages", refused)
         notes += [f"{topic}: {note}"] if note else []
         cells = {heading: [values[k] for k in order] for heading, values in found.cells.items()}
         samples[topic] = _Samples([found.stamps[k] for k in order], [found.numbers[k] for k in order], cells)

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Callable, Sequence
+from itertools import accumulate
 
 from continuum_grasp.base import InputError
 
@@ -15,40 +12,37 @@ _RUN = 10
 places, and a shuffled table has ten in order once in 10! = 3.6 million rows."""
 
 
-def in_order(
-    instants: NDArray[Any], rows: str, refused: Callable[[str, int], InputError]
-) -> tuple[NDArray[np.intp], str]:
+def in_order(instants: Sequence[float], rows: str, refused: Callable[[str, int], InputError]) -> tuple[list[int], str]:
     """Order (K,) that sorts instants (K,), and what to report of it; empty where they are in order.
 
     Equal instants remain in the order of the log. Where a run begins while the instants of an earlier one go on,
     sorting would mix two runs: it raises what ``refused`` makes of a message and the number of the row.
     """
-    order = np.argsort(instants, kind="stable")
-    late = int(np.count_nonzero(instants < np.maximum.accumulate(instants))) if instants.size else 0
+    count = len(instants)
+    order = sorted(range(count), key=instants.__getitem__)
+    late = sum(instant < latest for instant, latest in zip(instants, accumulate(instants, max), strict=True))
     if not late:
         return order, ""
     again = _second_run(instants, order)
     if again is not None:
-        message = (
-            f"a second run begins at number {again + 1} of {instants.size} {rows}, while instants of the run before"
-        )
-        raise refused(f"{message} go on; expected one run: give each run a file of its own", again)
-    return order, f"{late} of {instants.size} {rows} come after later ones: sorted by their instants"
+        message = f"a second run begins at number {again + 1} of {count} {rows}, within the time of the first"
+        raise refused(f"{message}; expected one run: give each run a file of its own", again)
+    return order, f"{late} of {count} {rows} come after later ones: sorted by their instants"
 
 
-def _second_run(instants: NDArray[Any], order: NDArray[np.intp]) -> int | None:
+def _second_run(instants: Sequence[float], order: Sequence[int]) -> int | None:
     """Row at which a second run begins whose instants overlap with those before; None where there is none."""
-    rank = np.empty(order.size, dtype=np.intp)
-    rank[order] = np.arange(order.size)
-    begins = np.flatnonzero(np.diff(instants) < 0) + 1
-    ends = np.append(begins[1:], instants.size)
-    # of the rows before a row, at least as many are later as it is moved up by sorting
-    moved = begins - rank[begins]
-    longs = (ends - begins >= _RUN) & (moved >= _RUN)
-    for begin, end in zip(begins[longs], ends[longs], strict=True):
+    count = len(instants)
+    begins = [k for k in range(1, count) if instants[k] < instants[k - 1]]
+    rank = dict(zip(order, range(count), strict=True))
+    for begin, end in zip(begins, [*begins[1:], count], strict=True):
+        # of the rows before a row, at least as many are later as it is moved up by sorting
+        if end - begin < _RUN or begin - rank[begin] < _RUN:
+            continue
+        first, last = instants[begin], instants[end - 1]
         before = instants[:begin]
-        run = instants[begin:end]
-        inside = np.count_nonzero((before >= run[0]) & (before <= run[-1]))
-        if inside >= _RUN and np.count_nonzero(run <= before.max()) >= _RUN:
-            return int(begin)
+        latest = max(before)
+        inside = sum(first <= instant <= last for instant in before)
+        if inside >= _RUN and sum(instants[k] <= latest for k in range(begin, end)) >= _RUN:
+            return begin
     return None

@@ -38,7 +38,7 @@ _SUFFIX = re.compile(
     r"(.+?)(?:_|\s*/\s*|,?\s+in\s+|,\s*|\s+)"
     r"(mm|cm|um|µm|m|deg|°|rad|s|sec|ms|us|ns|N|mN|g|kg|gf|kgf|Hz|rpm|Nm|Nmm|mNm|kPa|MPa|bar|mbar)"
 )
-"""Heading with a unit behind its name. Not in, min and h: tension_in, x_min and l_h have other meanings."""
+"""Heading with a unit behind its name. Not in, min and h: tension_in is an input, x_min a least value."""
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}[T ]\d{2}:")
 _OFF = 30.0
 """Factor on the expected time between rows, up or down, from which the unit is asked for [1]: half way, in logarithm,
@@ -216,7 +216,9 @@ class DataTable:
         """
         at = self.index(heading)
         name = self.headings[at]
-        order, note = in_order(t, "rows", lambda message, row: self.error(f"column {name}: {message}", at, row))
+        order, note = in_order(
+            t.tolist(), "rows", lambda message, row: self.error(f"column {name}: {message}", at, row)
+        )
         table = self._taken(order).noted(f"{note} in column {name}") if note else self
         t = t[order]
         fresh = np.diff(t, prepend=-math.inf) > 0.0

@@ -39,7 +39,7 @@ def test_the_overview_names_every_guide():
 def test_the_changelog_has_the_last_version_and_links_to_all_before_it():
     """In short entries: one line a change."""
     text = read("CHANGELOG.md")
-    (newest,) = re.findall(r"^## (.+)$", text, re.MULTILINE)
+    (newest,) = re.findall(r"^## (?!.*unreleased)(.+)$", text, re.MULTILINE)
     linked = re.findall(r"\[([\d.]+)\]\(docs/changes/", text)
     assert set(linked) == {path.stem for path in (ROOT / "docs/changes").glob("*.md")}
     assert [newest, *linked] == sorted({newest, *linked}, key=lambda v: [int(n) for n in v.split(".")], reverse=True)

@@ -1,4 +1,4 @@
-"""Logs as benches write them: each is read as the same log that was written neatly, or refused, never read wrongly."""
+"""Logs as benches write them, read as if written neatly, or refused; from inside: the check of lost readings."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.addons.identification import IdentifyScene, Poses, Reading, TipPath, read_data
+from continuum_grasp.addons.identification.lost import jumps, lost_of
 from continuum_grasp.base import InputError
 from tests.identification.test_comparison import LENGTH, ROD, on_arc
 
@@ -286,8 +287,6 @@ SENTINELS = {
 @pytest.mark.parametrize("case", SENTINELS)
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_lost_markers_are_named_and_only_they(case, mirrored):
-    from continuum_grasp.addons.identification.lost import jumps, lost_of
-
     value, rows = SENTINELS[case] if isinstance(SENTINELS[case], tuple) else (SENTINELS[case], [10, 11, 12, 30, 44])
     x, y = (-X if mirrored else X).copy(), Y.copy()
     plain = TipPath(T, [Reading("x", x), Reading("y", y)])
@@ -315,8 +314,6 @@ MOTIONS = {
 
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_motions_that_are_sampled_are_not_taken_for_lost_markers(motion):
-    from continuum_grasp.addons.identification.lost import jumps
-
     t = 0.01 * np.arange(300)
     values = MOTIONS[motion](t)
     assert not jumps(values, [np.cos(t)]).any()
@@ -326,8 +323,6 @@ def test_motions_that_are_sampled_are_not_taken_for_lost_markers(motion):
 
 
 def test_a_sensor_that_freezes_is_named_and_one_that_is_slow_is_not():
-    from continuum_grasp.addons.identification.lost import lost_of
-
     t = 0.01 * np.arange(300)
     x, y = 0.1 * np.sin(3.0 * t), 0.1 * np.cos(3.0 * t)
 
@@ -343,8 +338,6 @@ def test_a_sensor_that_freezes_is_named_and_one_that_is_slow_is_not():
 
 
 def test_shapes_at_rest_that_are_the_same_under_different_loads_are_named():
-    from continuum_grasp.addons.identification.lost import lost_of
-
     moments = np.linspace(0.005, 0.02, 8)
     x, y = np.array([on_arc(m, LENGTH) for m in moments]).T
 

@@ -101,8 +101,8 @@ def test_texts_of_a_result_are_checked_before_anything_is_written(tmp_path):
     (tmp_path / "report.txt").write_text("of the user")
 
     @dataclass(frozen=True)
-    class Told(Result):
-        kind = "told"
+    class Small(Result):
+        kind = "small"
         texts = (File("report.txt", "json:dumps"),)
         scene: None = None
         status: str = "finished"
@@ -110,10 +110,10 @@ def test_texts_of_a_result_are_checked_before_anything_is_written(tmp_path):
         statistics: dict = field(default_factory=dict)
 
     with pytest.raises(InputError, match=r"report\.txt: no run wrote this file"):
-        Told().save(tmp_path)
+        Small().save(tmp_path)
     assert names(tmp_path) == ["report.txt"]
     with pytest.raises(InputError, match=r"report\.txt: no run wrote this file"):
-        check_folder(tmp_path, "told")
+        check_folder(tmp_path, "small")
     check_folder(tmp_path, "another")
 
 

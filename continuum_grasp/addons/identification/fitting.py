@@ -117,7 +117,7 @@ def identify(
         "iterations": solution.iterations,
         "evaluations": solution.evaluations,
         "total_s": perf_counter() - started,
-        **task.told,
+        **task.reported,
     }
     return _fit(task, solution, accepted=accept_implausible, laws=laws, statistics=statistics)
 
@@ -213,20 +213,20 @@ def compare(
             *([f"{beyond}: check units and axes of the data"] if beyond else ()),
             *slips,
         ),
-        statistics={"total_s": perf_counter() - started, **task.told},
+        statistics={"total_s": perf_counter() - started, **task.reported},
     )
 
 
 class Task(NamedTuple):
     """Task of an estimation: the scene, the problem of all sets of data, and what results report of both.
 
-    ``told`` has how the fidelity was chosen, and which columns of the files nothing reads; ``notes`` are warnings of
-    the readers of the files, ``lost`` those about readings that no finger has.
+    ``reported`` has how the fidelity was chosen, and which columns of the files nothing reads; ``notes`` are warnings
+    of the readers of the files, ``lost`` those about readings that no finger has.
     """
 
     scene: Scene
     problem: FitProblem
-    told: dict[str, str]
+    reported: dict[str, str]
     notes: tuple[str, ...]
     lost: tuple[str, ...]
 
@@ -256,10 +256,10 @@ def posed(
         if progress is not None:
             progress(len(blocks) / len(pairs))
     unread = "; ".join(text for pair in pairs for text in pair.unread)
-    told = {key: text for key, text in (("fidelity", note), ("unread", unread)) if text}
+    reported = {key: text for key, text in (("fidelity", note), ("unread", unread)) if text}
     notes = dict.fromkeys(text for pair in pairs for text in pair.notes)
     lost = dict.fromkeys(text for pair in pairs for text in lost_of(pair))
-    return Task(scene, FitProblem(blocks, unknowns), told, tuple(notes), tuple(lost))
+    return Task(scene, FitProblem(blocks, unknowns), reported, tuple(notes), tuple(lost))
 
 
 def resolved(scene: Scene) -> tuple[Scene, str]:

@@ -35,7 +35,7 @@ _LEVELS = 1000.0
 """Levels of a sensor in the range of its readings, below which different shapes may well be read alike [1]."""
 
 
-class Channel(NamedTuple):
+class LoggedReading(NamedTuple):
     """Readings (T,) of a quantity, NaN where there are none."""
 
     name: str
@@ -47,7 +47,8 @@ def lost_of(data: Data) -> list[str]:
     """Warnings about readings of the shape that were probably lost or frozen."""
     shape = [reading for reading in data.measured if reading.quantity in KIND_OF]
     channels = [
-        Channel(reading.what, UNIT_OF[reading.quantity], np.asarray(reading.values, dtype=float)) for reading in shape
+        LoggedReading(reading.what, UNIT_OF[reading.quantity], np.asarray(reading.values, dtype=float))
+        for reading in shape
     ]
     if isinstance(data, Poses):
         return [f"{data.name}: {text}" for text in _alike(channels, data.conditions)]
@@ -55,7 +56,7 @@ def lost_of(data: Data) -> list[str]:
     return [f"{data.name}: {text}" for text in lost_in(channels, moved)]
 
 
-def lost_in(channels: Sequence[Channel], moved: Sequence[Array] = ()) -> list[str]:
+def lost_in(channels: Sequence[LoggedReading], moved: Sequence[Array] = ()) -> list[str]:
     """Warnings about readings along a motion, by the commands (T,) that ``moved`` the finger meanwhile."""
     texts = list[str]()
     values = [channel.values for channel in channels]
@@ -73,7 +74,7 @@ def lost_in(channels: Sequence[Channel], moved: Sequence[Array] = ()) -> list[st
     return texts
 
 
-def _words(channel: Channel, rows: NDArray[np.bool_]) -> str:
+def _words(channel: LoggedReading, rows: NDArray[np.bool_]) -> str:
     values = np.unique(channel.values[rows])
     same = f" to {values[0]:.6g} {channel.unit}" if values.size == 1 else ""
     return (
@@ -176,7 +177,7 @@ def _commands(scene: Scene, t: Array) -> list[Array]:
     return [np.interp(t, of.times, of.values) for of in commands if not isinstance(of, (int, float))]
 
 
-def _alike(channels: Sequence[Channel], conditions: Mapping[str, ArrayLike]) -> Iterator[str]:
+def _alike(channels: Sequence[LoggedReading], conditions: Mapping[str, ArrayLike]) -> Iterator[str]:
     """Shapes at rest that are equal to the last digit under different conditions: lost markers, or a frozen camera."""
     if not channels or not conditions:
         return

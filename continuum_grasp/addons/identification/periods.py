@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 
 from continuum_grasp.addons.identification.calls import calls_of
 from continuum_grasp.addons.identification.inference import middle
-from continuum_grasp.addons.identification.lost import FROZEN, Channel, lost_in
+from continuum_grasp.addons.identification.lost import FROZEN, LoggedReading, lost_in
 from continuum_grasp.base import Array, InputError, nearest, split_unit
 from continuum_grasp.control import Controller, ControlLog
 from continuum_grasp.scene import ControlScene, DataTable
@@ -62,7 +62,7 @@ class Periods:
         inputs = tuple(ControlLog.COMMANDED + n for n in controller.stages.u_names)
         read = columns_of(log, (*self._names, *inputs), controller.period, scene)
         self._columns = read.channels
-        self.told = {"unread": read.unread} if read.unread else {}
+        self.reported = {"unread": read.unread} if read.unread else {}
         if not any(self._columns[name][0].size for name in self._names):
             file = None if isinstance(log, ControlLog) else str(log)
             raise InputError(f"the log has none of {', '.join(self._names)}", file=file)
@@ -340,7 +340,9 @@ def columns_of(
         there = np.isfinite(values)
         instants, first = np.unique(t[there], return_index=True)
         channels[label] = instants, values[there][first]
-    shape = [Channel(*split_unit(label), columns[label]) for label in wanted if label in columns and _is_shape(label)]
+    shape = [
+        LoggedReading(*split_unit(label), columns[label]) for label in wanted if label in columns and _is_shape(label)
+    ]
     commands = [columns[label] for label in wanted if label.startswith(ControlLog.COMMANDED) and label in columns]
     return LogColumns(channels, t.size - np.unique(t).size, (*notes, *lost_in(shape, commands)), unread)
 

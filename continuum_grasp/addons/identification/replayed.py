@@ -244,5 +244,5 @@ def replay(
         estimated_names=controller.estimated_names,
         status=status,
         warnings=periods.warnings,
-        statistics={**statistics, **periods.told},
+        statistics={**statistics, **periods.reported},
     )
