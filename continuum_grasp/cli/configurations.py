@@ -169,10 +169,14 @@ def validate(
 def _check_structure(data: ConfigurationData) -> None:
     """Check a scene as far as the structure of its model; no expressions are built."""
     from continuum_grasp.control import Prediction
+    from continuum_grasp.grasp import overlaps_at_rest
     from continuum_grasp.model import FingerModel
-    from continuum_grasp.scene import ControlScene, Finger, Scene
+    from continuum_grasp.scene import ControlScene, Finger, GraspScene, HandScene, Scene
 
     scene = data.scene
+    if isinstance(scene, GraspScene | HandScene | Scene):
+        for overlap in overlaps_at_rest(scene):
+            data.doubt(overlap.key, f"starts in the way: {overlap}")
     try:
         if isinstance(scene, Scene):  # which model a tolerance needs is not asked here
             fidelity = scene.fidelity.replaced(tolerance=None)

@@ -31,7 +31,7 @@ def grasp(
     ),
 ) -> None:
     """Find how fingers hold an object, or why they cannot."""
-    from continuum_grasp.scene import GraspScene, HandScene
+    from continuum_grasp.scene import GraspScene, HandScene, doubt
 
     seeding = [] if seed is None else [f"solver.random_seed={seed}"]
     output = replace(output, changes=[*(output.changes or ()), *seeding])
@@ -43,8 +43,11 @@ def grasp(
     if try_in is not None and find_spec(try_in) is None:
         raise InputError(f"{try_in} is not installed: pip install 'continuum-grasp[{try_in}]'", key="--try-in")
 
-    from continuum_grasp.grasp import optimize_grasp
+    from continuum_grasp.grasp import optimize_grasp, overlaps_at_rest
 
+    with output.doubting():
+        for overlap in overlaps_at_rest(scene):
+            doubt(overlap.key, f"starts in the way: {overlap}")
     output.check_folder()  # by the files of its results
     with output.busy("searching") as report:
         result = optimize_grasp(

@@ -1,3 +1,4 @@
+from .at_rest import overlaps_at_rest as overlaps_at_rest
 from .bound import least_normal_force_bound as least_normal_force_bound
 from .certificate.certificate import Certificate as Certificate
 from .certificate.certificate import certify as certify

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.scene import FingerSetup, GraspScene, HandScene, Wall
+from continuum_grasp.scene import Finger, GraspScene, HandScene, Scene, Wall
 
 PANELS = 400
 """Chords that stand for a finger at rest: one that is bent by a turn is off by 3e-5 of its length."""
@@ -50,7 +50,7 @@ class RestOverlap:
         )
 
 
-def overlaps_at_rest(scene: GraspScene | HandScene) -> tuple[RestOverlap, ...]:
+def overlaps_at_rest(scene: GraspScene | HandScene | Scene) -> tuple[RestOverlap, ...]:
     """Find the fingers that pass through the object or a support where no tendon pulls.
 
     Takes milliseconds: nothing is solved. Bodies and bases are where the scene puts them; a base or an object whose
@@ -58,7 +58,8 @@ def overlaps_at_rest(scene: GraspScene | HandScene) -> tuple[RestOverlap, ...]:
 
     Parameters
     ----------
-    scene : GraspScene or HandScene
+    scene : GraspScene, HandScene or Scene
+        A scene of motion has its finger called ``finger``.
 
     Returns
     -------
@@ -77,24 +78,26 @@ def overlaps_at_rest(scene: GraspScene | HandScene) -> tuple[RestOverlap, ...]:
     """
     lines = _in_space(scene) if isinstance(scene, HandScene) else _in_plane(scene)
     found = list[RestOverlap]()
-    for setup, stations, gaps in lines:
+    for name, key, stations, gaps in lines:
         for body, gap in gaps.items():
             deepest = int(gap.argmin())
             depth = -float(gap[deepest])
-            if depth > CLEAR * setup.finger.rod.length:
-                found.append(RestOverlap(setup.name, setup.where, body, depth, float(stations[deepest])))
+            if depth > CLEAR * stations[-1]:
+                found.append(RestOverlap(name, key, body, depth, float(stations[deepest])))
     return tuple(found)
 
 
-def free_line(setup: FingerSetup, tensions: tuple[float, float] = (0.0, 0.0)) -> tuple[Array, Array]:
+def free_line(finger: Finger, tensions: tuple[float, float] = (0.0, 0.0)) -> tuple[Array, Array]:
     """Shape of a finger that nothing touches: stations (K,) along it [m], and its line (K, 2) from the origin along y,
     bent in its plane by tensions [N], which act without friction [m].
     """
-    profile = setup.finger.profile
+    profile = finger.profile
     stations = np.unique([*np.linspace(0.0, profile.length, PANELS + 1), *profile.rest_curvature.edges])
     middle = 0.5 * (stations[1:] + stations[:-1])
     steps = np.diff(stations)
-    moment = sum(np.dot(channel.arms, tensions) * channel.shape(middle) for channel in setup.finger.channels)
+    # Idle drives: other inputs than tensions, such as pressures, are zero too.
+    channels = finger.channels if any(tensions) else ()
+    moment = sum(np.dot(channel.arms, tensions) * channel.shape(middle) for channel in channels)
     turns = (profile.rest_curvature(middle) + moment / profile.bending_stiffness(middle)) * steps
     # The angle at the middle of each panel, which is exact where the curvature is even.
     angle = np.cumsum(turns) - 0.5 * turns
@@ -103,8 +106,8 @@ def free_line(setup: FingerSetup, tensions: tuple[float, float] = (0.0, 0.0)) ->
     return stations, line
 
 
-_Line = tuple[FingerSetup, Array, dict[str, Array]]
-"""A finger, stations along it, and by body the gaps between that and its skin [m]."""
+_Line = tuple[str, str, Array, dict[str, Array]]
+"""Name and key of a finger, stations along it, and by body the gaps between that and its skin [m]."""
 
 
 def _in_space(scene: HandScene) -> Iterator[_Line]:
@@ -114,7 +117,7 @@ def _in_space(scene: HandScene) -> Iterator[_Line]:
     body = BodySurface(scene)
     bases = scene.hand.named_bases
     for setup, frame in zip(scene.setups, PlaneFrame.each(scene), strict=True):
-        stations, line = free_line(setup)
+        stations, line = free_line(setup.finger)
         points = frame.world(np.column_stack([line, np.zeros(len(line))]))
         half = setup.finger.profile.half_thickness(stations)
         # A mesh is not where its object is by more than its deviation.
@@ -127,17 +130,24 @@ def _in_space(scene: HandScene) -> Iterator[_Line]:
             # Near its base, a finger may come out of the support.
             first = support.clear_from(base.position, base.direction, setup.finger.thickness_radius)
             gaps[support.name] = np.where(stations >= first, np.maximum(heights, beside) - half, np.inf)
-        yield setup, stations, gaps
+        yield setup.name, setup.where, stations, gaps
 
 
-def _in_plane(scene: GraspScene) -> Iterator[_Line]:
-    for setup in scene.setups:
-        stations, line = free_line(setup)
-        base = setup.finger.base
+def _in_plane(scene: GraspScene | Scene) -> Iterator[_Line]:
+    if isinstance(scene, Scene):
+        fingers = [("finger", "finger", scene.finger)]
+    else:
+        fingers = [(setup.name, setup.where, setup.finger) for setup in scene.setups]
+    body = scene.object
+    for name, key, finger in fingers:
+        stations, line = free_line(finger)
+        base = finger.base
         c, s = math.cos(base.angle), math.sin(base.angle)
         points = np.array(base.position) + line @ np.array([[c, s], [-s, c]])
-        half = setup.finger.profile.half_thickness(stations)
-        gaps = {"object": np.array([scene.object.distance((x, y)) for x, y in points.tolist()]) - half}
+        half = finger.profile.half_thickness(stations)
+        gaps = {}
+        if body is not None:
+            gaps["object"] = np.array([body.distance((x, y)) for x, y in points.tolist()]) - half
         for place in scene.places:
             if isinstance(place, Wall):
                 away = points - np.array(place.point)
@@ -150,4 +160,4 @@ def _in_plane(scene: GraspScene) -> Iterator[_Line]:
             # A finger may come out of a support that its base is in.
             out = np.logical_or.accumulate(gap >= half)
             gaps[place.name] = np.where(out, gap - half, np.inf) if out.any() else gap - half
-        yield setup, stations, gaps
+        yield name, key, stations, gaps

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
 from continuum_grasp.base import InputError
+from continuum_grasp.scene.doubts import warn_of_doubt
 
 KeyPath = tuple[str | int, ...]
 
@@ -94,6 +95,10 @@ class Document:
     def placed_error(self, error: InputError) -> InputError:
         path = undotted(error.key or "")
         return self.nearest(path).error(error.message, path)
+
+    def doubt(self, key: str, text: str) -> None:
+        """Warn of the value at a key, which can be meant, but is more likely a slip, with its place."""
+        warn_of_doubt(str(self.nearest(undotted(key)).error(f"{key} {text}")))
 
     def part(self, path: KeyPath) -> Document:
         """The part of the document below ``path``, as a document of its own."""

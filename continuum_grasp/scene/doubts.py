@@ -7,12 +7,14 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pydantic import BaseModel
 
 from continuum_grasp.base import InputError
-from continuum_grasp.scene.document import KeyPath
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.document import KeyPath
 
 
 class Doubt(UserWarning):

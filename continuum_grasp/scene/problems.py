@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from continuum_grasp.base import InputError, nearest
 from continuum_grasp.scene.document import Document, KeyPath, dotted, undotted
-from continuum_grasp.scene.doubts import CollectedDoubt, children, collected_doubts, warn_of_doubt
+from continuum_grasp.scene.doubts import CollectedDoubt, children, collected_doubts
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.units import QUANTITIES, advice_on, expected
 
@@ -94,7 +94,7 @@ def validated(document: Document, model: type[Model]) -> Model:
 
 def _warn_of(doubts: Sequence[CollectedDoubt], checked: BaseModel, document: Document) -> None:
     """Warn of doubts at their places in a document."""
-    texts = []
+    found = {}
     for key, text, owner in doubts:
         # A value that validation has replaced, such as an object that was laid against a wall, is found by its class.
         known = (
@@ -103,11 +103,9 @@ def _warn_of(doubts: Sequence[CollectedDoubt], checked: BaseModel, document: Doc
             else [path for path, value in children(checked) if value is owner]
             or [path for path, value in children(checked) if type(value) is type(owner)]
         )
-        path = (*(known[0] if known else ()), *undotted(key))
-        place = document.nearest(path)
-        texts.append(str(place.error(f"{dotted(path)} {text}")))
-    for text in dict.fromkeys(texts):
-        warn_of_doubt(text)
+        found[dotted((*(known[0] if known else ()), *undotted(key))), text] = None
+    for key, text in found:
+        document.doubt(key, text)
 
 
 def input_error(error: ValidationError, model: type[BaseModel], document: Document) -> InputError:

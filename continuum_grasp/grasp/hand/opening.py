@@ -83,7 +83,7 @@ def _side(setup: FingerSetup, frame: PlaneFrame, arrays: Mapping[str, Array], to
 
 def _is_clear(body: BodySurface, setup: FingerSetup, frame: PlaneFrame, difference: float) -> bool:
     """Whether a finger pulled by a difference of its tensions [N], which nothing touches, is clear of the object."""
-    stations, line = free_line(setup, (max(difference, 0.0), max(-difference, 0.0)))
+    stations, line = free_line(setup.finger, (max(difference, 0.0), max(-difference, 0.0)))
     points = frame.world(np.column_stack([line, np.zeros(len(line))]))
     gaps = body.distance(points)[0] - setup.finger.profile.half_thickness(stations)
     return float(gaps.min()) > -CLEAR * setup.finger.rod.length
