@@ -138,7 +138,9 @@ def resolved(first: Level, *, limit: float | None, stated: bool, frequencies: in
         if last is start or not at_last.suffices:
             return start, replace(at_first, tried=last.count)
         # More elements settle what the exact rod leaves open, where loads have no potential.
-        verdict = at_first.stable if at_first.settled else all(rest.stable for rest in last.rests if rest is not None)
+        verdict = at_first.stable
+        if verdict is None and not at_first.settled:
+            verdict = all(rest.stable for rest in last.rests if rest is not None)
         return start, replace(at_first, enough=last.count, tried=last.count, stable=verdict)
     return last, replace(at_last, tried=last.count, raised="" if last is first else steps[0][1].left)
 
