@@ -26,9 +26,9 @@ class Cell:
     """A part of an element along which one friction state holds; sequences have an entry per local coordinate.
 
     Integrals along the cell are of the curvature shapes: ``bends``, one per part on which the finger is smooth, since
-    it may bend to the other side where the rest curvature jumps; with the shape of the tendon's moment ``work``; this with the
-    fraction of the cell less a half, per ``most``, ``lean``; and ``late`` is ``work`` of the half towards the tip. The
-    same of the rest curvature is one more entry, but of ``lean``; of one where it is a run-time number.
+    it may bend to the other side where the rest curvature jumps; with the shape of the tendon's moment ``work``; this
+    with the fraction of the cell less a half, per ``most``, ``lean``; and ``late`` is ``work`` of the half towards the
+    tip. The same of the rest curvature is one more entry, but of ``lean``; of one where it is a run-time number.
     """
 
     element: int
