@@ -178,8 +178,11 @@ def _commands(scene: Scene, t: Array) -> list[Array]:
 
 
 def _alike(channels: Sequence[LoggedReading], conditions: Mapping[str, ArrayLike]) -> Iterator[str]:
-    """Shapes at rest that are equal to the last digit under different conditions: lost markers, or a frozen camera."""
-    if not channels or not conditions:
+    """Shapes at rest that are equal to the last digit under different conditions: lost markers, or a frozen camera.
+
+    One reading alone is often equal by chance.
+    """
+    if len(channels) < 2 or not conditions:
         return
     shapes = np.column_stack([channel.values for channel in channels])
     under = np.column_stack([np.broadcast_to(np.asarray(of, dtype=float), len(shapes)) for of in conditions.values()])
@@ -187,7 +190,7 @@ def _alike(channels: Sequence[LoggedReading], conditions: Mapping[str, ArrayLike
     _, group, counts = np.unique(shapes, axis=0, return_inverse=True, return_counts=True)
     for number in np.flatnonzero(counts > 1):
         rows = np.flatnonzero(group.ravel() == number)
-        one_number = len(channels) > 1 and np.ptp(shapes[rows[0]]) == 0.0
+        one_number = np.ptp(shapes[rows[0]]) == 0.0
         if len(np.unique(under[rows], axis=0)) > 1 and len(rows) < len(shapes) and (fine or one_number):
             listed = ", ".join(str(row + 1) for row in rows[:6]) + (", ..." if rows.size > 6 else "")
             values = ", ".join(f"{channel.name} {channel.values[rows[0]]:.6g} {channel.unit}" for channel in channels)
