@@ -294,7 +294,7 @@ def test_lost_markers_are_named_and_only_they(case, mirrored):
     x[rows] = y[rows] = value
     assert np.flatnonzero(jumps(x, [y])).tolist() == rows
     named = lost_of(TipPath(T, [Reading("x", x), Reading("y", y)], name="log"))
-    assert [text.partition(" readings")[0] for text in named] == [
+    assert [each.text.partition(" readings")[0] for each in named] == [
         f"log: {axis} of tip: {len(rows)} of 60" for axis in "xy"
     ]
 
@@ -327,7 +327,7 @@ def test_a_sensor_that_freezes_is_named_and_one_that_is_slow_is_not():
     x, y = 0.1 * np.sin(3.0 * t), 0.1 * np.cos(3.0 * t)
 
     def named(x):
-        return lost_of(TipPath(t, [Reading("x", x), Reading("y", y)]))
+        return [each.text for each in lost_of(TipPath(t, [Reading("x", x), Reading("y", y)]))]
 
     frozen = np.where((t >= 1.0) & (t < 1.5), x[100], x)
     assert named(frozen) == [
@@ -342,7 +342,7 @@ def test_shapes_at_rest_that_are_the_same_under_different_loads_are_named():
     x, y = np.array([on_arc(m, LENGTH) for m in moments]).T
 
     def named(x, y, moments):
-        return lost_of(Poses([Reading("x", x), Reading("y", y)], {"tip_moment": moments}))
+        return [each.text for each in lost_of(Poses([Reading("x", x), Reading("y", y)], {"tip_moment": moments}))]
 
     assert named(x, y, moments) == []
     x[[2, 5]] = y[[2, 5]] = 0.0

@@ -208,7 +208,6 @@ def compare(
         scene=task.scene,
         warnings=(
             *task.notes,
-            *task.lost,
             *warned,
             *([f"{beyond}: check units and axes of the data"] if beyond else ()),
             *slips,
@@ -221,7 +220,7 @@ class Task(NamedTuple):
     """Task of an estimation: the scene, the problem of all sets of data, and what results report of both.
 
     ``reported`` has how the fidelity was chosen, and which columns of the files nothing reads; ``notes`` are warnings
-    of the readers of the files, ``lost`` those about readings that no finger has.
+    about the data, ``lost`` those about so many lost readings that they explain misfits.
     """
 
     scene: Scene
@@ -257,9 +256,10 @@ def posed(
             progress(len(blocks) / len(pairs))
     unread = "; ".join(text for pair in pairs for text in pair.unread)
     reported = {key: text for key, text in (("fidelity", note), ("unread", unread)) if text}
-    notes = dict.fromkeys(text for pair in pairs for text in pair.notes)
-    lost = dict.fromkeys(text for pair in pairs for text in lost_of(pair))
-    return Task(scene, FitProblem(blocks, unknowns), reported, tuple(notes), tuple(lost))
+    lost = [each for pair in pairs for each in lost_of(pair)]
+    notes = dict.fromkeys([*(text for pair in pairs for text in pair.notes), *(each.text for each in lost)])
+    causes = dict.fromkeys(each.text for each in lost if each.explain_misfits)
+    return Task(scene, FitProblem(blocks, unknowns), reported, tuple(notes), tuple(causes))
 
 
 def resolved(scene: Scene) -> tuple[Scene, str]:
@@ -315,7 +315,6 @@ def _fit(task: Task, solution: Solution, **further: Any) -> Fit:
         causes=verdict.causes,
         warnings=(
             *task.notes,
-            *task.lost,
             *inference.warnings,
             *problem.warnings(solution.values),
             *evidence,

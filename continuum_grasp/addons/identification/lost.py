@@ -43,7 +43,19 @@ class LoggedReading(NamedTuple):
     values: Array
 
 
-def lost_of(data: Data) -> list[str]:
+class LostReadings(NamedTuple):
+    """Readings that were probably lost or frozen: a warning, and their share of all readings of the quantity [1]."""
+
+    text: str
+    share: float
+
+    @property
+    def explain_misfits(self) -> bool:
+        """Whether they are so many that a model misses the data because of them."""
+        return self.share > _RARE
+
+
+def lost_of(data: Data) -> list[LostReadings]:
     """Warnings about readings of the shape that were probably lost or frozen."""
     shape = [reading for reading in data.measured if reading.quantity in KIND_OF]
     channels = [
@@ -51,27 +63,28 @@ def lost_of(data: Data) -> list[str]:
         for reading in shape
     ]
     if isinstance(data, Poses):
-        return [f"{data.name}: {text}" for text in _alike(channels, data.conditions)]
+        lost = [*_alike(channels, data.conditions)]
+        return [each._replace(text=f"{data.name}: {each.text}") for each in lost]
     moved = [] if data.scene is None else _commands(data.scene, np.asarray(data.t, dtype=float))
-    return [f"{data.name}: {text}" for text in lost_in(channels, moved)]
+    return [each._replace(text=f"{data.name}: {each.text}") for each in lost_in(channels, moved)]
 
 
-def lost_in(channels: Sequence[LoggedReading], moved: Sequence[Array] = ()) -> list[str]:
+def lost_in(channels: Sequence[LoggedReading], moved: Sequence[Array] = ()) -> list[LostReadings]:
     """Warnings about readings along a motion, by the commands (T,) that ``moved`` the finger meanwhile."""
-    texts = list[str]()
+    found = list[LostReadings]()
     values = [channel.values for channel in channels]
     for k, channel in enumerate(channels):
         others = values[:k] + values[k + 1 :]
         rows = jumps(channel.values, others)
         longest = 0 if rows.any() else frozen_rows(channel.values, others, moved)
         if rows.any():
-            texts.append(_words(channel, rows))
+            found.append(LostReadings(_words(channel, rows), float(np.mean(rows))))
         elif longest:
-            texts.append(
+            text = (
                 f"{channel.name}: {longest} readings in a row are the same while the finger moves, as where a sensor "
-                "freezes: leave their cells empty"
             )
-    return texts
+            found.append(LostReadings(text + "freezes: leave their cells empty", longest / channel.values.size))
+    return found
 
 
 def _words(channel: LoggedReading, rows: NDArray[np.bool_]) -> str:
@@ -177,9 +190,12 @@ def _commands(scene: Scene, t: Array) -> list[Array]:
     return [np.interp(t, of.times, of.values) for of in commands if not isinstance(of, (int, float))]
 
 
-def _alike(channels: Sequence[LoggedReading], conditions: Mapping[str, ArrayLike]) -> Iterator[str]:
-    """Shapes at rest that are equal to the last digit under different conditions: lost markers, or a frozen camera."""
-    if not channels or not conditions:
+def _alike(channels: Sequence[LoggedReading], conditions: Mapping[str, ArrayLike]) -> Iterator[LostReadings]:
+    """Shapes at rest that are equal to the last digit under different conditions: lost markers, or a frozen camera.
+
+    One reading alone is often equal by chance.
+    """
+    if len(channels) < 2 or not conditions:
         return
     shapes = np.column_stack([channel.values for channel in channels])
     under = np.column_stack([np.broadcast_to(np.asarray(of, dtype=float), len(shapes)) for of in conditions.values()])
@@ -187,14 +203,15 @@ def _alike(channels: Sequence[LoggedReading], conditions: Mapping[str, ArrayLike
     _, group, counts = np.unique(shapes, axis=0, return_inverse=True, return_counts=True)
     for number in np.flatnonzero(counts > 1):
         rows = np.flatnonzero(group.ravel() == number)
-        one_number = len(channels) > 1 and np.ptp(shapes[rows[0]]) == 0.0
+        one_number = np.ptp(shapes[rows[0]]) == 0.0
         if len(np.unique(under[rows], axis=0)) > 1 and len(rows) < len(shapes) and (fine or one_number):
             listed = ", ".join(str(row + 1) for row in rows[:6]) + (", ..." if rows.size > 6 else "")
             values = ", ".join(f"{channel.name} {channel.values[rows[0]]:.6g} {channel.unit}" for channel in channels)
-            yield (
+            text = (
                 f"rows {listed} have the very same readings under different conditions ({values}), as where a marker "
                 "is lost or a camera froze: leave their cells empty"
             )
+            yield LostReadings(text, len(rows) / len(shapes))
 
 
 def _is_coarse(values: Array) -> bool:

@@ -344,7 +344,8 @@ def columns_of(
         LoggedReading(*split_unit(label), columns[label]) for label in wanted if label in columns and _is_shape(label)
     ]
     commands = [columns[label] for label in wanted if label.startswith(ControlLog.COMMANDED) and label in columns]
-    return LogColumns(channels, t.size - np.unique(t).size, (*notes, *lost_in(shape, commands)), unread)
+    doubts = (each.text for each in lost_in(shape, commands))
+    return LogColumns(channels, t.size - np.unique(t).size, (*notes, *doubts), unread)
 
 
 def _columns(table: DataTable, wanted: Sequence[str], called: Mapping[str, str]) -> tuple[dict[str, Array], list[str]]:
