@@ -44,7 +44,7 @@ STEADIER_IN_SPACE = (
 
 
 def unloaded_words(greatest: float) -> str:
-    """Say why a grasp bears a push that nobody asked for, by the greatest push [N]."""
+    """Say why a grasp bears a push that the scene does not state, by the greatest push [N]."""
     most = amount_text(greatest, "N", ".3g")
     share = f"{PUSH_SHARE:.0%} of the greatest push found, {most}"
     return f"nothing loads the object, so the grasp bears {share} (contacts.push)"

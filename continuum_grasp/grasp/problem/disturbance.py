@@ -15,7 +15,7 @@ Retensioned tendons change their tension freely; locked ones have a fixed length
 tension reacts, shared equally where both tendons are there; of constant ones neither reacts.
 
 A push p d of any direction d in the plane changes forces by p (F_x, F_y) d, from the answers to pushes along x and y. A
-limit c . f >= 0 that is linear is kept for all of them where c . f >= p |c' (F_x, F_y)|.
+limit c . f >= 0 that is linear holds for all of them where c . f >= p |c' (F_x, F_y)|.
 """
 
 from __future__ import annotations
