@@ -1,0 +1,1 @@
+"""Measured curves, of pictures and digitized points, as lines and arcs within their noise."""
