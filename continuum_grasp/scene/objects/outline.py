@@ -13,7 +13,7 @@ from pydantic import Field
 from continuum_grasp.base import named_value
 from continuum_grasp.scene.curved_parts import SHARE, curved
 from continuum_grasp.scene.objects.shapes import MaybeDrawn, ObjectBody, OutlineCurve
-from continuum_grasp.scene.objects.simplify import FINER, MOST, deviation, simplified
+from continuum_grasp.scene.objects.simplify import FINER, MOST, deviation, grown, simplified
 from continuum_grasp.scene.parts import OffsetPolygon, Part
 from continuum_grasp.scene.polygons import PlanePoint, check_simple
 from continuum_grasp.scene.problems import KeyedError
@@ -100,8 +100,7 @@ class OutlineFile(MaybeDrawn):
         scale = drawing.unit if self.scale is None else self.scale
         if scale is None:
             raise ValueError(f"scale: missing; {name} does not say how long a unit of it is")
-        drawing.curves = [curve.scaled(scale) for curve in drawing.curves]
-        return drawing.outline(name, self.path)
+        return drawing.scaled(scale).outline(name, self.path)
 
     @property
     def note(self) -> str:
@@ -141,7 +140,7 @@ class OutlineFile(MaybeDrawn):
 
     @property
     def deviation(self) -> float:
-        return 0.0 if self.drawn is None else self.drawn.deviation
+        return 0.0 if self.drawn is None else self.drawn.off
 
     def redrawn(self) -> Self:
         return self if self.drawn is None else self.replaced(tolerance=FINER * self.distance_allowed)
@@ -159,12 +158,13 @@ class OutlineFile(MaybeDrawn):
 
     def drawing(self, corners: tuple[PlanePoint, ...], retained: Collection[int] = ()) -> OutlineCurve | None:
         """Curve that some corners stand for, with the ``retained`` points too; None where they are exact."""
+        error = self.found.error
         off = deviation(self.curve, corners)
-        if off <= SAME * _extent(self.curve):
+        if max(off, error) <= SAME * _extent(self.curve):
             return None
-        # Noise of a picture has corners without end.
         finer = (self.corners(retained, share) for share in (FINER, 2.0 * FINER))
-        return OutlineCurve(deviation=off, vertices=next((f for f in finer if len(f) <= MOST), corners))
+        nearer = next((f for f in finer if len(f) <= MOST), corners)
+        return OutlineCurve(deviation=off, error=error, vertices=grown(nearer, error))
 
     def polygon(self, retained: Collection[int] = (), share: float = 1.0) -> dict[str, Any]:
         """Keys of the polygon that stands for the curve, with points of it that are ``retained``, within a share of the

@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import Any
 
 from continuum_grasp.base import Array
+from continuum_grasp.scene.objects.measured import Sampling, fitted
 from continuum_grasp.scene.polygons import PlanePoint, check_simple
 from continuum_grasp.scene.value import WRITTEN
 
@@ -79,10 +80,13 @@ class DrawnCurve:
 
 @dataclass(frozen=True)
 class DrawnOutline:
-    """The outline in a drawing, and in words what of the drawing is not part of it."""
+    """The outline in a drawing, in words what of the drawing is not part of it, and by how much the outline may be off
+    since its points were measured [m].
+    """
 
     curve: DrawnCurve
     left_out: tuple[str, ...]
+    error: float = 0.0
 
 
 @dataclass
@@ -98,12 +102,20 @@ class Drawing:
         What else it has and is not read, in words, and how often.
     advice : str
         How one of several curves is chosen.
+    sampling : Sampling or None
+        What is known of the points where they were measured, in the unit of the points; None of drawn curves.
     """
 
     unit: float | None
     curves: list[DrawnCurve] = field(default_factory=list)
     ignored: Counter[str] = field(default_factory=Counter)
     advice: str = "choose one by path"
+    sampling: Sampling | None = None
+
+    def scaled(self, factor: float) -> Drawing:
+        """The drawing with a unit of another length."""
+        sampling = None if self.sampling is None else self.sampling.scaled(factor)
+        return replace(self, curves=[curve.scaled(factor) for curve in self.curves], sampling=sampling)
 
     def outline(self, file: str, path: str | None) -> DrawnOutline:
         """The only outer curve, or the outer curve with one name, whose points are in m; `ValueError` otherwise."""
@@ -121,10 +133,14 @@ class Drawing:
         outer, inner = _nested(_once_each(rings))
         if len(outer) > 1:
             raise ValueError(f"file: {file} has {len(outer)} outer curves, expected one: {_choice(outer, self)}")
-        check_simple(outer[0].points, f"file: {outer[0].label} of {file}")
+        whole, error = outer[0], 0.0
+        fit = None if self.sampling is None else fitted(whole.points, self.sampling)
+        if fit is not None:
+            whole, error = replace(whole, points=fit.points), fit.error
+        check_simple(whole.points, f"file: {whole.label} of {file}")
         _check_holes(outer[0], inner, self, file)
         inside = [f"{curve.text}: {'a hole' if curve.group == outer[0].group else 'inside'}" for curve in inner]
-        return DrawnOutline(outer[0], (*inside, *_paper(outer[0], ground, file), *others))
+        return DrawnOutline(whole, (*inside, *_paper(outer[0], ground, file), *others), error)
 
 
 def sizes(size: PlanePoint) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from continuum_grasp.base import Array
 from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, distinct
+from continuum_grasp.scene.objects.measured import Sampling
 from continuum_grasp.scene.units import units_of
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def read_csv(given: OutlineFile) -> Drawing:
     ratio = factors[1] / factors[0] if factors else 1.0
     points = distinct(zip(x.values.tolist(), (ratio * y.values).tolist(), strict=True))
     curves = [DrawnCurve("curve", (), points)] if len(points) > 2 else []
-    return Drawing(factors[0] if factors else 1.0, curves)
+    return Drawing(factors[0] if factors else 1.0, curves, sampling=Sampling())
 
 
 def _column(table: DataTable, name: str) -> _Column:

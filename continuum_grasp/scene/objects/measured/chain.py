@@ -79,7 +79,7 @@ class Chain:
         return np.concatenate(rows)
 
 
-def chain_through(points: Array, pieces: list[Piece], noise: Noise) -> tuple[Chain, Array, float]:
+def chain_through(points: Array, pieces: list[Piece], noise: Noise) -> tuple[Chain, float]:
     """Fit a chain to points (n, 2) that are divided into pieces.
 
     Joints at which the direction changes no more than noise explains are smooth: by the criterion by which pieces are
@@ -88,18 +88,16 @@ def chain_through(points: Array, pieces: list[Piece], noise: Noise) -> tuple[Cha
     Returns
     -------
     chain : Chain
-    owner : Array
-        Piece of each point (n,).
     off : float
         Standard deviation of the chain's distance from the curve where it is greatest.
     """
-    points = np.roll(points, -pieces[0].first, axis=0)
-    pieces = [Piece(p.first - pieces[0].first, p.last - pieces[0].first, p.is_arc) for p in pieces]
-    owner = np.repeat(np.arange(len(pieces)), [piece.last - piece.first for piece in pieces])
-    firsts = np.array([piece.first % len(points) for piece in pieces])
-    joints = 0.5 * (points[firsts] + points[firsts - 1])
+    runs = [points[np.arange(p.first, p.last) % len(points)] for p in pieces if not p.is_blur]
+    pieces = [piece for piece in pieces if not piece.is_blur]
+    joints = np.array([0.5 * (before[-1] + run[0]) for before, run in zip([runs[-1], *runs], runs, strict=False)])
+    owner = np.repeat(np.arange(len(pieces)), [len(run) for run in runs])
+    points = np.concatenate(runs)
     is_arc = np.array([piece.is_arc for piece in pieces])
-    bulges = np.array([_bulge(points, piece) if piece.is_arc else 0.0 for piece in pieces])
+    bulges = np.array([_bulge(run) if piece.is_arc else 0.0 for run, piece in zip(runs, pieces, strict=True)])
     chain = Chain(joints, bulges, is_arc, np.zeros(len(pieces), dtype=bool))
     chain, covariance = _settled(chain, points, owner, noise)
     worth = np.log(max(len(points) / noise.share, 2.0))
@@ -119,12 +117,11 @@ def chain_through(points: Array, pieces: list[Piece], noise: Noise) -> tuple[Cha
     for k in range(2):
         rows[at, columns[:, 1] + k] += slopes[:, 3 + k]
     off = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", rows, covariance, rows), 0.0))
-    return chain, owner, float(off.max())
+    return chain, float(off.max())
 
 
-def _bulge(points: Array, piece: Piece) -> float:
-    """Height of an arc's middle over half its chord, by the points of a piece [1]."""
-    run = points[np.arange(piece.first, piece.last) % len(points)]
+def _bulge(run: Array) -> float:
+    """Height of an arc's middle over half its chord, by its points [1]."""
     chord = run[-1] - run[0]
     length = float(np.linalg.norm(chord))
     along, across = frames((run - 0.5 * (run[0] + run[-1]))[None], (chord / length)[None])
@@ -148,7 +145,8 @@ def _settled(chain: Chain, points: Array, owner: Array, noise: Noise) -> tuple[C
         step[free] = -np.linalg.solve(damped[np.ix_(free, free)], slope[free])
         moved = chain.moved(step.reshape(-1, 3))
         less, *rest = _normal(moved, start, points, owner, noise.scatter)
-        if not less < cost:
+        near = np.linalg.norm(moved.joints - start.joints, axis=1) < _reach(start)
+        if not (less < cost and near.all()):
             trust *= 10.0
             continue
         gained = cost - less

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,8 @@ _WINDOW = 5
 _QUARTILE = 0.28768
 """First quartile of the mean of two squared residuals, per variance: -ln(3/4), of a chi-square of two degrees. Up to
 three windows in four may hold corners."""
+_SECTION, _SECTIONS = 100, 8
+"""Points of a section of the curve at least, so that its noise is known to 15 %, and number of sections at most."""
 
 
 class Noise(NamedTuple):
@@ -37,25 +40,32 @@ class Noise(NamedTuple):
 
 
 def noise_of(points: Array) -> Noise | None:
-    """Estimate the noise of the points (n, 2) of a closed curve; None where they show none.
+    """Estimate the noise of the points (n, 2) of a closed curve where it is greatest; None where they show none.
 
     Noise differs from shape by scale: the mean over twice as many neighbors scatters less, whereas the bends of a
-    shape stand out more. So the means over 1, 2, 4 ... neighbors are compared with parabolas through five of them,
-    and the noise is measured on the first scale from which on the scatter falls.
+    shape stand out more. So the means over 1, 2, 4 ... neighbors are compared with parabolas through five of them, and
+    the noise is measured on the first scales from which on the scatter falls.
     """
-    by_scale = []
-    count = 1
-    while len(points) // count >= 4 * _WINDOW:
-        by_scale.append((count, _variance(_means(points, count))))
-        count *= 2
-    for (count, here), (_, doubled) in zip(by_scale, by_scale[1:], strict=False):
-        if doubled < here:
-            if 4.0 * doubled < here:
-                return None  # neighbors that alternate, as teeth do, scatter by turns and not by chance
-            scatter = max(value for below, value in by_scale if below <= count) ** 0.5
-            density = max(count * here, 2 * count * doubled)
-            return Noise(scatter, max(density / scatter**2, 1.0)) if scatter > 0.0 else None
-    return None
+    # Light and focus differ from side to side.
+    sections = np.array_split(points, max(min(len(points) // _SECTION, _SECTIONS), 1))
+    every = [noise for noise in map(_of_section, sections) if noise is not None]
+    return max(every, key=lambda noise: noise.density, default=None)
+
+
+def _of_section(points: Array) -> Noise | None:
+    """Noise of points along a curve that is not closed."""
+    counts = [2**k for k in range(16) if len(points) >> k >= 2 * _WINDOW]
+    variances = [_variance(_means(points, count)) for count in counts]
+    first = next((k for k, (a, b) in enumerate(pairwise(variances)) if b < a), None)
+    # Neighbors that alternate, as teeth do, scatter by turns and not by chance: the means of two lie in line.
+    if first is None or 4.0 * variances[first + 1] < variances[first]:
+        return None
+    last = first + 1
+    while last + 1 < len(counts) and variances[last + 1] < variances[last]:
+        last += 1
+    scatter = max(variances[: first + 1]) ** 0.5
+    density = max(count * variance for count, variance in zip(counts[: last + 1], variances, strict=False))
+    return Noise(scatter, density / scatter**2)
 
 
 def _means(points: Array, count: int) -> Array:
@@ -66,8 +76,7 @@ def _means(points: Array, count: int) -> Array:
 
 def _variance(points: Array) -> float:
     """Variance of points across a smooth curve, by the first quartile of their residuals from parabolas [m2]."""
-    places = (np.arange(len(points))[:, None] + np.arange(_WINDOW)) % len(points)
-    around = points[places]
+    around = points[np.arange(len(points) - _WINDOW + 1)[:, None] + np.arange(_WINDOW)]
     chord = around[:, -1] - around[:, 0]
     length = np.maximum(np.linalg.norm(chord, axis=1), np.finfo(float).tiny)[:, None]
     along, across = frames(around - around[:, _WINDOW // 2, None], chord / length)

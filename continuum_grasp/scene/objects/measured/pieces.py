@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from continuum_grasp.base import Array
+from continuum_grasp.scene.objects.measured.noise import Noise
 
 _STEPS = 12
 """Newton steps for the circles; they start at zero, below the root, and converge monotonically."""
@@ -22,9 +23,13 @@ class Piece(NamedTuple):
     first: int
     last: int
     is_arc: bool
+    is_blur: bool = False
+    """Whether the points are those of a corner that blur has rounded, and say nothing of the lines beside it."""
 
 
-def pieces_of(points: Array, nodes: Array, density: float, spare: float, worth: float) -> list[Piece]:
+def pieces_of(
+    points: Array, nodes: Array, noise: Noise, spare: float, worth: float, blurred: float = 0.0
+) -> tuple[list[Piece], float]:
     """Divide a closed curve at some of its ``nodes`` into lines and arcs, so that the Bayesian information is least.
 
     The information is the sum of squared residuals over the noise's ``density``, but for a ``spare`` variance that is
@@ -38,13 +43,21 @@ def pieces_of(points: Array, nodes: Array, density: float, spare: float, worth: 
         Points (n, 2), each once.
     nodes : Array
         Indices of points, increasing, at which pieces may end.
-    density : float
-        Variance of the mean of points, times their number.
+    noise : Noise
     spare : float
         Variance of the points by which any curve may be off.
     worth : float
         Logarithm of the number of independent points [1].
+    blurred : float, optional
+        Length of the curve about a corner that blur has rounded: so much of it is a corner for one parameter.
+
+    Returns
+    -------
+    pieces : list of Piece
+    information : float
+        The least [1].
     """
+    density = noise.density
     size = float(np.ptp(points, axis=0).max())
     scaled = (points - points.mean(axis=0)) / size
     sums = _sums(scaled, nodes)
@@ -54,34 +67,49 @@ def pieces_of(points: Array, nodes: Array, density: float, spare: float, worth: 
     of_arc = np.maximum(arc - free, 0.0) / variance + 4.0 * worth
     of_arc[(sums[0] < _LEAST) | (_turned(scaled, nodes) > 2.0 * _WIDEST)] = np.inf
     costs, is_arc = np.minimum(of_line, of_arc), of_arc < of_line
+    # Points of a corner count as noise does: they are worth as much on any curve.
+    of_blur = np.where(_lengths(points, nodes) <= blurred, sums[0] / noise.share + worth, np.inf)
     start = 0
-    found: list[tuple[int, int]] = []
+    found: list[tuple[int, int, bool]] = []
+    least = np.inf
     for _ in range(2):
-        found = _least(costs, start)
-        # The first start may lie within a piece: the end of a piece far from it does not.
-        start = found[len(found) // 2][0] % len(nodes)
+        found, least = _least(costs, of_blur, start)
+        # The first start may lie within a piece: the beginning of a piece far from it does not.
+        half = found[len(found) // 2 :]
+        start = next((low for low, _, is_blur in half if not is_blur), start) % len(nodes)
     ends = np.concatenate([nodes, nodes + len(points), nodes + 2 * len(points)])
-    return [Piece(int(ends[a]), int(ends[b]), bool(is_arc[a % len(nodes), b - a - 1])) for a, b in found]
+    pieces = [
+        Piece(int(ends[a]), int(ends[b]), bool(is_arc[a % len(nodes), b - a - 1]) and not is_blur, is_blur)
+        for a, b, is_blur in found
+    ]
+    return pieces, least
 
 
-def _least(costs: Array, start: int) -> list[tuple[int, int]]:
-    """Runs from node to node, once around from ``start``, whose costs are least in sum; counted on beyond the end."""
+def _least(costs: Array, of_blur: Array, start: int) -> tuple[list[tuple[int, int, bool]], float]:
+    """Runs from node to node, once around from ``start``, whose costs are least in sum, and that sum.
+
+    Nodes count on beyond the end. A run may be a blurred corner where one that is not comes before it.
+    """
     count = len(costs)
-    best = np.full(count + 1, np.inf)
-    best[0] = 0.0
-    come_from = np.zeros(count + 1, dtype=int)
+    best = np.full((2, count + 1), np.inf)
+    best[0, 0] = 0.0
+    come_from = np.zeros((2, count + 1), dtype=int)
     for low in range(count):
-        cost = best[low] + costs[(start + low) % count, : count - low]
-        better = cost < best[low + 1 :]
-        best[low + 1 :][better] = cost[better]
-        come_from[low + 1 :][better] = low
+        row = (start + low) % count
+        for kind, before, table in ((0, best[:, low].min(), costs), (1, best[0, low] if low else np.inf, of_blur)):
+            cost = before + table[row, : count - low]
+            better = cost < best[kind, low + 1 :]
+            best[kind, low + 1 :][better] = cost[better]
+            come_from[kind, low + 1 :][better] = low
     runs = []
     high = count
+    kind = int(best[:, count].argmin())
     while high > 0:
-        low = int(come_from[high])
-        runs.append((start + low, start + high))
+        low = int(come_from[kind, high])
+        runs.append((start + low, start + high, kind == 1))
+        kind = int(best[:, low].argmin()) if kind == 0 else 0
         high = low
-    return runs[::-1]
+    return runs[::-1], float(best[:, count].min())
 
 
 def _sums(points: Array, nodes: Array) -> Array:
@@ -94,6 +122,15 @@ def _sums(points: Array, nodes: Array) -> Array:
     ends = np.concatenate([nodes, nodes + len(points)])
     after = np.arange(count)[:, None] + np.arange(1, count + 1)
     return np.asarray(whole[:, ends[after]] - whole[:, nodes, None])
+
+
+def _lengths(points: Array, nodes: Array) -> Array:
+    """Length of the curve (m, m) from each node to those after it."""
+    steps = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
+    along = np.concatenate([[0.0], np.cumsum(np.concatenate([steps, steps]))])
+    count = len(nodes)
+    after = np.concatenate([nodes, nodes + len(points)])[np.arange(count)[:, None] + np.arange(1, count + 1)]
+    return np.asarray(along[after] - along[nodes, None])
 
 
 def _turned(points: Array, nodes: Array) -> Array:
