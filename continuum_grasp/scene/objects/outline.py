@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
@@ -102,6 +102,15 @@ class OutlineFile(MaybeDrawn):
             raise ValueError(f"scale: missing; {name} does not say how long a unit of it is")
         return drawing.scaled(scale).outline(name, self.path)
 
+    def level(self, normals: Iterable[PlanePoint]) -> Self:
+        """The outline that lies flat, within the error of a measured one, on supports it meets along some normals."""
+        copy = self.model_copy()
+        of_curve = ("curve", "vertices", "drawn", "parts")
+        for key in of_curve:
+            copy.__dict__.pop(key, None)
+        copy.__dict__["found"] = self.found.level(normals)
+        return copy
+
     @property
     def note(self) -> str:
         """Curve that is the outline, its size, and the parts of the file that are left out."""
@@ -151,6 +160,8 @@ class OutlineFile(MaybeDrawn):
         """
         size = _extent(self.curve)
         tolerance = self.distance_allowed
+        if self.tolerance is None and self.found.fit is not None:
+            retained = {*retained, *self.found.fit.knots}
         corners = simplified(self.curve, share * tolerance, retained)
         if len(corners) < 3 or tolerance > 0.2 * size:
             raise ValueError(f"tolerance: {tolerance:g} m leaves nothing of an outline {size:.4g} m long")

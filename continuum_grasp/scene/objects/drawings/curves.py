@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any
 
 from continuum_grasp.base import Array
-from continuum_grasp.scene.objects.measured import Sampling, fitted
+from continuum_grasp.scene.objects.measured import FittedCurve, Sampling, fitted
 from continuum_grasp.scene.polygons import PlanePoint, check_simple
 from continuum_grasp.scene.value import WRITTEN
 
@@ -80,13 +80,25 @@ class DrawnCurve:
 
 @dataclass(frozen=True)
 class DrawnOutline:
-    """The outline in a drawing, in words what of the drawing is not part of it, and by how much the outline may be off
-    since its points were measured [m].
+    """The outline in a drawing, in words what of the drawing is not part of it, and the lines and arcs of the outline
+    where its points were measured.
     """
 
     curve: DrawnCurve
     left_out: tuple[str, ...]
-    error: float = 0.0
+    fit: FittedCurve | None = None
+
+    @property
+    def error(self) -> float:
+        """Distance of the outline from the true one that the noise of its points explains [m]."""
+        return 0.0 if self.fit is None else self.fit.error
+
+    def level(self, normals: Iterable[PlanePoint]) -> DrawnOutline:
+        """The outline with flat sides, within its error, across its outermost points along each normal."""
+        if self.fit is None:
+            return self
+        fit = self.fit.level(normals)
+        return replace(self, curve=replace(self.curve, points=fit.points), fit=fit)
 
 
 @dataclass
@@ -133,14 +145,12 @@ class Drawing:
         outer, inner = _nested(_once_each(rings))
         if len(outer) > 1:
             raise ValueError(f"file: {file} has {len(outer)} outer curves, expected one: {_choice(outer, self)}")
-        whole, error = outer[0], 0.0
-        fit = None if self.sampling is None else fitted(whole.points, self.sampling)
-        if fit is not None:
-            whole, error = replace(whole, points=fit.points), fit.error
+        fit = None if self.sampling is None else fitted(outer[0].points, self.sampling)
+        whole = outer[0] if fit is None else replace(outer[0], points=fit.points)
         check_simple(whole.points, f"file: {whole.label} of {file}")
         _check_holes(outer[0], inner, self, file)
         inside = [f"{curve.text}: {'a hole' if curve.group == outer[0].group else 'inside'}" for curve in inner]
-        return DrawnOutline(whole, (*inside, *_paper(outer[0], ground, file), *others), error)
+        return DrawnOutline(whole, (*inside, *_paper(outer[0], ground, file), *others), fit)
 
 
 def sizes(size: PlanePoint) -> str:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.scene.objects.measured.chain import chain_through
+from continuum_grasp.scene.curved_parts import BLUNT
 from continuum_grasp.scene.objects.measured.noise import Noise, noise_of
 from continuum_grasp.scene.objects.measured.pieces import pieces_of
+from continuum_grasp.scene.objects.measured.settle import ChainFit
 from continuum_grasp.scene.objects.simplify import simplified
 from continuum_grasp.scene.polygons import PlanePoint
 
@@ -18,8 +20,9 @@ _MOST_NODES = 400
 """Places at which pieces may end: the search for them takes a time that grows with the square, 0.1 s for so many."""
 _GREATEST = 0.01
 """Noise, per longer side of a curve, beyond which points are corners that someone meant [1]: who measures is better."""
-_CHORD = 0.02
-"""Turn along the chords of an arc [rad]: they are within 5e-5 of its radius."""
+_TURN, _PARTS = 0.95 * BLUNT, 4
+"""Turn between corners of an arc [rad], so that parts of an object have an arc there, and chords between them: these
+are within 7e-5 of its radius."""
 _AROUND = 4.0
 """Length of a curve about a corner that blur has rounded, per standard deviation of the blur [1]: two to either side,
 where the half level is 0.03 of it off the line."""
@@ -57,10 +60,27 @@ class FittedCurve(NamedTuple):
         Ends of the lines, and points of the arcs as close as those of a drawing.
     error : float
         Distance from the true curve, in the unit of the points, that three standard deviations of the fit explain.
+    knots : frozenset of int
+        Indices of the points that are ends of lines, or corners of an arc.
+    chain : ChainFit or None
+        The lines and arcs; None of a circle.
     """
 
     points: tuple[PlanePoint, ...]
     error: float
+    knots: frozenset[int] = frozenset()
+    chain: ChainFit | None = None
+
+    def level(self, normals: Iterable[PlanePoint]) -> FittedCurve:
+        """The curve whose outermost points along each normal, as far as they may be level, are level: within its error
+        a flat side lies flat.
+        """
+        chain = self.chain
+        if chain is None:
+            return self
+        for normal in normals:
+            chain = chain.level(normal, 2.0 * self.error)
+        return _drawn(chain, self.error)
 
 
 def fitted(ring: Sequence[PlanePoint], sampling: Sampling) -> FittedCurve | None:
@@ -87,9 +107,14 @@ def fitted(ring: Sequence[PlanePoint], sampling: Sampling) -> FittedCurve | None
         return circle
     if 2 * sum(3 if piece.is_arc else 2 for piece in pieces) > len(points):
         return None  # as many numbers as before: the points are the shape
-    chain, off = chain_through(points, pieces, noise)
-    corners = chain.drawn(_CHORD)
-    return FittedCurve(_listed(corners), _SURE * off + (3.0 * sampling.variance) ** 0.5)
+    chain = ChainFit.through(points, pieces, noise)
+    error = _SURE * chain.spread + (3.0 * sampling.variance) ** 0.5
+    return _drawn(chain, error)
+
+
+def _drawn(fit: ChainFit, error: float) -> FittedCurve:
+    points, knots = fit.chain.drawn(_TURN, _PARTS)
+    return FittedCurve(_listed(points), error, frozenset(np.flatnonzero(knots).tolist()), fit)
 
 
 def _listed(points: Array) -> tuple[PlanePoint, ...]:
@@ -109,11 +134,12 @@ def _circle(points: Array, noise: Noise, spare: float, most: float) -> FittedCur
     rest = np.linalg.norm(points - center, axis=1) - radius
     if max(float((rest**2).sum()) - spare * len(points), 0.0) / noise.density > most:
         return None
-    angles = np.arange(0.0, 2.0 * np.pi, _CHORD)
+    count = _PARTS * math.ceil(2.0 * math.pi / _TURN)
+    angles = np.arange(count) * 2.0 * np.pi / count
     drawn = center + radius * np.column_stack([np.cos(angles), np.sin(angles)])
     # Of three parameters that n points settle: 1/n of the radius, 2/n of each coordinate of the center.
     off = (3.0 * noise.density / len(points)) ** 0.5
-    return FittedCurve(_listed(drawn), _SURE * off + (3.0 * spare) ** 0.5)
+    return FittedCurve(_listed(drawn), _SURE * off + (3.0 * spare) ** 0.5, frozenset(range(0, count, _PARTS)))
 
 
 def _nodes(points: Array, scatter: float) -> Array:

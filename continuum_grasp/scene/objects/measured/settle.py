@@ -1,0 +1,170 @@
+"""The chain of lines and arcs that is nearest to measured points, by least squares, and its uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from continuum_grasp.base import Array
+from continuum_grasp.scene.objects.measured.chain import Chain, slopes_of, turn_slopes_of
+from continuum_grasp.scene.objects.measured.noise import Noise, frames
+from continuum_grasp.scene.objects.measured.pieces import Piece
+
+_STEPS = 20
+"""Steps of Gauss and Newton at most; a chain next to its points takes three to six."""
+_STIFF = 1e3
+"""How many times stiffer than the points a joint is that is smooth or level [1]: it is off by a thousandth of the noise."""
+_HUBER = 2.0
+"""Residual, per scatter, beyond which points pull no stronger [1]: 95 % of normal noise are within."""
+
+
+@dataclass(frozen=True)
+class ChainFit:
+    """A chain through points.
+
+    Attributes
+    ----------
+    chain : Chain
+    points : Array
+        Points that settle it (n, 2), in the order of the curve; blurred corners are not among them.
+    owner : Array
+        Piece of each point (n,), increasing.
+    noise : Noise
+    covariance : Array
+        Of joints and bulges (3k, 3k).
+    """
+
+    chain: Chain
+    points: Array
+    owner: Array
+    noise: Noise
+    covariance: Array
+
+    @classmethod
+    def through(cls, points: Array, pieces: Sequence[Piece], noise: Noise) -> ChainFit:
+        """Fit a chain to points (n, 2) that are divided into pieces.
+
+        Joints at which the direction changes no more than noise explains are smooth: by the criterion by which pieces
+        are chosen, a parameter less against a greater sum of squares.
+        """
+        runs = [points[np.arange(p.first, p.last) % len(points)] for p in pieces if not p.is_blur]
+        is_arc = np.array([piece.is_arc for piece in pieces if not piece.is_blur])
+        joints = np.array([0.5 * (before[-1] + run[0]) for before, run in zip([runs[-1], *runs], runs, strict=False)])
+        bulges = np.array([_bulge(run) if arc else 0.0 for run, arc in zip(runs, is_arc, strict=True)])
+        owner = np.repeat(np.arange(len(runs)), [len(run) for run in runs])
+        chain = Chain(joints, bulges, is_arc, np.zeros(len(runs), dtype=bool))
+        fit = cls(chain, np.concatenate(runs), owner, noise, np.zeros((0, 0)))._settled()
+        worth = np.log(max(len(points) / noise.share, 2.0))
+        slopes = turn_slopes_of(fit.chain)
+        spread = np.einsum("ki,ij,kj->k", slopes, fit.covariance, slopes)
+        smooth = fit.chain.turns**2 <= worth * spread
+        # A line needs no joint in its middle: two lines in line would be one.
+        smooth &= is_arc | np.roll(is_arc, 1)
+        return replace(fit, chain=replace(fit.chain, smooth=smooth))._settled() if smooth.any() else fit
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of the chain's distance from the curve where it is greatest."""
+        slopes = slopes_of(self.chain, self.points, self.owner)
+        count = len(self.chain.joints)
+        begin, end = 3 * self.owner, 3 * ((self.owner + 1) % count)
+        places = np.stack([begin, begin + 1, begin + 2, end, end + 1], axis=1)
+        around = self.covariance[places[:, :, None], places[:, None, :]]
+        return float(np.sqrt(np.einsum("ni,nij,nj->n", slopes, around, slopes).max()))
+
+    def level(self, normal: tuple[float, float], within: float) -> ChainFit:
+        """The chain whose joints within a distance of the outermost one along a normal are as far out as that one."""
+        heights = self.chain.joints @ normal
+        outer = np.flatnonzero(heights >= heights.max() - within)
+        if len(outer) < 2:
+            return self
+        ties = np.zeros((len(outer) - 1, 3 * len(heights)))
+        for row, (a, b) in enumerate(zip(outer, outer[1:], strict=False)):
+            ties[row, 3 * a : 3 * a + 2] = normal
+            ties[row, 3 * b : 3 * b + 2] = -np.asarray(normal)
+        fit = self._settled(ties)
+        joints = fit.chain.joints.copy()
+        heights = joints[outer] @ normal
+        # But for the stiffness of the ties they are level already.
+        joints[outer] += (heights.mean() - heights)[:, None] * np.asarray(normal)
+        return replace(fit, chain=replace(fit.chain, joints=joints))
+
+    def _settled(self, ties: Array | None = None) -> ChainFit:
+        """The chain of least squares next to this one, by Gauss-Newton steps, where ``ties`` (m, 3k) times its
+        parameters are zero.
+        """
+        start, chain = self.chain, self.chain
+        free = np.stack([np.ones_like(chain.bulges)] * 2 + [chain.is_arc], axis=1).ravel() > 0.0
+        trust = 1e-6
+        cost, gram, slope = self._normal(chain, ties)
+        for _ in range(_STEPS):
+            damped = gram + trust * np.diag(np.diag(gram))
+            step = np.zeros(len(free))
+            step[free] = -np.linalg.solve(damped[np.ix_(free, free)], slope[free])
+            moved = chain.moved(step.reshape(-1, 3))
+            less, *rest = self._normal(moved, ties)
+            near = np.linalg.norm(moved.joints - start.joints, axis=1) < start.reach
+            if not (less < cost and near.all()):
+                trust *= 10.0
+                continue
+            gained = cost - less
+            chain, cost, (gram, slope) = moved, less, rest
+            trust *= 0.1
+            if gained < 1e-3:
+                break
+        covariance = np.zeros_like(gram)
+        covariance[np.ix_(free, free)] = self.noise.share * np.linalg.inv(gram[np.ix_(free, free)])
+        return replace(self, chain=chain, covariance=covariance)
+
+    def _normal(self, chain: Chain, ties: Array | None) -> tuple[float, Array, Array]:
+        """Half the sum of squares, per variance of a point, and its Gauss-Newton matrix and slope by the parameters."""
+        scatter, count = self.noise.scatter, len(chain.joints)
+        rest = chain.distances(self.points, self.owner) / scatter
+        slopes = slopes_of(chain, self.points, self.owner) / scatter
+        size = np.abs(rest)
+        weight = np.where(size <= _HUBER, 1.0, _HUBER / np.maximum(size, _HUBER))
+        cost = float(np.where(size <= _HUBER, 0.5 * rest**2, _HUBER * (size - 0.5 * _HUBER)).sum())
+        gram = np.zeros((3 * count, 3 * count))
+        slope = np.zeros(3 * count)
+        first = np.searchsorted(self.owner, np.arange(count + 1))
+        for k in range(count):
+            rows = slopes[first[k] : first[k + 1]]
+            weighted = rows.T * weight[first[k] : first[k + 1]]
+            after = 3 * ((k + 1) % count)
+            at = [3 * k, 3 * k + 1, 3 * k + 2, after, after + 1]
+            gram[np.ix_(at, at)] += weighted @ rows
+            slope[at] += weighted @ rest[first[k] : first[k + 1]]
+        for rows, off in self._beside(chain, ties):
+            cost += 0.5 * float(off @ off)
+            gram += rows.T @ rows
+            slope += rows.T @ off
+        return cost, gram, slope
+
+    def _beside(self, chain: Chain, ties: Array | None) -> list[tuple[Array, Array]]:
+        """Further residuals and their derivatives, beside the distances of the points."""
+        start, reach = self.chain, self.chain.reach
+        places = np.eye(3 * len(reach)).reshape(len(reach), 3, -1)[:, :2]
+        # Where a joint slides along both its pieces, it stays within the length of the shorter one.
+        stays = (places / reach[:, None, None]).reshape(2 * len(reach), -1)
+        beside = [(stays, ((chain.joints - start.joints) / reach[:, None]).ravel())]
+        if chain.smooth.any():
+            stiff = (_STIFF / self.noise.scatter * reach)[chain.smooth]
+            beside.append((turn_slopes_of(chain)[chain.smooth] * stiff[:, None], chain.turns[chain.smooth] * stiff))
+        if ties is not None:
+            rows = _STIFF / self.noise.scatter * ties
+            beside.append((rows, rows @ np.column_stack([chain.joints, chain.bulges]).ravel()))
+        return beside
+
+
+def _bulge(run: Array) -> float:
+    """Height of an arc's middle over half its chord, by its points [1]."""
+    chord = run[-1] - run[0]
+    length = float(np.linalg.norm(chord))
+    along, across = frames((run - 0.5 * (run[0] + run[-1]))[None], (chord / length)[None])
+    # By the area between chord and arc, 2/3 of height times chord where that is flat.
+    area = float(np.trapezoid(across[0], along[0]))
+    flat = 1.5 * area / length
+    middle = float(across[0][len(run) // 2])
+    return 2.0 * (middle if abs(middle) > abs(flat) else flat) / length
