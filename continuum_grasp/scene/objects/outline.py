@@ -71,8 +71,9 @@ class OutlineFile(MaybeDrawn):
     tolerance: Annotated[Extent, Field(examples=["0.2 mm"])] | None = None
     """Greatest distance of the polygon from the curve [m]; a greater one takes fewer corners. None: a thousandth of the
     longer side of what the curve fills."""
-    threshold: Annotated[float, Field(gt=0.0, lt=1.0), Unit("1")] = 0.5
-    """Darkness of a pixel of a PNG from which on it belongs to the object [1]: 0 white or transparent, 1 black."""
+    threshold: Annotated[float, Field(gt=0.0, lt=1.0), Unit("1")] | None = None
+    """Darkness of a pixel of a PNG from which on it belongs to the object [1]: 0 white or transparent, 1 black. None:
+    halfway between object and ground, next to the edge at 0.5."""
     cut: PlaneCut | None = None
     """Plane whose section of a mesh is the outline; ``path`` chooses one of several: ``section 2``, the second
     largest."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.scene.curved_parts import BLUNT
-from continuum_grasp.scene.objects.measured.noise import Noise, noise_of
+from continuum_grasp.scene.objects.measured.noise import Noise, noise_of, without_outliers
 from continuum_grasp.scene.objects.measured.pieces import pieces_of
 from continuum_grasp.scene.objects.measured.settle import ChainFit
 from continuum_grasp.scene.objects.simplify import simplified
@@ -28,6 +28,10 @@ _AROUND = 4.0
 where the half level is 0.03 of it off the line."""
 _NEWTON = 5
 """Steps for a circle, from the mean of its points."""
+_FARTHEST = 6.0
+"""Distance of a point from the curve, per scatter, beyond which the curve is not fitted [1], but for blurred corners."""
+_TOGETHER = 10
+"""Neighbors that are all so far from a curve that is not fitted: a wrong pixel at the edge moves fewer."""
 _SURE = 3.0
 """Standard deviations by which an error is stated: 99.7 % of normal noise are within."""
 
@@ -93,6 +97,8 @@ def fitted(ring: Sequence[PlanePoint], sampling: Sampling) -> FittedCurve | None
     sampling : Sampling
         What is known of the points beforehand.
     """
+    import shapely
+
     points = np.asarray(ring, dtype=float)
     size = float(np.ptp(points, axis=0).max())
     least = sampling.variance**0.5
@@ -100,16 +106,24 @@ def fitted(ring: Sequence[PlanePoint], sampling: Sampling) -> FittedCurve | None
     noise = Noise(max(noise.scatter, least), noise.share)
     if not 0.0 < noise.scatter <= _GREATEST * size:
         return None
+    points = without_outliers(points, noise.scatter)
     worth = float(np.log(max(len(points) / noise.share, 2.0)))
     nodes = _nodes(points, noise.scatter)
-    pieces, information = pieces_of(points, nodes, noise, sampling.variance, worth, _AROUND * sampling.blur)
-    if circle := _circle(points, noise, sampling.variance, information - 3.0 * worth):
-        return circle
-    if 2 * sum(3 if piece.is_arc else 2 for piece in pieces) > len(points):
-        return None  # as many numbers as before: the points are the shape
-    chain = ChainFit.through(points, pieces, noise)
-    error = _SURE * chain.spread + (3.0 * sampling.variance) ** 0.5
-    return _drawn(chain, error)
+    for blurred in dict.fromkeys((_AROUND * sampling.blur, 0.0)):
+        pieces, information = pieces_of(points, nodes, noise, sampling.variance, worth, blurred)
+        if circle := _circle(points, noise, sampling.variance, information - 3.0 * worth):
+            return circle
+        if 2 * sum(3 if piece.is_arc else 2 for piece in pieces) > len(points):
+            return None  # as many numbers as before: the points are the shape
+        near = _FARTHEST * noise.scatter + 0.5 * blurred
+        chain = ChainFit.through(points, pieces, noise, near)
+        fit = _drawn(chain, _SURE * chain.spread + (3.0 * sampling.variance) ** 0.5)
+        outline = shapely.Polygon(fit.points)
+        far = shapely.distance(outline.exterior, shapely.points(points)) > near
+        if outline.is_valid and not np.lib.stride_tricks.sliding_window_view(far, min(_TOGETHER, len(far))).all(1).any():
+            return fit
+    # Lines and arcs are not what this is: the points as they are, with their noise.
+    return FittedCurve(tuple(ring), _SURE * noise.scatter)
 
 
 def _drawn(fit: ChainFit, error: float) -> FittedCurve:

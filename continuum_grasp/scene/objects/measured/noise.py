@@ -14,6 +14,11 @@ _WINDOW = 5
 _QUARTILE = 0.28768
 """First quartile of the mean of two squared residuals, per variance: -ln(3/4), of a chi-square of two degrees. Up to
 three windows in four may hold corners."""
+_BESIDE = range(4, 10)
+"""Neighbors to either side of a point that show whether it is far from the curve: a pixel that is wrong at the edge
+moves up to seven points."""
+_EVEN, _FAR = 2.0, 4.0
+"""Scatter of these neighbors, at most, and distance of the point, at least, per scatter of all points [1]."""
 _SECTION, _SECTIONS = 100, 8
 """Points of a section of the curve at least, so that its noise is known to 15 %, and number of sections at most."""
 
@@ -77,15 +82,36 @@ def _means(points: Array, count: int) -> Array:
 def _variance(points: Array) -> float:
     """Variance of points across a smooth curve, by the first quartile of their residuals from parabolas [m2]."""
     around = points[np.arange(len(points) - _WINDOW + 1)[:, None] + np.arange(_WINDOW)]
+    rest, _ = _beside_parabolas(around, around[:, :1])
+    return float(np.quantile((rest**2).sum(axis=1) / (_WINDOW - 3), 0.25)) / _QUARTILE
+
+
+def without_outliers(points: Array, scatter: float) -> Array:
+    """Points of a closed curve but for those that are far from it, where their neighbors on both sides are on one
+    parabola: what a grain of dust or a wrong pixel leaves, and no corner.
+    """
+    if len(points) < 4 * _BESIDE[-1]:
+        return points
+    offsets = np.array([-k for k in reversed(_BESIDE)] + list(_BESIDE))
+    around = points[(np.arange(len(points))[:, None] + offsets) % len(points)]
+    rest, off = _beside_parabolas(around, points[:, None])
+    even = np.sqrt((rest**2).sum(axis=1) / (len(offsets) - 3)) < _EVEN * scatter
+    return points[~(even & (np.abs(off[:, 0]) > _FAR * scatter))]
+
+
+def _beside_parabolas(around: Array, others: Array) -> tuple[Array, Array]:
+    """Residuals of neighbors (n, k, 2) from a parabola through them, and those of other points beside it (n, m, 2)."""
     chord = around[:, -1] - around[:, 0]
     length = np.maximum(np.linalg.norm(chord, axis=1), np.finfo(float).tiny)[:, None]
-    along, across = frames(around - around[:, _WINDOW // 2, None], chord / length)
-    scaled = along / length
-    powers = np.stack([np.ones_like(scaled), scaled, scaled**2], axis=2)
-    gram = np.swapaxes(powers, 1, 2) @ powers + 1e-12 * np.eye(3)
-    fit = np.linalg.solve(gram, np.swapaxes(powers, 1, 2) @ across[..., None])
+    middle = around.mean(axis=1, keepdims=True)
+    along, across = frames(np.concatenate([around, others], axis=1) - middle, chord / length)
+    powers = (along / length)[..., None] ** np.arange(3)
+    own = powers[:, : around.shape[1]]
+    transposed = np.swapaxes(own, 1, 2)
+    gram = transposed @ own + 1e-12 * np.eye(3)
+    fit = np.linalg.solve(gram, transposed @ across[:, : around.shape[1], None])
     rest = across - (powers @ fit)[..., 0]
-    return float(np.quantile((rest**2).sum(axis=1) / (_WINDOW - 3), 0.25)) / _QUARTILE
+    return rest[:, : around.shape[1]], rest[:, around.shape[1] :]
 
 
 def frames(offsets: Array, directions: Array) -> tuple[Array, Array]:

@@ -16,6 +16,8 @@ _STEPS = 20
 """Steps of Gauss and Newton at most; a chain next to its points takes three to six."""
 _STIFF = 1e3
 """How many times stiffer than the points a joint is that is smooth or level [1]: it is off by a thousandth of the noise."""
+_END = 20
+"""Points at the end of a piece among which one is near to its corner."""
 _HUBER = 2.0
 """Residual, per scatter, beyond which points pull no stronger [1]: 95 % of normal noise are within."""
 
@@ -43,26 +45,53 @@ class ChainFit:
     covariance: Array
 
     @classmethod
-    def through(cls, points: Array, pieces: Sequence[Piece], noise: Noise) -> ChainFit:
-        """Fit a chain to points (n, 2) that are divided into pieces.
+    def through(cls, points: Array, pieces: Sequence[Piece], noise: Noise, near: float) -> ChainFit:
+        """Fit a chain to points (n, 2) that are divided into pieces; corners are ``near`` to some of the points.
 
         Joints at which the direction changes no more than noise explains are smooth: by the criterion by which pieces
         are chosen, a parameter less against a greater sum of squares.
         """
         runs = [points[np.arange(p.first, p.last) % len(points)] for p in pieces if not p.is_blur]
-        is_arc = np.array([piece.is_arc for piece in pieces if not piece.is_blur])
-        joints = np.array([0.5 * (before[-1] + run[0]) for before, run in zip([runs[-1], *runs], runs, strict=False)])
-        bulges = np.array([_bulge(run) if arc else 0.0 for run, arc in zip(runs, is_arc, strict=True)])
-        owner = np.repeat(np.arange(len(runs)), [len(run) for run in runs])
-        chain = Chain(joints, bulges, is_arc, np.zeros(len(runs), dtype=bool))
-        fit = cls(chain, np.concatenate(runs), owner, noise, np.zeros((0, 0)))._settled()
-        worth = np.log(max(len(points) / noise.share, 2.0))
-        slopes = turn_slopes_of(fit.chain)
-        spread = np.einsum("ki,ij,kj->k", slopes, fit.covariance, slopes)
-        smooth = fit.chain.turns**2 <= worth * spread
-        # A line needs no joint in its middle: two lines in line would be one.
-        smooth &= is_arc | np.roll(is_arc, 1)
+        kinds = [piece.is_arc for piece in pieces if not piece.is_blur]
+        worth = float(np.log(max(len(points) / noise.share, 2.0)))
+        while True:
+            fit = cls._of(runs, kinds, noise)
+            slopes = turn_slopes_of(fit.chain)
+            unlike = fit.chain.turns**2 / np.einsum("ki,ij,kj->k", slopes, fit.covariance, slopes)
+            corner = ~fit.chain.is_arc & ~np.roll(fit.chain.is_arc, 1)
+            if len(runs) > 3 and (spurious := fit._spurious(runs, near)) is not None:
+                del runs[spurious], kinds[spurious]
+            elif len(runs) > 3 and (unlike[corner] < 3.0 * worth).any():
+                # Two lines in line are one: the least information over places is that of no place at all.
+                k = int(np.where(corner, unlike, np.inf).argmin())
+                runs[k - 1] = np.concatenate([runs[k - 1], runs[k]])
+                del runs[k], kinds[k]
+            else:
+                break
+        smooth = (unlike <= worth) & ~corner
         return replace(fit, chain=replace(fit.chain, smooth=smooth))._settled() if smooth.any() else fit
+
+    @classmethod
+    def _of(cls, runs: Sequence[Array], kinds: Sequence[bool], noise: Noise) -> ChainFit:
+        """The chain with corners wherever a run of points ends."""
+        joints = np.array([0.5 * (before[-1] + run[0]) for before, run in zip([runs[-1], *runs], runs, strict=False)])
+        bulges = np.array([_bulge(run) if is_arc else 0.0 for run, is_arc in zip(runs, kinds, strict=True)])
+        owner = np.repeat(np.arange(len(runs)), [len(run) for run in runs])
+        chain = Chain(joints, bulges, np.array(kinds), np.zeros(len(runs), dtype=bool))
+        return cls(chain, np.concatenate(runs), owner, noise, np.zeros((0, 0)))._settled()
+
+    def _spurious(self, runs: Sequence[Array], near: float) -> int | None:
+        """A piece that has no place between the pieces beside it, or leads to a corner where no point is."""
+        along = np.array([run[-1] - run[0] for run in runs])
+        backward = np.flatnonzero((self.chain.chords * along).sum(axis=1) < 0.0)
+        if backward.size:
+            return int(backward[0])
+        counts = np.array([len(run) for run in runs])
+        ends = [np.concatenate([runs[k - 1][-_END:], runs[k][:_END]]) for k in range(len(runs))]
+        for k, (joint, points) in enumerate(zip(self.chain.joints, ends, strict=True)):
+            if np.linalg.norm(points - joint, axis=1).min() > near:
+                return k if counts[k] < counts[k - 1] else (k - 1) % len(runs)
+        return None
 
     @property
     def spread(self) -> float:
