@@ -10,11 +10,12 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.scene.curved_parts import BLUNT
-from continuum_grasp.scene.objects.measured.noise import Noise, noise_of, without_outliers
+from continuum_grasp.scene.objects.measured.noise import Noise, is_pattern, noise_of, without_outliers
 from continuum_grasp.scene.objects.measured.pieces import pieces_of
 from continuum_grasp.scene.objects.measured.settle import ChainFit
 from continuum_grasp.scene.objects.simplify import simplified
 from continuum_grasp.scene.polygons import PlanePoint
+from continuum_grasp.scene.value import SAME
 
 _MOST_NODES = 400
 """Places at which pieces may end: the search for them takes a time that grows with the square, 0.1 s for so many."""
@@ -104,19 +105,21 @@ def fitted(ring: Sequence[PlanePoint], sampling: Sampling) -> FittedCurve | None
     least = sampling.variance**0.5
     noise = noise_of(points) or Noise(least, 1.0)
     noise = Noise(max(noise.scatter, least), noise.share)
-    if not 0.0 < noise.scatter <= _GREATEST * size:
+    if not SAME * size < noise.scatter <= _GREATEST * size:
         return None
     points = without_outliers(points, noise.scatter)
     worth = float(np.log(max(len(points) / noise.share, 2.0)))
     nodes = _nodes(points, noise.scatter)
+    near = _FARTHEST * noise.scatter + 0.5 * _AROUND * sampling.blur
     for blurred in dict.fromkeys((_AROUND * sampling.blur, 0.0)):
         pieces, information = pieces_of(points, nodes, noise, sampling.variance, worth, blurred)
         if circle := _circle(points, noise, sampling.variance, information - 3.0 * worth):
             return circle
         if 2 * sum(3 if piece.is_arc else 2 for piece in pieces) > len(points):
             return None  # as many numbers as before: the points are the shape
-        near = _FARTHEST * noise.scatter + 0.5 * blurred
         chain = ChainFit.through(points, pieces, noise, near)
+        if not sampling.variance and is_pattern(chain.residuals):
+            return None
         fit = _drawn(chain, _SURE * chain.spread + (3.0 * sampling.variance) ** 0.5)
         outline = shapely.Polygon(fit.points)
         far = shapely.distance(outline.exterior, shapely.points(points)) > near
@@ -146,7 +149,11 @@ def _circle(points: Array, noise: Noise, spare: float, most: float) -> FittedCur
         move, *_ = np.linalg.lstsq(slopes, reach - radius, rcond=None)
         center, radius = center + move[:2], radius + move[2]
     rest = np.linalg.norm(points - center, axis=1) - radius
-    if max(float((rest**2).sum()) - spare * len(points), 0.0) / noise.density > most:
+    if not spare and is_pattern(rest):
+        return None
+    # A wrong pixel counts no more than as far as points may be.
+    squares = np.minimum(rest**2, (_FARTHEST * noise.scatter) ** 2)
+    if max(float(squares.sum()) - spare * len(points), 0.0) / noise.density > most:
         return None
     count = _PARTS * math.ceil(2.0 * math.pi / _TURN)
     angles = np.arange(count) * 2.0 * np.pi / count

@@ -14,6 +14,12 @@ _WINDOW = 5
 _QUARTILE = 0.28768
 """First quartile of the mean of two squared residuals, per variance: -ln(3/4), of a chi-square of two degrees. Up to
 three windows in four may hold corners."""
+_BETWEEN = 4.0
+"""Ratio of the variances of means over twice as many neighbors [1] between that of noise, 1/2, and that of a smooth
+curve, whose third derivative leaves residuals that grow with the cube of the scale: 64. Few windows scatter much."""
+_LAGS, _ALIKE = 16, 0.5
+"""Points of a tooth at most, and correlation of its points with those of the next one at least [1]: noise of 40 points
+has one of 0.16."""
 _BESIDE = range(4, 10)
 """Neighbors to either side of a point that show whether it is far from the curve: a pixel that is wrong at the edge
 moves up to seven points."""
@@ -49,7 +55,7 @@ def noise_of(points: Array) -> Noise | None:
 
     Noise differs from shape by scale: the mean over twice as many neighbors scatters less, whereas the bends of a
     shape stand out more. So the means over 1, 2, 4 ... neighbors are compared with parabolas through five of them, and
-    the noise is measured on the first scales from which on the scatter falls.
+    the noise is measured on the first scales on which the scatter falls.
     """
     # Light and focus differ from side to side.
     sections = np.array_split(points, max(min(len(points) // _SECTION, _SECTIONS), 1))
@@ -61,9 +67,14 @@ def _of_section(points: Array) -> Noise | None:
     """Noise of points along a curve that is not closed."""
     counts = [2**k for k in range(16) if len(points) >> k >= 2 * _WINDOW]
     variances = [_variance(_means(points, count)) for count in counts]
-    first = next((k for k, (a, b) in enumerate(pairwise(variances)) if b < a), None)
-    # Neighbors that alternate, as teeth do, scatter by turns and not by chance: the means of two lie in line.
-    if first is None or 4.0 * variances[first + 1] < variances[first]:
+    if len(variances) < 2:
+        return None
+    if len(points) < _SECTION:
+        # Windows of means would all hold corners.
+        return Noise(variances[0] ** 0.5, 1.0)
+    steps = enumerate(pairwise(variances))
+    first = next((k for k, (a, b) in steps if b < (_BETWEEN if k == 0 else 1.0) * a), None)
+    if first is None:
         return None
     last = first + 1
     while last + 1 < len(counts) and variances[last + 1] < variances[last]:
@@ -71,6 +82,16 @@ def _of_section(points: Array) -> Noise | None:
     scatter = max(variances[: first + 1]) ** 0.5
     density = max(count * variance for count, variance in zip(counts[: last + 1], variances, strict=False))
     return Noise(scatter, density / scatter**2)
+
+
+def is_pattern(rest: Array) -> bool:
+    """Whether residuals of points along a curve repeat, as teeth do and noise does not: they are like those some points
+    later, and unlike those between.
+    """
+    rest = rest - rest.mean()
+    lags = np.arange(1, min(_LAGS, len(rest) // 4) + 1)
+    alike = np.array([float(rest @ np.roll(rest, lag)) for lag in lags]) / max(float(rest @ rest), np.finfo(float).tiny)
+    return bool((alike[np.minimum.accumulate(alike) < 0.0] > _ALIKE).any())
 
 
 def _means(points: Array, count: int) -> Array:

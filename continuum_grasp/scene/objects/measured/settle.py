@@ -16,8 +16,6 @@ _STEPS = 20
 """Steps of Gauss and Newton at most; a chain next to its points takes three to six."""
 _STIFF = 1e3
 """How many times stiffer than the points a joint is that is smooth or level [1]: it is off by a thousandth of the noise."""
-_END = 20
-"""Points at the end of a piece among which one is near to its corner."""
 _HUBER = 2.0
 """Residual, per scatter, beyond which points pull no stronger [1]: 95 % of normal noise are within."""
 
@@ -59,13 +57,15 @@ class ChainFit:
             slopes = turn_slopes_of(fit.chain)
             unlike = fit.chain.turns**2 / np.einsum("ki,ij,kj->k", slopes, fit.covariance, slopes)
             corner = ~fit.chain.is_arc & ~np.roll(fit.chain.is_arc, 1)
-            if len(runs) > 3 and (spurious := fit._spurious(runs, near)) is not None:
-                del runs[spurious], kinds[spurious]
-            elif len(runs) > 3 and (unlike[corner] < 3.0 * worth).any():
-                # Two lines in line are one: the least information over places is that of no place at all.
-                k = int(np.where(corner, unlike, np.inf).argmin())
-                runs[k - 1] = np.concatenate([runs[k - 1], runs[k]])
-                del runs[k], kinds[k]
+            spurious = _apart(fit._spurious(runs, near))
+            # Two lines in line are one: the least information over places is that of no place at all.
+            straight = _apart(corner & (unlike < 3.0 * worth))
+            if len(runs) - int(spurious.sum()) >= 3 and spurious.any():
+                runs, kinds = ([one for one, off in zip(every, spurious, strict=True) if not off] for every in (runs, kinds))
+            elif len(runs) - int(straight.sum()) >= 3 and straight.any():
+                for k in np.flatnonzero(straight):
+                    runs[k - 1] = np.concatenate([runs[k - 1], runs[k]])
+                runs, kinds = ([one for one, off in zip(every, straight, strict=True) if not off] for every in (runs, kinds))
             else:
                 break
         smooth = (unlike <= worth) & ~corner
@@ -80,18 +80,21 @@ class ChainFit:
         chain = Chain(joints, bulges, np.array(kinds), np.zeros(len(runs), dtype=bool))
         return cls(chain, np.concatenate(runs), owner, noise, np.zeros((0, 0)))._settled()
 
-    def _spurious(self, runs: Sequence[Array], near: float) -> int | None:
-        """A piece that has no place between the pieces beside it, or leads to a corner where no point is."""
+    def _spurious(self, runs: Sequence[Array], near: float) -> Array:
+        """Pieces that have no place between the pieces beside them, or lead to a corner where no point is (k,)."""
         along = np.array([run[-1] - run[0] for run in runs])
-        backward = np.flatnonzero((self.chain.chords * along).sum(axis=1) < 0.0)
-        if backward.size:
-            return int(backward[0])
-        counts = np.array([len(run) for run in runs])
-        ends = [np.concatenate([runs[k - 1][-_END:], runs[k][:_END]]) for k in range(len(runs))]
-        for k, (joint, points) in enumerate(zip(self.chain.joints, ends, strict=True)):
-            if np.linalg.norm(points - joint, axis=1).min() > near:
-                return k if counts[k] < counts[k - 1] else (k - 1) % len(runs)
-        return None
+        spurious = np.asarray((self.chain.chords * along).sum(axis=1) < 0.0)
+        for k, joint in enumerate(self.chain.joints):
+            gap = float(np.linalg.norm(runs[k][0] - runs[k - 1][-1]))
+            beside = np.concatenate([runs[k - 1], runs[k]])
+            if np.linalg.norm(beside - joint, axis=1).min() > near + gap:
+                spurious[k if len(runs[k]) < len(runs[k - 1]) else k - 1] = True
+        return spurious
+
+    @property
+    def residuals(self) -> Array:
+        """Signed distances of the points from their pieces (n,)."""
+        return self.chain.distances(self.points, self.owner)
 
     @property
     def spread(self) -> float:
@@ -133,9 +136,11 @@ class ChainFit:
             step = np.zeros(len(free))
             step[free] = -np.linalg.solve(damped[np.ix_(free, free)], slope[free])
             moved = chain.moved(step.reshape(-1, 3))
+            away = moved.joints - start.joints
+            beyond = np.maximum(np.linalg.norm(away, axis=1) / start.reach, 1.0)
+            moved = replace(moved, joints=start.joints + away / beyond[:, None])
             less, *rest = self._normal(moved, ties)
-            near = np.linalg.norm(moved.joints - start.joints, axis=1) < start.reach
-            if not (less < cost and near.all()):
+            if not less < cost:
                 trust *= 10.0
                 continue
             gained = cost - less
@@ -185,6 +190,14 @@ class ChainFit:
             rows = _STIFF / self.noise.scatter * ties
             beside.append((rows, rows @ np.column_stack([chain.joints, chain.bulges]).ravel()))
         return beside
+
+
+def _apart(chosen: Array) -> Array:
+    """Pieces that are chosen, but for those after one that is."""
+    apart = chosen.copy()
+    for k in range(len(apart)):
+        apart[k] &= not apart[k - 1]
+    return apart
 
 
 def _bulge(run: Array) -> float:
