@@ -34,7 +34,9 @@ _FARTHEST = 6.0
 _TOGETHER = 10
 """Neighbors that are all so far from a curve that is not fitted: a wrong pixel at the edge moves fewer."""
 _SURE = 3.0
-"""Standard deviations by which an error is stated: 99.7 % of normal noise are within."""
+"""Standard deviations from which on something is seen, and by which an error is stated [1]: 99.7 % of normal noise are
+within. The Bayesian information of 40 to 4000 points would see things from 1.9 to 2.9 on: of ten flat sides one is round.
+"""
 
 
 class Sampling(NamedTuple):
@@ -108,7 +110,7 @@ def fitted(ring: Sequence[PlanePoint], sampling: Sampling) -> FittedCurve | None
     if not SAME * size < noise.scatter <= _GREATEST * size:
         return None
     points = without_outliers(points, noise.scatter)
-    worth = float(np.log(max(len(points) / noise.share, 2.0)))
+    worth = _SURE**2
     nodes = _nodes(points, noise.scatter)
     near = _FARTHEST * noise.scatter + 0.5 * _AROUND * sampling.blur
     for blurred in dict.fromkeys((_AROUND * sampling.blur, 0.0)):
@@ -117,12 +119,15 @@ def fitted(ring: Sequence[PlanePoint], sampling: Sampling) -> FittedCurve | None
             return circle
         if 2 * sum(3 if piece.is_arc else 2 for piece in pieces) > len(points):
             return None  # as many numbers as before: the points are the shape
-        chain = ChainFit.through(points, pieces, noise, near)
+        chain = ChainFit.through(points, pieces, noise, worth, near)
         if not sampling.variance and is_pattern(chain.residuals):
             return None
         fit = _drawn(chain, _SURE * chain.spread + (3.0 * sampling.variance) ** 0.5)
         outline = shapely.Polygon(fit.points)
-        far = shapely.distance(outline.exterior, shapely.points(points)) > near
+        away = shapely.distance(outline.exterior, shapely.points(points))
+        if not blurred:
+            fit = fit._replace(error=max(fit.error, float(away.max()) - _SURE * noise.scatter))
+        far = away > near
         if outline.is_valid and not np.lib.stride_tricks.sliding_window_view(far, min(_TOGETHER, len(far))).all(1).any():
             return fit
     # Lines and arcs are not what this is: the points as they are, with their noise.

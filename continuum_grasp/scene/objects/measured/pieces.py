@@ -30,12 +30,12 @@ class Piece(NamedTuple):
 def pieces_of(
     points: Array, nodes: Array, noise: Noise, spare: float, worth: float, blurred: float = 0.0
 ) -> tuple[list[Piece], float]:
-    """Divide a closed curve at some of its ``nodes`` into lines and arcs, so that the Bayesian information is least.
+    """Divide a closed curve at some of its ``nodes`` into lines and arcs, so that the information is least.
 
-    The information is the sum of squared residuals over the noise's ``density``, but for a ``spare`` variance that is
-    free, plus what each parameter is ``worth``: three of a line, four of an arc, the place where it ends among them
-    (G. Schwarz, "Estimating the dimension of a model", Annals of Statistics, 1978). Dynamic programming finds the
-    least.
+    The information is the sum of squared residuals over the noise's density, but for a ``spare`` variance that is free,
+    plus what each parameter is ``worth``: three of a line, four of an arc, the place where it ends among them (H. Akaike,
+    "A new look at the statistical model identification", IEEE Transactions on Automatic Control, 1974). Dynamic
+    programming finds the least.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def pieces_of(
     spare : float
         Variance of the points by which any curve may be off.
     worth : float
-        Logarithm of the number of independent points [1].
+        Squares of residuals, per variance, that a parameter explains at least [1].
     blurred : float, optional
         Length of the curve about a corner that blur has rounded: so much of it is a corner for one parameter.
 

@@ -43,7 +43,9 @@ class ChainFit:
     covariance: Array
 
     @classmethod
-    def through(cls, points: Array, pieces: Sequence[Piece], noise: Noise, near: float) -> ChainFit:
+    def through(
+        cls, points: Array, pieces: Sequence[Piece], noise: Noise, worth: float, near: float
+    ) -> ChainFit:
         """Fit a chain to points (n, 2) that are divided into pieces; corners are ``near`` to some of the points.
 
         Joints at which the direction changes no more than noise explains are smooth: by the criterion by which pieces
@@ -51,14 +53,13 @@ class ChainFit:
         """
         runs = [points[np.arange(p.first, p.last) % len(points)] for p in pieces if not p.is_blur]
         kinds = [piece.is_arc for piece in pieces if not piece.is_blur]
-        worth = float(np.log(max(len(points) / noise.share, 2.0)))
         while True:
             fit = cls._of(runs, kinds, noise)
             slopes = turn_slopes_of(fit.chain)
             unlike = fit.chain.turns**2 / np.einsum("ki,ij,kj->k", slopes, fit.covariance, slopes)
             corner = ~fit.chain.is_arc & ~np.roll(fit.chain.is_arc, 1)
             spurious = _apart(fit._spurious(runs, near))
-            # Two lines in line are one: the least information over places is that of no place at all.
+            # Two lines in line are one: a line more has three parameters.
             straight = _apart(corner & (unlike < 3.0 * worth))
             if len(runs) - int(spurious.sum()) >= 3 and spurious.any():
                 runs, kinds = ([one for one, off in zip(every, spurious, strict=True) if not off] for every in (runs, kinds))
