@@ -152,6 +152,10 @@ class OutlineFile(MaybeDrawn):
     def deviation(self) -> float:
         return 0.0 if self.drawn is None else self.drawn.off
 
+    @property
+    def outline_error(self) -> float:
+        return self.found.error
+
     def redrawn(self) -> Self:
         return self if self.drawn is None else self.replaced(tolerance=FINER * self.distance_allowed)
 

@@ -53,8 +53,13 @@ class MaybeDrawn(Value):
         """Greatest distance of its polygons from the drawings that they stand for [m]."""
         return 0.0
 
+    @property
+    def outline_error(self) -> float:
+        """Distance of the outline from the true one that the noise of its measured points explains [m]."""
+        return 0.0
+
     def redrawn(self) -> Self:
-        """A copy whose polygons are nearer to the drawings that they stand for."""
+        """A copy whose polygons are nearer to the drawings that they stand for, and larger by their `outline_error`."""
         return self
 
 
@@ -275,6 +280,10 @@ class _PolygonShape(MaybeDrawn):
     @property
     def deviation(self) -> float:
         return 0.0 if self.drawn is None else self.drawn.off
+
+    @property
+    def outline_error(self) -> float:
+        return 0.0 if self.drawn is None else self.drawn.error
 
     def redrawn(self) -> Self:
         return self if self.drawn is None else self.replaced(vertices=self.drawn.vertices, drawn=None)

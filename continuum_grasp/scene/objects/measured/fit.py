@@ -128,7 +128,10 @@ def fitted(ring: Sequence[PlanePoint], sampling: Sampling) -> FittedCurve | None
         if not blurred:
             fit = fit._replace(error=max(fit.error, float(away.max()) - _SURE * noise.scatter))
         far = away > near
-        if outline.is_valid and not np.lib.stride_tricks.sliding_window_view(far, min(_TOGETHER, len(far))).all(1).any():
+        if (
+            outline.is_valid
+            and not np.lib.stride_tricks.sliding_window_view(far, min(_TOGETHER, len(far))).all(1).any()
+        ):
             return fit
     # Lines and arcs are not what this is: the points as they are, with their noise.
     return FittedCurve(tuple(ring), _SURE * noise.scatter)

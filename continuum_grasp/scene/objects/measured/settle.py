@@ -43,9 +43,7 @@ class ChainFit:
     covariance: Array
 
     @classmethod
-    def through(
-        cls, points: Array, pieces: Sequence[Piece], noise: Noise, worth: float, near: float
-    ) -> ChainFit:
+    def through(cls, points: Array, pieces: Sequence[Piece], noise: Noise, worth: float, near: float) -> ChainFit:
         """Fit a chain to points (n, 2) that are divided into pieces; corners are ``near`` to some of the points.
 
         Joints at which the direction changes no more than noise explains are smooth: by the criterion by which pieces
@@ -62,11 +60,15 @@ class ChainFit:
             # Two lines in line are one: a line more has three parameters.
             straight = _apart(corner & (unlike < 3.0 * worth))
             if len(runs) - int(spurious.sum()) >= 3 and spurious.any():
-                runs, kinds = ([one for one, off in zip(every, spurious, strict=True) if not off] for every in (runs, kinds))
+                runs, kinds = (
+                    [one for one, off in zip(every, spurious, strict=True) if not off] for every in (runs, kinds)
+                )
             elif len(runs) - int(straight.sum()) >= 3 and straight.any():
                 for k in np.flatnonzero(straight):
                     runs[k - 1] = np.concatenate([runs[k - 1], runs[k]])
-                runs, kinds = ([one for one, off in zip(every, straight, strict=True) if not off] for every in (runs, kinds))
+                runs, kinds = (
+                    [one for one, off in zip(every, straight, strict=True) if not off] for every in (runs, kinds)
+                )
             else:
                 break
         smooth = (unlike <= worth) & ~corner
