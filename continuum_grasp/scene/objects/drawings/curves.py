@@ -7,12 +7,15 @@ from collections import Counter
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.base import Array
-from continuum_grasp.scene.objects.measured import FittedCurve, Sampling, fitted
+from continuum_grasp.scene.objects.measured import Sampling
 from continuum_grasp.scene.polygons import PlanePoint, check_simple
 from continuum_grasp.scene.value import WRITTEN
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.objects.measured.fit import FittedCurve
 
 _GAP = 1e-4
 """Gap between ends that meet, as a part of what all open curves measure: files round to 0.01 px or 1e-4 inch, which is
@@ -145,12 +148,17 @@ class Drawing:
         outer, inner = _nested(_once_each(rings))
         if len(outer) > 1:
             raise ValueError(f"file: {file} has {len(outer)} outer curves, expected one: {_choice(outer, self)}")
-        fit = None if self.sampling is None else fitted(outer[0].points, self.sampling)
+        fit = None if self.sampling is None else self._fitted(outer[0], self.sampling)
         whole = outer[0] if fit is None else replace(outer[0], points=fit.points)
         check_simple(whole.points, f"file: {whole.label} of {file}")
         _check_holes(outer[0], inner, self, file)
         inside = [f"{curve.text}: {'a hole' if curve.group == outer[0].group else 'inside'}" for curve in inner]
         return DrawnOutline(whole, (*inside, *_paper(outer[0], ground, file), *others), fit)
+
+    def _fitted(self, ring: DrawnCurve, sampling: Sampling) -> FittedCurve | None:
+        from continuum_grasp.scene.objects.measured.fit import fitted
+
+        return fitted(ring.points, sampling)
 
 
 def sizes(size: PlanePoint) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.base import Array
 from continuum_grasp.scene.objects.measured.noise import frames
@@ -15,7 +16,7 @@ _STEP = 1e-6
 
 
 @dataclass(frozen=True)
-class Chain:
+class LineArcChain:
     """Pieces between joints.
 
     Attributes
@@ -46,7 +47,7 @@ class Chain:
         half = 2.0 * np.arctan(self.bulges)
         return np.asarray(np.remainder(along + half - np.roll(along - half, 1) + np.pi, 2.0 * np.pi) - np.pi)
 
-    def moved(self, by: Array) -> Chain:
+    def moved(self, by: Array) -> LineArcChain:
         """The chain with joints and bulges changed (k, 3)."""
         return replace(self, joints=self.joints + by[:, :2], bulges=self.bulges + np.where(self.is_arc, by[:, 2], 0.0))
 
@@ -56,7 +57,7 @@ class Chain:
         lengths = np.linalg.norm(self.chords, axis=1)
         return np.asarray(np.minimum(lengths, np.roll(lengths, 1)))
 
-    def distances(self, points: Array, owner: Array) -> Array:
+    def distances(self, points: Array, owner: NDArray[np.int_]) -> Array:
         """Signed distance of each point from the line or circle of its piece, positive to the left."""
         return _distances(self.joints, self.chords, self.bulges, points, owner)
 
@@ -79,7 +80,7 @@ class Chain:
         return np.concatenate(rows), np.concatenate(knots)
 
 
-def slopes_of(chain: Chain, points: Array, owner: Array) -> Array:
+def slopes_of(chain: LineArcChain, points: Array, owner: NDArray[np.int_]) -> Array:
     """Derivatives of the distances (n, 5) by the start of each point's piece, its bulge, and its end."""
     lengths = np.linalg.norm(chain.chords, axis=1)
     columns = []
@@ -98,7 +99,7 @@ def slopes_of(chain: Chain, points: Array, owner: Array) -> Array:
     return np.stack(columns, axis=1)
 
 
-def turn_slopes_of(chain: Chain) -> Array:
+def turn_slopes_of(chain: LineArcChain) -> Array:
     """Derivatives of the turns at the joints by all parameters (k, 3k)."""
     count = len(chain.joints)
     lengths = np.linalg.norm(chain.chords, axis=1)
@@ -118,7 +119,7 @@ def turn_slopes_of(chain: Chain) -> Array:
     return rows
 
 
-def _distances(starts: Array, chords: Array, bulges: Array, points: Array, owner: Array) -> Array:
+def _distances(starts: Array, chords: Array, bulges: Array, points: Array, owner: NDArray[np.int_]) -> Array:
     """Signed distances of points from the lines and circles of their pieces."""
     chord = chords[owner]
     length = np.linalg.norm(chord, axis=1)

@@ -10,7 +10,7 @@ import numpy as np
 from continuum_grasp.base import Array
 
 _WINDOW = 5
-"""Neighbors through which a parabola is laid: the fewest that leave two residuals, so that few windows hold a corner."""
+"""Neighbors through which a parabola is laid: the fewest that leave two residuals; few windows hold a corner."""
 _QUARTILE = 0.28768
 """First quartile of the mean of two squared residuals, per variance: -ln(3/4), of a chi-square of two degrees. Up to
 three windows in four may hold corners."""
@@ -119,7 +119,7 @@ def without_outliers(points: Array, scatter: float) -> Array:
     around = points[(np.arange(len(points))[:, None] + offsets) % len(points)]
     rest, off = _beside_parabolas(around, points[:, None])
     even = np.sqrt((rest**2).sum(axis=1) / (len(offsets) - 3)) < _EVEN * scatter
-    return points[~(even & (np.abs(off[:, 0]) > _FAR * scatter))]
+    return np.asarray(points[~(even & (np.abs(off[:, 0]) > _FAR * scatter))])
 
 
 def _is_smooth(points: Array) -> bool:

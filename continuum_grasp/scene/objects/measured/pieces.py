@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.base import Array
 from continuum_grasp.scene.objects.measured.noise import Noise
@@ -17,7 +18,7 @@ _WIDEST = 0.75 * np.pi
 """Half the greatest turn of an arc [rad]: chords of longer arcs say little of their places."""
 
 
-class Piece(NamedTuple):
+class PointRun(NamedTuple):
     """Points ``first`` to ``last``, exclusive, of a closed curve, counted on beyond its end; on an arc or a line."""
 
     first: int
@@ -28,14 +29,14 @@ class Piece(NamedTuple):
 
 
 def pieces_of(
-    points: Array, nodes: Array, noise: Noise, spare: float, worth: float, blurred: float = 0.0
-) -> tuple[list[Piece], float]:
+    points: Array, nodes: NDArray[np.int_], noise: Noise, spare: float, worth: float, blurred: float = 0.0
+) -> tuple[list[PointRun], float]:
     """Divide a closed curve at some of its ``nodes`` into lines and arcs, so that the information is least.
 
     The information is the sum of squared residuals over the noise's density, but for a ``spare`` variance that is free,
-    plus what each parameter is ``worth``: three of a line, four of an arc, the place where it ends among them (H. Akaike,
-    "A new look at the statistical model identification", IEEE Transactions on Automatic Control, 1974). Dynamic
-    programming finds the least.
+    plus what each parameter is ``worth``: three of a line, four of an arc, the place where it ends among them.
+    Dynamic programming finds the least (H. Akaike, "A new look at the statistical model identification", IEEE
+    Transactions on Automatic Control, 1974).
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ def pieces_of(
 
     Returns
     -------
-    pieces : list of Piece
+    pieces : list of PointRun
     information : float
         The least [1].
     """
@@ -79,7 +80,7 @@ def pieces_of(
         start = next((low for low, _, is_blur in half if not is_blur), start) % len(nodes)
     ends = np.concatenate([nodes, nodes + len(points), nodes + 2 * len(points)])
     pieces = [
-        Piece(int(ends[a]), int(ends[b]), bool(is_arc[a % len(nodes), b - a - 1]) and not is_blur, is_blur)
+        PointRun(int(ends[a]), int(ends[b]), bool(is_arc[a % len(nodes), b - a - 1]) and not is_blur, is_blur)
         for a, b, is_blur in found
     ]
     return pieces, least
@@ -112,7 +113,7 @@ def _least(costs: Array, of_blur: Array, start: int) -> tuple[list[tuple[int, in
     return runs[::-1], float(best[:, count].min())
 
 
-def _sums(points: Array, nodes: Array) -> Array:
+def _sums(points: Array, nodes: NDArray[np.int_]) -> Array:
     """Sums (9, m, m) of products of the coordinates of the points from each node to the first, second ... after it."""
     x, y = points.T
     z = x * x + y * y
@@ -124,7 +125,7 @@ def _sums(points: Array, nodes: Array) -> Array:
     return np.asarray(whole[:, ends[after]] - whole[:, nodes, None])
 
 
-def _lengths(points: Array, nodes: Array) -> Array:
+def _lengths(points: Array, nodes: NDArray[np.int_]) -> Array:
     """Length of the curve (m, m) from each node to those after it."""
     steps = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     along = np.concatenate([[0.0], np.cumsum(np.concatenate([steps, steps]))])
@@ -133,7 +134,7 @@ def _lengths(points: Array, nodes: Array) -> Array:
     return np.asarray(along[after] - along[nodes, None])
 
 
-def _turned(points: Array, nodes: Array) -> Array:
+def _turned(points: Array, nodes: NDArray[np.int_]) -> Array:
     """Turn of the direction (m, m) from each node to those after it, by the chords between nodes [rad]."""
     count = len(nodes)
     corners = points[nodes]

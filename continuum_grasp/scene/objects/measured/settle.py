@@ -4,20 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.base import Array
-from continuum_grasp.scene.objects.measured.chain import Chain, slopes_of, turn_slopes_of
+from continuum_grasp.scene.objects.measured.chain import LineArcChain, slopes_of, turn_slopes_of
 from continuum_grasp.scene.objects.measured.noise import Noise, frames
-from continuum_grasp.scene.objects.measured.pieces import Piece
+from continuum_grasp.scene.objects.measured.pieces import PointRun
 
 _STEPS = 20
 """Steps of Gauss and Newton at most; a chain next to its points takes three to six."""
 _STIFF = 1e3
-"""How many times stiffer than the points a joint is that is smooth or level [1]: it is off by a thousandth of the noise."""
+"""How many times stiffer than the points a joint is that is smooth or level [1]: off by a thousandth of the noise."""
 _HUBER = 2.0
 """Residual, per scatter, beyond which points pull no stronger [1]: 95 % of normal noise are within."""
+_Entry = TypeVar("_Entry")
 
 
 @dataclass(frozen=True)
@@ -26,49 +30,45 @@ class ChainFit:
 
     Attributes
     ----------
-    chain : Chain
+    chain : LineArcChain
     points : Array
         Points that settle it (n, 2), in the order of the curve; blurred corners are not among them.
     owner : Array
-        Piece of each point (n,), increasing.
+        PointRun of each point (n,), increasing.
     noise : Noise
     covariance : Array
         Of joints and bulges (3k, 3k).
     """
 
-    chain: Chain
+    chain: LineArcChain
     points: Array
-    owner: Array
+    owner: NDArray[np.int_]
     noise: Noise
     covariance: Array
 
     @classmethod
-    def through(cls, points: Array, pieces: Sequence[Piece], noise: Noise, worth: float, near: float) -> ChainFit:
+    def through(cls, points: Array, pieces: Sequence[PointRun], noise: Noise, worth: float, near: float) -> ChainFit:
         """Fit a chain to points (n, 2) that are divided into pieces; corners are ``near`` to some of the points.
 
         Joints at which the direction changes no more than noise explains are smooth: by the criterion by which pieces
         are chosen, a parameter less against a greater sum of squares.
         """
-        runs = [points[np.arange(p.first, p.last) % len(points)] for p in pieces if not p.is_blur]
+        runs: list[Array] = [points[np.arange(p.first, p.last) % len(points)] for p in pieces if not p.is_blur]
         kinds = [piece.is_arc for piece in pieces if not piece.is_blur]
         while True:
             fit = cls._of(runs, kinds, noise)
             slopes = turn_slopes_of(fit.chain)
             unlike = fit.chain.turns**2 / np.einsum("ki,ij,kj->k", slopes, fit.covariance, slopes)
-            corner = ~fit.chain.is_arc & ~np.roll(fit.chain.is_arc, 1)
+            corner = np.logical_not(np.logical_or(fit.chain.is_arc, np.roll(fit.chain.is_arc, 1)))
             spurious = _apart(fit._spurious(runs, near))
             # Two lines in line are one: a line more has three parameters.
             straight = _apart(corner & (unlike < 3.0 * worth))
             if len(runs) - int(spurious.sum()) >= 3 and spurious.any():
-                runs, kinds = (
-                    [one for one, off in zip(every, spurious, strict=True) if not off] for every in (runs, kinds)
-                )
+                runs, kinds = _without(runs, spurious), _without(kinds, spurious)
             elif len(runs) - int(straight.sum()) >= 3 and straight.any():
                 for k in np.flatnonzero(straight):
                     runs[k - 1] = np.concatenate([runs[k - 1], runs[k]])
-                runs, kinds = (
-                    [one for one, off in zip(every, straight, strict=True) if not off] for every in (runs, kinds)
-                )
+                runs, kinds = _without(runs, straight), _without(kinds, straight)
             else:
                 break
         smooth = (unlike <= worth) & ~corner
@@ -80,7 +80,7 @@ class ChainFit:
         joints = np.array([0.5 * (before[-1] + run[0]) for before, run in zip([runs[-1], *runs], runs, strict=False)])
         bulges = np.array([_bulge(run) if is_arc else 0.0 for run, is_arc in zip(runs, kinds, strict=True)])
         owner = np.repeat(np.arange(len(runs)), [len(run) for run in runs])
-        chain = Chain(joints, bulges, np.array(kinds), np.zeros(len(runs), dtype=bool))
+        chain = LineArcChain(joints, bulges, np.array(kinds), np.zeros(len(runs), dtype=bool))
         return cls(chain, np.concatenate(runs), owner, noise, np.zeros((0, 0)))._settled()
 
     def _spurious(self, runs: Sequence[Array], near: float) -> Array:
@@ -116,7 +116,7 @@ class ChainFit:
         if len(outer) < 2:
             return self
         ties = np.zeros((len(outer) - 1, 3 * len(heights)))
-        for row, (a, b) in enumerate(zip(outer, outer[1:], strict=False)):
+        for row, (a, b) in enumerate(pairwise(outer)):
             ties[row, 3 * a : 3 * a + 2] = normal
             ties[row, 3 * b : 3 * b + 2] = -np.asarray(normal)
         fit = self._settled(ties)
@@ -155,7 +155,7 @@ class ChainFit:
         covariance[np.ix_(free, free)] = self.noise.share * np.linalg.inv(gram[np.ix_(free, free)])
         return replace(self, chain=chain, covariance=covariance)
 
-    def _normal(self, chain: Chain, ties: Array | None) -> tuple[float, Array, Array]:
+    def _normal(self, chain: LineArcChain, ties: Array | None) -> tuple[float, Array, Array]:
         """Half the sum of squares, per variance of a point, and its Gauss-Newton matrix and slope by the parameters."""
         scatter, count = self.noise.scatter, len(chain.joints)
         rest = chain.distances(self.points, self.owner) / scatter
@@ -179,7 +179,7 @@ class ChainFit:
             slope += rows.T @ off
         return cost, gram, slope
 
-    def _beside(self, chain: Chain, ties: Array | None) -> list[tuple[Array, Array]]:
+    def _beside(self, chain: LineArcChain, ties: Array | None) -> list[tuple[Array, Array]]:
         """Further residuals and their derivatives, beside the distances of the points."""
         start, reach = self.chain, self.chain.reach
         places = np.eye(3 * len(reach)).reshape(len(reach), 3, -1)[:, :2]
@@ -193,6 +193,10 @@ class ChainFit:
             rows = _STIFF / self.noise.scatter * ties
             beside.append((rows, rows @ np.column_stack([chain.joints, chain.bulges]).ravel()))
         return beside
+
+
+def _without(every: list[_Entry], chosen: Array) -> list[_Entry]:
+    return [one for one, out in zip(every, chosen, strict=True) if not out]
 
 
 def _apart(chosen: Array) -> Array:
