@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from functools import reduce
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from continuum_grasp.base import Array
@@ -12,6 +11,9 @@ from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, d
 from continuum_grasp.scene.objects.measured import Sampling
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from continuum_grasp.scene.objects.outline import OutlineFile
 
 _ADVICE = "erase everything but the object, change the threshold, or choose one by path"
@@ -85,15 +87,26 @@ def _without_impulses(dark: Array, noise: float) -> Array:
     """A picture with the median of their neighbors at pixels that are clearly darker or lighter than all of these."""
     import numpy as np
 
-    rows, columns = dark.shape
+    across, down = (np.abs(np.diff(dark, axis=axis)) > noise for axis in (1, 0))
+    # Of few pixels that are unlike those beside, above and below them, also the others.
+    rows, columns = np.nonzero(np.logical_and(_both(across), _both(down.T).T))
     padded = np.pad(dark, 1, mode="edge")
-    around = [padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3) if (i, j) != (1, 1)]
-    alone = np.abs(dark - np.clip(dark, reduce(np.minimum, around), reduce(np.maximum, around))) > noise
-    if alone.any():
-        medians = np.median([neighbor[alone] for neighbor in around], axis=0)
-        dark = dark.copy()
-        dark[alone] = medians
+    around = [padded[rows + i, columns + j] for i in range(3) for j in range(3) if (i, j) != (1, 1)]
+    if not rows.size:
+        return dark
+    own = dark[rows, columns]
+    alone = np.abs(own - np.clip(own, np.min(around, axis=0), np.max(around, axis=0))) > noise
+    dark = dark.copy()
+    dark[rows[alone], columns[alone]] = np.median(around, axis=0)[alone]
     return dark
+
+
+def _both(unlike: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether a pixel (rows, columns) is unlike both of its neighbors in the row, by the pairs that are."""
+    import numpy as np
+
+    ends = np.ones((len(unlike), 1), dtype=bool)
+    return np.logical_and(np.hstack([ends, unlike]), np.hstack([unlike, ends]))
 
 
 def _edge(dark: Array, line: Array, level: float, noise: float) -> _Edge:

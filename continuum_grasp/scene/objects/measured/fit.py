@@ -15,7 +15,6 @@ from continuum_grasp.scene.objects.measured import Sampling
 from continuum_grasp.scene.objects.measured.noise import Noise, is_pattern, noise_of, without_outliers
 from continuum_grasp.scene.objects.measured.pieces import pieces_of
 from continuum_grasp.scene.objects.measured.settle import ChainFit
-from continuum_grasp.scene.objects.simplify import simplified
 from continuum_grasp.scene.polygons import PlanePoint
 from continuum_grasp.scene.value import SAME
 
@@ -103,11 +102,12 @@ def fitted(ring: Sequence[PlanePoint], sampling: Sampling) -> FittedCurve | None
         if 2 * sum(3 if piece.is_arc else 2 for piece in pieces) > len(points):
             return None  # as many numbers as before: the points are the shape
         chain = ChainFit.through(points, pieces, noise, worth, near)
-        if not sampling.variance and is_pattern(chain.residuals):
-            return None
         fit = _drawn(chain, _SURE * chain.spread + (3.0 * sampling.variance) ** 0.5)
         outline = shapely.Polygon(fit.points)
         away = shapely.distance(outline.exterior, shapely.points(points))
+        inside = shapely.contains_xy(outline, points)
+        if not sampling.variance and is_pattern(np.where(inside, -away, away)):
+            return None
         if not blurred:
             fit = fit._replace(error=max(fit.error, float(away.max()) - _SURE * noise.scatter))
         far = away > near
@@ -156,15 +156,16 @@ def _circle(points: Array, noise: Noise, spare: float, most: float) -> FittedCur
 
 def _nodes(points: Array, scatter: float) -> NDArray[np.int_]:
     """Indices of points at which pieces may end: corners of a polygon within the noise, and points between them."""
-    ring = [tuple(point) for point in points.tolist()]
-    if len(ring) <= _MOST_NODES:
-        return np.arange(len(ring))
-    places = {point: k for k, point in enumerate(ring)}
-    tolerance = scatter
-    while True:
-        corners = {places[corner] for corner in simplified(ring, tolerance) if corner in places}
-        if len(corners) <= _MOST_NODES // 2:
-            break
-        tolerance *= 1.5
-    even = np.linspace(0, len(ring), _MOST_NODES // 2, endpoint=False).astype(int)
-    return np.array(sorted(corners | set(even.tolist())))
+    import shapely
+
+    if len(points) <= _MOST_NODES:
+        return np.arange(len(points))
+    places = {tuple(point): k for k, point in enumerate(points.tolist())}
+    ring = shapely.LinearRing(points)
+    tolerance, corners = scatter, list(places)
+    while len(corners) > _MOST_NODES // 2:
+        corners = list(map(tuple, shapely.get_coordinates(shapely.simplify(ring, tolerance, preserve_topology=False))))
+        tolerance *= 2.0
+    found = {places[corner] for corner in corners}
+    even = np.linspace(0, len(points), _MOST_NODES // 2, endpoint=False).astype(int)
+    return np.array(sorted(found | set(even.tolist())))
