@@ -106,7 +106,8 @@ def _both(unlike: NDArray[np.bool_]) -> NDArray[np.bool_]:
     import numpy as np
 
     ends = np.ones((len(unlike), 1), dtype=bool)
-    return np.logical_and(np.hstack([ends, unlike]), np.hstack([unlike, ends]))
+    both: NDArray[np.bool_] = np.logical_and(np.hstack([ends, unlike]), np.hstack([unlike, ends]))
+    return both
 
 
 def _edge(dark: Array, line: Array, level: float, noise: float) -> _Edge:
