@@ -178,9 +178,11 @@ def test_what_few_grasps_ask_for_is_imported_when_needed():
 
 
 def test_scenes_are_read_without_numpy():
-    """Which loads with the curves of a finger, and with tables, when these are asked for."""
-    curves = {PACKAGE / "scene" / name for name in ("profile.py", "table.py")}
-    heavy = {"numpy", "scipy", *(f"continuum_grasp.scene.{file.stem}" for file in curves)}
+    """Which loads with the curves of a finger, with tables and measured outlines, when these are asked for."""
+    measured = set((PACKAGE / "scene" / "objects" / "measured").glob("*.py")) - set(PACKAGE.rglob("__init__.py"))
+    curves = {PACKAGE / "scene" / name for name in ("profile.py", "table.py")} | measured
+    names = (".".join(file.relative_to(PACKAGE).with_suffix("").parts) for file in curves)
+    heavy = {"numpy", "scipy", *(f"continuum_grasp.{name}" for name in names)}
 
     def loads(file: Path, module: str, at_load: bool) -> bool:
         return at_load and file not in curves and bool({module, module.split(".")[0]} & heavy)

@@ -52,14 +52,16 @@ def with_outline(result: GraspResult) -> GraspResult:
         return result
     corners, finer = (sum(len(part.outline()) for part in each.parts) for each in (body, body.redrawn()))
     missing = "what that changes was not computed"
-    return replace(result, outline=OutlineError(off, body.size, corners, finer, missing=missing))
+    return replace(
+        result, outline=OutlineError(off, body.size, corners, finer, missing=missing, noise=body.outline_error)
+    )
 
 
 def with_finer_outline(
     result: GraspResult, error: OutlineError, budget: Budget, search: Callable[[GraspScene], GraspResult]
 ) -> GraspResult:
-    """The result with what a polygon nearer to the drawing changes, next to this grasp; where none is there, by a
-    ``search``, since contacts do not slide far over corners.
+    """The result with the change by a polygon nearer to the drawing, larger by the noise of a measured outline, next to
+    this grasp; where none is there, by a ``search``, since contacts do not slide far over corners.
     """
     scene = _redrawn(result.scene)
     here = result.arrays
@@ -72,7 +74,7 @@ def with_finer_outline(
     change = None if arrays is None else _change(result.scene, here, arrays)
     # A contact that slides on the drawing stays on the edges beside its own.
     if change is None or change.displacement > _longest_edge(result.scene):
-        missing = f"with {error.finer} corners in place of {error.corners} no such grasp was found"
+        missing = f"{error.other} no such grasp was found"
         return replace(result, outline=replace(error, missing=missing))
     return replace(result, outline=replace(error, change=change, missing=""))
 

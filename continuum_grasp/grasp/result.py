@@ -249,7 +249,7 @@ class GraspResult(Result):
                 "of bases and object"
             )
         if self.outline is not None and self.outline.change and abs(self.outline.change.tension_change) > ROUGH:
-            warnings.append(f"the outline is rough, {self.outline.words}: take a smaller object.tolerance")
+            warnings.append(f"the outline is rough, {self.outline.words}: {self.outline.advice}")
         if self.robustness is not None:
             warnings += self.robustness.warnings()
         if "NOT satisfied" in str(self.statistics.get("fidelity", "")):

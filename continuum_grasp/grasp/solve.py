@@ -79,8 +79,8 @@ def optimize_grasp(
         Raise where no verified grasp holds the object; False: return the result with its ``status``.
     fine : bool, optional
         Solve once more with a fine model, and report the changes in the result's ``fine``; where the object is an
-        outline, also with a polygon nearer to its drawing, in ``outline``. Takes some seconds each. Not for a scene
-        with ``robust`` or tendons whose friction states must not matter.
+        outline, also with a polygon nearer to its drawing, or larger by the noise of its points, in ``outline``. Takes
+        some seconds each. Not for a scene with ``robust`` or tendons whose friction states must not matter.
     progress : callable, optional
         Takes a line of text now and then: the best so far, and the remaining work.
 
@@ -180,11 +180,11 @@ def _raised(result: _AnyResult, raise_on_failure: bool) -> _AnyResult:
 def _compared(result: GraspResult, elements: bool, budget: Budget) -> GraspResult:
     """The result compared with a fine model, where its ``elements`` are not compared yet, and a finer outline."""
     try:
-        if result.outline is not None and result.outline.finer > result.outline.corners:
-            budget.tell(f"held with {amount_text(result.tension, 'N', '.4g')}; compared with a finer outline")
-            result = with_finer_outline(
-                result, result.outline, budget, lambda scene: _ModelSearch(scene, budget).result()
-            )
+        outline = result.outline
+        if outline is not None and (outline.noise or outline.finer > outline.corners):
+            other = "a larger outline" if outline.noise else "a finer outline"
+            budget.tell(f"held with {amount_text(result.tension, 'N', '.4g')}; compared with {other}")
+            result = with_finer_outline(result, outline, budget, lambda scene: _ModelSearch(scene, budget).result())
         if elements:
             budget.tell(f"held with {amount_text(result.tension, 'N', '.4g')}; compared with a fine model")
             result = with_fine(result, budget)

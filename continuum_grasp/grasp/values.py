@@ -251,25 +251,41 @@ class Change:
 
 @dataclass(frozen=True)
 class OutlineError:
-    """Error of the polygons that stand for drawings of the object, and what it changes."""
+    """Error of the polygons that stand for drawings or measured outlines of the object, and what it changes."""
 
-    deviation: float  # greatest distance of a polygon from its drawing [m]
+    deviation: float  # greatest distance of a polygon from its drawing, or from the true outline [m]
     size: float  # greatest distance of the object's boundary from its center of mass [m]
     corners: int  # of the polygons, here
     finer: int  # of those nearer to the drawings with which it was solved again
     change: Change | None = None  # with these; None: not solved, or no grasp next to this one
     missing: str = ""  # why there is no change
+    noise: float = 0.0  # part of the deviation that the noise of measured points explains [m]
+
+    @property
+    def other(self) -> str:
+        """The outline that the grasp is compared with, in words."""
+        if self.noise:
+            return f"with an outline {1e3 * self.noise:.3g} mm larger on all sides"
+        return f"with {self.finer} corners in place of {self.corners}"
+
+    @property
+    def advice(self) -> str:
+        """How the deviation becomes less."""
+        if 2.0 * self.noise > self.deviation:
+            return "measure the outline with less noise, or more points"
+        return "take a smaller object.tolerance"
 
     @property
     def words(self) -> str:
-        """Changes by the finer outline, in words."""
-        if self.change is None:
-            return self.missing
-        return f"with {self.finer} corners in place of {self.corners} {self.change.words}"
+        """Changes by the other outline, in words."""
+        return self.missing if self.change is None else f"{self.other} {self.change.words}"
 
     def __str__(self) -> str:
-        share = self.deviation / self.size
-        return f"the polygon is within {1e3 * self.deviation:.3g} mm of the drawing ({share:.2%} of the object's size)"
+        share = f"{self.deviation / self.size:.2%} of the object's size"
+        off = f"{1e3 * self.deviation:.3g} mm"
+        if self.noise:
+            return f"the outline is within {off} of the true one ({share}), {1e3 * self.noise:.3g} mm of it by noise"
+        return f"the polygon is within {off} of the drawing ({share})"
 
 
 @dataclass(frozen=True)

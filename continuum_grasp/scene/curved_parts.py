@@ -10,7 +10,7 @@ from continuum_grasp.scene.parts import Face, OffsetPolygon, faces_between, join
 from continuum_grasp.scene.polygons import PlanePoint, edge_normal
 from continuum_grasp.scene.value import SAME
 
-_BLUNT, _SPAN = 0.1, 0.3
+BLUNT, _SPAN = 0.1, 0.3
 """Turn of the normal at a corner [rad] below which it may be a point of a curve, and what such corners, one after the
 other, turn at least in all: a corner alone, however blunt, is a corner."""
 _UNEVEN = 3.0
@@ -29,7 +29,7 @@ and greatest turn along two arcs [rad]."""
 def curved(part: OffsetPolygon) -> OffsetPolygon:
     """The part with curves in place of edges between corners that are points of a curve.
 
-    These are convex corners as blunt as `_BLUNT`, several after each other that turn by `_SPAN` in all. The curve has
+    These are convex corners as blunt as `BLUNT`, several after each other that turn by `_SPAN` in all. The curve has
     the tangents of circles through three corners, and is nowhere farther from the polygon than `SHARE` of its extent:
     a drawing is known no better. Corners at which lines meet, and reflex ones, stay as they are.
     """
@@ -39,7 +39,7 @@ def curved(part: OffsetPolygon) -> OffsetPolygon:
     turns = [turn for _, turn in part.turns]
     sizes = [math.dist(a, b) for a, b in pairwise((*core, core[0]))]
     most = SHARE * max(max(z) - min(z) for z in zip(*core, strict=True))
-    smooth = [0.0 < turn < _BLUNT for turn in turns]
+    smooth = [0.0 < turn < BLUNT for turn in turns]
     while any(smooth := _in_runs(smooth, turns)):
         bends = _bends(core, turns, sizes, smooth)
         refused = set[int]()
@@ -65,7 +65,7 @@ def hollowed(part: OffsetPolygon) -> tuple[Face, ...]:
     turns = [-turn for _, turn in part.turns]
     sizes = [math.dist(a, b) for a, b in pairwise((*core, core[0]))]
     most = SHARE * max(max(z) - min(z) for z in zip(*core, strict=True))
-    smooth = [0.0 < t < _BLUNT and bends[k] == bends[k - 1] == (0.0, 0.0) for k, t in enumerate(turns)]
+    smooth = [0.0 < t < BLUNT and bends[k] == bends[k - 1] == (0.0, 0.0) for k, t in enumerate(turns)]
     hollow = [(0.0, 0.0)] * count
     while any(smooth := _in_runs(smooth, turns)):
         hollow = _bends(core, turns, sizes, smooth)

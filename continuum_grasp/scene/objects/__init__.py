@@ -69,6 +69,10 @@ class Union(ObjectBody):
     def deviation(self) -> float:
         return float(max(member.deviation for member in self.members))
 
+    @property
+    def outline_error(self) -> float:
+        return float(max(member.outline_error for member in self.members))
+
     def redrawn(self) -> Self:
         return self.replaced(members=tuple(member.redrawn() for member in self.members))
 

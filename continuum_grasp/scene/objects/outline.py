@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
@@ -13,7 +13,7 @@ from pydantic import Field
 from continuum_grasp.base import named_value
 from continuum_grasp.scene.curved_parts import SHARE, curved
 from continuum_grasp.scene.objects.shapes import MaybeDrawn, ObjectBody, OutlineCurve
-from continuum_grasp.scene.objects.simplify import FINER, MOST, deviation, simplified
+from continuum_grasp.scene.objects.simplify import FINER, MOST, deviation, grown, simplified
 from continuum_grasp.scene.parts import OffsetPolygon, Part
 from continuum_grasp.scene.polygons import PlanePoint, check_simple
 from continuum_grasp.scene.problems import KeyedError
@@ -77,8 +77,9 @@ class OutlineFile(MaybeDrawn):
     tolerance: Annotated[Extent, Field(examples=["0.2 mm"])] | None = None
     """Greatest distance of the polygon from the curve [m]; a greater one takes fewer corners. None: a thousandth of the
     longer side of what the curve fills."""
-    threshold: Annotated[float, Field(gt=0.0, lt=1.0), Unit("1")] = 0.5
-    """Darkness of a pixel of a PNG from which on it belongs to the object [1]: 0 white or transparent, 1 black."""
+    threshold: Annotated[float, Field(gt=0.0, lt=1.0), Unit("1")] | None = None
+    """Darkness of a pixel of a PNG from which on it belongs to the object [1]: 0 white or transparent, 1 black. None:
+    halfway between object and ground, next to the edge at 0.5."""
     cut: PlaneCut | None = None
     """Plane whose section of a mesh is the outline; ``path`` chooses one of several: ``section 2``, the second
     largest."""
@@ -107,6 +108,18 @@ class OutlineFile(MaybeDrawn):
         if scale is None:
             raise ValueError(f"scale: missing; {name} does not say how long a unit of it is")
         return drawing.scaled(scale).outline(name, self.path)
+<<<<<<< HEAD
+=======
+
+    def level(self, normals: Iterable[PlanePoint]) -> Self:
+        """The outline that lies flat, within the error of a measured one, on supports it meets along some normals."""
+        copy = self.model_copy()
+        of_curve = ("curve", "vertices", "drawn", "parts")
+        for key in of_curve:
+            copy.__dict__.pop(key, None)
+        copy.__dict__["found"] = self.found.level(normals)
+        return copy
+>>>>>>> wip-outline
 
     @property
     def note(self) -> str:
@@ -146,7 +159,11 @@ class OutlineFile(MaybeDrawn):
 
     @property
     def deviation(self) -> float:
-        return 0.0 if self.drawn is None else self.drawn.deviation
+        return 0.0 if self.drawn is None else self.drawn.off
+
+    @property
+    def outline_error(self) -> float:
+        return self.found.error
 
     def redrawn(self) -> Self:
         return self if self.drawn is None else self.replaced(tolerance=FINER * self.distance_allowed)
@@ -157,6 +174,8 @@ class OutlineFile(MaybeDrawn):
         """
         size = _extent(self.curve)
         tolerance = self.distance_allowed
+        if self.tolerance is None and self.found.fit is not None:
+            retained = {*retained, *self.found.fit.knots}
         corners = simplified(self.curve, share * tolerance, retained)
         if len(corners) < 3 or tolerance > 0.2 * size:
             raise ValueError(f"tolerance: {tolerance:g} m leaves nothing of an outline {size:.4g} m long")
@@ -164,12 +183,13 @@ class OutlineFile(MaybeDrawn):
 
     def drawing(self, corners: tuple[PlanePoint, ...], retained: Collection[int] = ()) -> OutlineCurve | None:
         """Curve that some corners stand for, with the ``retained`` points too; None where they are exact."""
+        error = self.found.error
         off = deviation(self.curve, corners)
-        if off <= SAME * _extent(self.curve):
+        if max(off, error) <= SAME * _extent(self.curve):
             return None
-        # Noise of a picture has corners without end.
         finer = (self.corners(retained, share) for share in (FINER, 2.0 * FINER))
-        return OutlineCurve(deviation=off, vertices=next((f for f in finer if len(f) <= MOST), corners))
+        nearer = next((f for f in finer if len(f) <= MOST), corners)
+        return OutlineCurve(deviation=off, error=error, vertices=grown(nearer, error))
 
     def polygon(self, retained: Collection[int] = (), share: float = 1.0) -> dict[str, Any]:
         """Keys of the polygon that stands for the curve, with points of it that are ``retained``, within a share of the

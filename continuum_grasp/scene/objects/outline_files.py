@@ -17,8 +17,8 @@ from continuum_grasp.scene.objects.shapes import MemberPlace, ObjectBody
 from continuum_grasp.scene.placement import Supported
 from continuum_grasp.scene.polygons import PlanePoint
 from continuum_grasp.scene.problems import validated
-from continuum_grasp.scene.supports import Wall
-from continuum_grasp.scene.value import SAME
+from continuum_grasp.scene.supports import Place, Wall
+from continuum_grasp.scene.value import WRITTEN
 
 
 def put_in_object(document: Document, at: KeyPath, main: Path) -> None:
@@ -57,14 +57,16 @@ def put_in_outlines(document: Document, body: KeyPath, main: Path, *, touches: b
     at = body.index("object")
     frames = [document.get(body[: at + 1]), *([rest] if body[at + 1 :] else [])]
     supports = document.get(body[:at]).get("supports") if touches else None
-    polygon = outline.polygon(_touching(outline.curve, supports, frames), share)
+    places, frame = _placed(supports, frames)
+    outline = outline.level(_facing(places, frame))
+    polygon = outline.polygon(_touching(outline.curve, places, frame), share)
     # That of the curve, not of the polygon.
     mass = {} if body[at + 1 :] else {"center_of_mass": [0.0, 0.0]}
     document.put(body, Document(polygon | mass | rest, part.places))
 
 
-def _touching(curve: Sequence[PlanePoint], supports: Any, frames: Sequence[Any]) -> set[int]:
-    """Indices of the points of a curve nearest to supports, as they are written in a configuration.
+def _placed(supports: Any, frames: Sequence[Any]) -> tuple[Sequence[Place], tuple[float, float, float]]:
+    """Supports, as they are written in a configuration, and the world pose of an outline.
 
     ``frames`` have ``position`` and ``angle`` of the object and, for a member of a union, of the member in it. Faults
     in them are reported where all of the scene is validated.
@@ -79,13 +81,25 @@ def _touching(curve: Sequence[PlanePoint], supports: Any, frames: Sequence[Any])
             y = y + s * at.position[0] + c * at.position[1]
             angle += at.angle
     except ValidationError:
-        return set()
+        return (), (0.0, 0.0, 0.0)
+    return around.places, (x, y, angle)
+
+
+def _facing(places: Sequence[Place], frame: tuple[float, float, float]) -> list[PlanePoint]:
+    """Directions in a frame from which it meets walls."""
+    angles = [wall.normal_angle + math.pi - frame[2] for wall in places if isinstance(wall, Wall)]
+    return [(math.cos(angle), math.sin(angle)) for angle in angles]
+
+
+def _touching(curve: Sequence[PlanePoint], places: Sequence[Place], frame: tuple[float, float, float]) -> set[int]:
+    """Indices of the points of a curve nearest to supports."""
+    x, y, angle = frame
     c, s = math.cos(angle), math.sin(angle)
     points = [(x + c * px - s * py, y + s * px + c * py) for px, py in curve]
     touching = set[int]()
-    for place in around.places:
+    for place in places:
         away = place.height if isinstance(place, Wall) else partial(math.dist, place.position)
         distances = [away(point) for point in points]
-        near = min(distances) + SAME * max(math.dist((x, y), point) for point in points)
+        near = min(distances) + WRITTEN * max(math.dist((x, y), point) for point in points)
         touching |= {k for k, distance in enumerate(distances) if distance <= near}
     return touching

@@ -53,8 +53,13 @@ class MaybeDrawn(Value):
         """Greatest distance of its polygons from the drawings that they stand for [m]."""
         return 0.0
 
+    @property
+    def outline_error(self) -> float:
+        """Distance of the outline from the true one that the noise of its measured points explains [m]."""
+        return 0.0
+
     def redrawn(self) -> Self:
-        """A copy whose polygons are nearer to the drawings that they stand for."""
+        """A copy whose polygons are nearer to the drawings that they stand for, and larger by their `outline_error`."""
         return self
 
 
@@ -228,10 +233,18 @@ class Box(_BoxShape, ObjectBody):
 class OutlineCurve(Value):
     """Curve that a polygon stands for, with the distance between both; files of outlines give it."""
 
-    deviation: Extent
+    deviation: Distance
     """Greatest distance of the polygon from the curve [m]."""
+    error: Distance = 0.0
+    """Greatest distance of the curve from the true one that the noise of its measured points explains [m]."""
     vertices: Annotated[ListOf[Position], Field(min_length=3, max_length=1024)]
-    """Corners of a polygon that is nearer to the curve, by which reports measure what the deviation changes [m]."""
+    """Corners of a polygon that is nearer to the curve, and larger by its error on all sides, by which reports measure
+    what both change [m]."""
+
+    @property
+    def off(self) -> float:
+        """Greatest distance of the polygon from the true curve [m]."""
+        return self.deviation + self.error
 
 
 class _PolygonShape(MaybeDrawn):
@@ -266,7 +279,11 @@ class _PolygonShape(MaybeDrawn):
 
     @property
     def deviation(self) -> float:
-        return 0.0 if self.drawn is None else self.drawn.deviation
+        return 0.0 if self.drawn is None else self.drawn.off
+
+    @property
+    def outline_error(self) -> float:
+        return 0.0 if self.drawn is None else self.drawn.error
 
     def redrawn(self) -> Self:
         return self if self.drawn is None else self.replaced(vertices=self.drawn.vertices, drawn=None)

@@ -36,3 +36,13 @@ def deviation(curve: Sequence[PlanePoint], corners: Sequence[PlanePoint]) -> flo
     import shapely
 
     return float(shapely.distance(shapely.LinearRing(corners), shapely.points(curve)).max())
+
+
+def grown(corners: Sequence[PlanePoint], by: float) -> tuple[PlanePoint, ...]:
+    """Corners of a polygon whose sides are farther out by a distance [m]."""
+    import shapely
+
+    if by == 0.0:
+        return tuple(corners)
+    whole = shapely.Polygon(corners).buffer(by, join_style="mitre")
+    return corners_of(whole.exterior.coords[:-1])

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from continuum_grasp.base import Array
 from continuum_grasp.scene.objects.drawings.curves import DrawnCurve, distinct
 from continuum_grasp.scene.objects.drawings.drawing import Drawing
+from continuum_grasp.scene.objects.measured import Sampling
 from continuum_grasp.scene.units import units_of
 
 if TYPE_CHECKING:
@@ -44,7 +45,8 @@ def read_csv(given: OutlineFile) -> Drawing:
     points = distinct(zip(x.values.tolist(), (ratio * y.values).tolist(), strict=True))
     curves = [DrawnCurve("curve", (), points)] if len(points) > 2 else []
     unread = (heading for at, heading in enumerate(table.headings) if at not in (x.at, y.at))
-    return Drawing(factors[0] if factors else 1.0, curves, Counter(f"column {heading}" for heading in unread))
+    ignored = Counter(f"column {heading}" for heading in unread)
+    return Drawing(factors[0] if factors else 1.0, curves, ignored, sampling=Sampling())
 
 
 def _column(table: DataTable, name: str) -> _Column:
