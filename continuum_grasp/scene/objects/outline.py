@@ -59,13 +59,8 @@ class OutlineFile(MaybeDrawn):
     shape: Literal["outline"]
     """The outer closed curve in a file; it becomes a polygon whose frame has its origin at the centroid, y up."""
     file: Annotated[str, Field(examples=["bottle.png"])]
-<<<<<<< HEAD
     """SVG (what one sees of its shapes), DXF (entities of the model space; those that meet are joined), CSV (columns x
     and y, with units in their headings or without headings), PNG (a dark silhouette on a light ground, or an opaque one
-=======
-    """SVG (shapes as one sees them), DXF (entities of the model space; those that meet are joined), CSV (columns x and
-    y, with units in their headings or without headings), PNG (a dark silhouette on a light ground, or an opaque one
->>>>>>> wip-drawings
     on a transparent ground), or the closed surface of an STL, OBJ, PLY or 3MF, cut to a section by ``cut``."""
     path: str | None = None
     """Curve to take of several: ``id`` of an SVG element or of a group around it; layer, block or handle of DXF, or
@@ -108,8 +103,6 @@ class OutlineFile(MaybeDrawn):
         if scale is None:
             raise ValueError(f"scale: missing; {name} does not say how long a unit of it is")
         return drawing.scaled(scale).outline(name, self.path)
-<<<<<<< HEAD
-=======
 
     def level(self, normals: Iterable[PlanePoint]) -> Self:
         """The outline that lies flat, within the error of a measured one, on supports it meets along some normals."""
@@ -119,7 +112,6 @@ class OutlineFile(MaybeDrawn):
             copy.__dict__.pop(key, None)
         copy.__dict__["found"] = self.found.level(normals)
         return copy
->>>>>>> wip-outline
 
     @property
     def note(self) -> str:

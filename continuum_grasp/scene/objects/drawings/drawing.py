@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 from continuum_grasp.scene.curved_parts import SHARE
 from continuum_grasp.scene.objects.drawings.curves import DrawnCurve, joined
-from continuum_grasp.scene.polygons import check_simple
+from continuum_grasp.scene.objects.measured import Sampling
+from continuum_grasp.scene.polygons import PlanePoint, check_simple
 from continuum_grasp.scene.value import WRITTEN
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.objects.measured.fit import FittedCurve
 
 _PEN = 0.05
 """Width of a line as a part of the size of the outline [1], above which it is an area rather than a line: ISO 128 has
@@ -18,10 +24,25 @@ lines of up to 2 mm, which is 0.05 of an object of 40 mm."""
 
 @dataclass(frozen=True)
 class DrawnOutline:
-    """The outline in a drawing, and in words what of the drawing is not part of it."""
+    """The outline in a drawing, in words what of the drawing is not part of it, and the lines and arcs of the outline
+    where its points were measured.
+    """
 
     curve: DrawnCurve
     left_out: tuple[str, ...]
+    fit: FittedCurve | None = None
+
+    @property
+    def error(self) -> float:
+        """Distance of the outline from the true one that the noise of its points explains [m]."""
+        return 0.0 if self.fit is None else self.fit.error
+
+    def level(self, normals: Iterable[PlanePoint]) -> DrawnOutline:
+        """The outline with flat sides, within its error, across its outermost points along each normal."""
+        if self.fit is None:
+            return self
+        fit = self.fit.level(normals)
+        return replace(self, curve=replace(self.curve, points=fit.points), fit=fit)
 
 
 @dataclass
@@ -39,6 +60,8 @@ class Drawing:
         How one of several curves is chosen.
     page : (float, float, float, float) or None
         Left, lower, right and upper edge of the part that one sees [unit of the curves]; None where that is everything.
+    sampling : Sampling or None
+        What is known of the points where they were measured, in the unit of the points; None of drawn curves.
     """
 
     unit: float | None
@@ -46,12 +69,14 @@ class Drawing:
     ignored: Counter[str] = field(default_factory=Counter)
     advice: str = "choose one by path"
     page: tuple[float, float, float, float] | None = None
+    sampling: Sampling | None = None
 
     def scaled(self, factor: float) -> Drawing:
         """The drawing with a unit of another length."""
         left, lower, right, upper = (factor * edge for edge in self.page or (0.0, 0.0, 0.0, 0.0))
         page = (left, lower, right, upper) if self.page else None
-        return replace(self, curves=[curve.scaled(factor) for curve in self.curves], page=page)
+        sampling = None if self.sampling is None else self.sampling.scaled(factor)
+        return replace(self, curves=[curve.scaled(factor) for curve in self.curves], page=page, sampling=sampling)
 
     def outline(self, file: str, path: str | None) -> DrawnOutline:
         """The only outer curve, or the outer curve with one name, whose points are in m; `ValueError` otherwise."""
@@ -71,11 +96,18 @@ class Drawing:
         outer, inner = _nested(_once_each(rings))
         if len(outer) > 1:
             raise ValueError(f"file: {file} has {len(outer)} outer curves, expected one: {_choice(outer, self)}")
-        check_simple(outer[0].points, f"file: {outer[0].label} of {file}")
+        fit = None if self.sampling is None else self._fitted(outer[0], self.sampling)
+        whole = outer[0] if fit is None else replace(outer[0], points=fit.points)
+        check_simple(whole.points, f"file: {whole.label} of {file}")
         _check_holes(outer[0], inner, self, file)
         inside = [f"{curve.text}: {'a hole' if curve.group == outer[0].group else 'inside'}" for curve in inner]
         edge = self._edge(outer[0], file)
-        return DrawnOutline(outer[0], (*edge, *inside, *_paper(outer[0], paper, file), *others))
+        return DrawnOutline(whole, (*edge, *inside, *_paper(outer[0], paper, file), *others), fit)
+
+    def _fitted(self, ring: DrawnCurve, sampling: Sampling) -> FittedCurve | None:
+        from continuum_grasp.scene.objects.measured.fit import fitted
+
+        return fitted(ring.points, sampling)
 
     def _edge(self, outer: DrawnCurve, file: str) -> list[str]:
         """Describe the line that draws an outline; `ValueError` where one sees another shape than the outline."""
