@@ -164,6 +164,27 @@ def test_paths_that_do_not_fit_are_refused(initial, words):
         scene(0.0, [5.0, 0.0], initial={"pose": "equilibrium", **initial})
 
 
+@pytest.mark.parametrize(
+    ("drive", "actuation"),
+    [
+        ({"kind": "length", "time_constant": 0.02, "pretension": 2.0}, {"lengths": [-5e-3]}),
+        (
+            {"kind": "motor", "winch_radius": 8e-3, "inertia": 2e-6, "torque_max": 0.5, "position_gain": 2.0},
+            {"angles": [-0.6]},
+        ),
+    ],
+    ids=["length", "angle"],
+)
+def test_winches_pull_from_where_the_unloaded_shape_has_them(drive, actuation):
+    """A tendon that a preshape of -2.5 rad draws out by 10 mm is pulled by 5 mm at a command of -5 mm."""
+    keys = {"offset": OFFSET, "max_tension": 60.0, "axial_stiffness": 1e4, "series_stiffness": 3e4}
+    finger = {"rod": ROD, "rest_curvature": -14.0, "tendons": [{**keys, "friction": FRICTION, "drive": drive}]}
+    given = cg.Scene(finger=finger, gravity=(0.0, 0.0), actuation=actuation, initial=PULLED, fidelity={"elements": 4})
+    found = cg.equilibrium(given)
+    assert found.friction_states == pytest.approx(1.0)
+    assert found.tip == pytest.approx(by_hand(-14.0, [*found.tensions, 0.0]), abs=5e-4 * LENGTH)
+
+
 def test_the_exact_rod_follows_no_path():
     initial = {"pose": "equilibrium", "reached_by": "path", "path": [{"tensions": [1.0, 0.0]}]}
     with pytest.raises(InputError, match="follows no path"):
