@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import suppress
+
 import numpy as np
 
-from continuum_grasp.base import InputError, SolverError, check_arguments
+from continuum_grasp.base import Array, InputError, SolverError, check_arguments
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene
@@ -39,23 +42,25 @@ def bends_of(scene: Scene, model: FingerModel) -> list[float]:
     >>> bends_of(scene, model) == list(model.ranges)
     True
     """
-    core, signals = Core(model, compiled=False), Signals(scene, model)
-    p = np.array(model.p_nominal)
-    shares = [np.asarray(core.range_use(initial_state(scene, model)[: model.n], signals.u(0.0)[0], p))]
-    acts = scene.actuation is not None or scene.loads
-    if acts and scene.object is None:
-        reached_by = scene.initial.reached_by or ("pulling" if model.friction_names else None)
-        held = scene.replaced(
-            initial=scene.initial.replaced(pose="equilibrium", q=None, qd=None, reached_by=reached_by)
-        )
-        at_rest = model_at_rest(held, model, model.loads)
-        resting = Core(at_rest, compiled=False)
-        for at in signals.instants(np.inf):
-            try:
-                found = rest_at(held, at_rest, at=at)
-            except (InputError, SolverError):  # no shape at rest there: nothing is known of it
-                continue
-            shares.append(np.asarray(resting.range_use(found.q, found.u, found.p)))
+    shares = [np.zeros(len(model.ranges)), *_shares(scene, model)]
     # 1.25: range per bend of a motion that goes on from there, where it is beyond the range
     bends = np.max(shares, axis=0) * model.ranges
     return [1.25 * bend if bend > reach else reach for bend, reach in zip(bends.tolist(), model.ranges, strict=True)]
+
+
+def _shares(scene: Scene, model: FingerModel) -> Iterator[Array]:
+    """Shares of their ranges (elements,) that elements use in each of these shapes, as far as there are such."""
+    core, signals, p = Core(model, compiled=False), Signals(scene, model), np.array(model.p_nominal)
+    unknown = suppress(InputError, SolverError)  # a history of friction that is not stated, or no shape at rest
+    with unknown:
+        yield np.asarray(core.range_use(initial_state(scene, model)[: model.n], signals.u(0.0)[0], p))
+    if scene.object is not None or not (scene.actuation or scene.loads):
+        return
+    reached_by = scene.initial.reached_by or ("pulling" if model.friction_names else None)
+    held = scene.replaced(initial=scene.initial.replaced(pose="equilibrium", q=None, qd=None, reached_by=reached_by))
+    at_rest = model_at_rest(held, model, model.loads)
+    resting = Core(at_rest, compiled=False)
+    for at in signals.instants(np.inf):
+        with unknown:
+            found = rest_at(held, at_rest, at=at)
+            yield np.asarray(resting.range_use(found.q, found.u, found.p))
