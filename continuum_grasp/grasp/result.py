@@ -14,13 +14,13 @@ import numpy as np
 from continuum_grasp.base import Array, InputError, amount_text, check_arguments, named_value
 from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.grasp.certificate.space import ASIDE
+from continuum_grasp.grasp.grasp_result import AnyGrasp
 from continuum_grasp.grasp.stored import DIMENSIONS, STORED
 from continuum_grasp.grasp.values import (
     NEAR,
     ROUGH,
     Change,
     Contact,
-    FingerPosture,
     GraspStatus,
     OutlineError,
     Reason,
@@ -28,11 +28,9 @@ from continuum_grasp.grasp.values import (
     contacts_of,
     force_text,
     force_units,
-    postures_of,
-    tension_of,
 )
 from continuum_grasp.model import Family
-from continuum_grasp.results import Dimension, File, Picture, Result, Stored
+from continuum_grasp.results import Dimension, File, Picture, Stored
 from continuum_grasp.scene import FAMILIES, GraspScene
 
 if TYPE_CHECKING:
@@ -43,7 +41,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class GraspResult(Result):
+class GraspResult(AnyGrasp):
     """A grasp, or why there is none.
 
     Attributes
@@ -136,11 +134,6 @@ class GraspResult(Result):
         return Quality(self.scene, self.arrays)
 
     @property
-    def greatest_normal_force(self) -> float:
-        """Greatest normal force of all contacts [N]."""
-        return max((contact.normal_force for contact in self.contacts), default=0.0)
-
-    @property
     def bound_words(self) -> str:
         """Words about the lower bound, where there is one."""
         if self.lower_bound is None:
@@ -152,14 +145,14 @@ class GraspResult(Result):
         )
 
     @property
-    def solved(self) -> bool:
-        """Whether there is a verified grasp that holds the object."""
-        return self.status in (GraspStatus.OPTIMAL, GraspStatus.FEASIBLE)
-
-    @property
     def verified(self) -> bool:
         """Whether forces and limits of the numbers are verified, as in a grasp, also in one that is unstable."""
         return self.solved or self.status is GraspStatus.UNSTABLE
+
+    @property
+    def balanced(self) -> bool:
+        """Whether the numbers are a grasp of this scene, at least in balance."""
+        return self.verified
 
     @property
     def answer(self) -> str:
@@ -184,11 +177,6 @@ class GraspResult(Result):
             "held": held,
             "held trials": trials if self.scene.state_columns else [],
         }
-
-    @property
-    def contact_names(self) -> list[str]:
-        """Names of the contacts."""
-        return [str(name) for name in self.arrays.get("contact_names", ())]
 
     def pairs(self) -> dict[str, str]:
         """Tension, greatest force, least margin and certificate; where there is no grasp, why."""
@@ -274,11 +262,6 @@ class GraspResult(Result):
         # A tendon's arm is a hundredth to a tenth of a finger's length: fingers that pull have a ratio of about ten.
         return over < NEAR * self.greatest_normal_force
 
-    @property
-    def fingers(self) -> dict[str, FingerPosture]:
-        """The fingers by name; empty where there are no numbers."""
-        return postures_of(self.scene.named_fingers if self.arrays else (), self.arrays)
-
     @cached_property
     def drives(self) -> dict[str, tuple[RecomputedDrive, ...]]:
         """States of the winches or motors of each finger; none of fingers whose tensions are commanded."""
@@ -289,11 +272,6 @@ class GraspResult(Result):
     def object_pose(self) -> Array:
         """World x, y [m] and angle [rad] of the object (3,)."""
         return self.arrays["object.pose"]
-
-    @property
-    def tension(self) -> float:
-        """Sum of all tensions [N]."""
-        return tension_of(self.scene, self.arrays) if self.arrays else 0.0
 
     @property
     def force_units(self) -> tuple[str, str]:

@@ -272,7 +272,12 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
             drives = [_plain(drive) for drive in result.drives.get(name, ())]
             fingers[name] = _plain(finger) | {"drives": drives}
         contacts = [_plain(contact) for contact in result.contacts]
-        answer = {"tension": result.tension, "object": result.object_pose, "fingers": fingers, "contacts": contacts}
+        answer = {
+            "tension": result.total_tension,
+            "object": result.object_pose,
+            "fingers": fingers,
+            "contacts": contacts,
+        }
     summary = {
         "name": result.scene.name,
         "status": result.status.value,

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from continuum_grasp.base import Array, InputError, Summarized, amount_text, check_arguments
+from continuum_grasp.grasp.grasp_result import AnyGrasp
 from continuum_grasp.grasp.stored import OF_FINGERS, SHAPE
-from continuum_grasp.grasp.values import FingerPosture, GraspStatus, Reason, postures_of
-from continuum_grasp.results import Dimension, File, Picture, Result, Stored, plain, yaml_text
+from continuum_grasp.grasp.values import GraspStatus, Reason
+from continuum_grasp.results import Dimension, File, Picture, Stored, plain, yaml_text
 from continuum_grasp.scene import HandScene
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ class FingerTouch:
 
 
 @dataclass(frozen=True)
-class HandResult(Result):
+class HandResult(AnyGrasp):
     """The grasp of a hand, or why there is none.
 
     Attributes
@@ -183,11 +184,6 @@ class HandResult(Result):
         return PlaneFrame.each(self.scene)
 
     @property
-    def solved(self) -> bool:
-        """Whether there is a verified grasp that holds the object."""
-        return self.status in (GraspStatus.OPTIMAL, GraspStatus.FEASIBLE)
-
-    @property
     def balanced(self) -> bool:
         """Whether the numbers are a grasp of this scene, at least in balance: not of a repair or a nearest point."""
         return bool(self.arrays) and (self.solved or self.certificate is not None)
@@ -203,11 +199,6 @@ class HandResult(Result):
         return self._page_maker()(self)
 
     @property
-    def contact_names(self) -> list[str]:
-        """Names of the contacts."""
-        return [str(name) for name in self.arrays.get("contact_names", ())]
-
-    @property
     def contacts(self) -> tuple[FingerTouch, ...]:
         """The contacts with their forces."""
         keys = ("positions", "normals", "forces", "stations", "deflections")
@@ -220,21 +211,6 @@ class HandResult(Result):
             for name, x, n, f, s, w, m in zip(self.contact_names, *stored, strict=True)
         ]
         return tuple(replace(touch, friction_margin=self._margin(touch)) for touch in touches)
-
-    @property
-    def fingers(self) -> dict[str, FingerPosture]:
-        """The fingers by name, each in its own plane; empty where there are no numbers."""
-        return postures_of([setup.name for setup in self.scene.setups] if self.arrays else (), self.arrays)
-
-    @property
-    def tensions(self) -> dict[str, Array]:
-        """Tensions of the tendons of each finger (2,) [N]."""
-        return {s.name: self.arrays[f"{s.name}.tensions"] for s in (self.scene.setups if self.arrays else ())}
-
-    @property
-    def tension(self) -> float:
-        """Sum of all tensions [N]."""
-        return float(sum(tensions.sum() for tensions in self.tensions.values()))
 
     @property
     def drives(self) -> dict[str, tuple[RecomputedDrive, ...]]:
@@ -293,7 +269,7 @@ class HandResult(Result):
             reasons = {f"reason {k + 1}": reason.text for k, reason in enumerate(self.reasons)}
             return {**(reasons or {"message": self.message}), **({"advice": self.advice} if self.advice else {})}
         rows = {"sum of tensions": amount_text(self.tension, "N", ".4g")}
-        rows["greatest normal force"] = amount_text(max(c.normal_force for c in self.contacts), "N", ".4g")
+        rows["greatest normal force"] = amount_text(self.greatest_normal_force, "N", ".4g")
         if self.certificate is not None:
             rows["checks passed"] = self.certificate.headline().removesuffix(" checks passed")
             rows |= {key: self.certificate.pairs()[key] for key in ("promised push", "second-order test")}

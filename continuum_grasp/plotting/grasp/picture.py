@@ -314,7 +314,7 @@ def _panel_rows(view: GraspView) -> list[Row]:
         )
         left, right = map(pulled, finger.tensions)
         rows.append(((name, view.color(name)), (left, Color.INK), (right, Color.INK), (limits, Color.INK)))
-    rows.append((("sum", Color.SLATE), (pulled(result.tension), Color.INK), ("", Color.INK), ("", Color.INK)))
+    rows.append((("sum", Color.SLATE), (pulled(result.total_tension), Color.INK), ("", Color.INK), ("", Color.INK)))
     return rows
 
 
