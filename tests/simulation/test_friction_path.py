@@ -99,28 +99,34 @@ def test_a_finger_that_sags_is_pulled_from_where_it_sags():
 
 
 TURNS = {
-    "weight": scene(8.0, [2.0, 6.0], elements=2, friction=0.3, **LIFTED),
-    "upside down": scene(-10.0, [7.0, 3.0], elements=2, gravity=(0.0, -30.0), finger={"base": {"angle": 2.5}}),
-    "dry": scene(
-        5.0,
-        [6.0, 0.0],
+    name: scene(
+        -12.32 * side,
+        [3.49, 9.42][::side],
         elements=2,
-        damping={"material": 6e-4, "dry_friction": [{"stiffness": 2e-3, "moment": 4e-3}]},
-        loads=[{"kind": "force", "at": LENGTH, "force": (0.25, -0.3)}],
-    ),
+        friction=0.373,
+        gravity=(0.0, -24.5),
+        finger={"base": {"angle": 0.68 * side}},
+        damping={"material": 6e-4, **dry},
+    )
+    for name, side, dry in (
+        ("one way", 1, {}),
+        ("mirrored", -1, {}),
+        ("dry", 1, {"dry_friction": [{"stiffness": 1e-3, "moment": 2e-3}]}),
+    )
 }
+"""Fingers whose sections slide back before their tensions are reached: one leg alone is wrong by 3e-3 of the length."""
 
 
 @pytest.mark.parametrize("name", few(TURNS, 1))
 def test_pulling_is_a_path_of_many_small_pulls(name):
-    """Steps of a twentieth, each so short that no section turns around unnoticed."""
+    """Steps of a tenth, in which what one leg overlooks is small."""
     given = TURNS[name]
     model = cg.FingerModel(given, input_rates=False)
     found = cg.equilibrium(given, model=model)
-    steps = [share * found.u for share in np.linspace(0.0, 1.0, 21)]
+    steps = [share * found.u for share in np.linspace(0.0, 1.0, 11)]
     small = equilibrium_under(model, found.u, found.w, reached_by="path", path=steps)
-    assert found.tip == pytest.approx(small.tip, abs=1e-3 * LENGTH)
-    assert found.friction_states == pytest.approx(small.friction_states, abs=0.15)
+    assert found.tip == pytest.approx(small.tip, abs=5e-4 * LENGTH)
+    assert found.friction_states == pytest.approx(small.friction_states, abs=0.1)
 
 
 def test_a_stated_path_is_followed():
@@ -233,5 +239,5 @@ def test_an_equilibrium_is_the_end_of_a_slow_motion(seed):
     rising = [{"times": [0.0, 4.0], "values": [0.0, pull], "interpolation": "linear"} for pull in pulls]
     motion = cg.simulate(scene(tensions=rising, **keys, time={"duration": 5.0, "step": 0.02}))
     off = np.linalg.norm(motion.tip[-1] - found.tip) / LENGTH
-    # 5e-4: what inertia still does in a pull of four seconds
-    assert off < found.space_error + 5e-4
+    # 1e-3: friction of a motion rounds the ends of the range of its states; and inertia in a pull of four seconds
+    assert off < found.space_error + 1e-3
