@@ -14,10 +14,8 @@ from benchmarks.hard_cases import (
     GRAVITY,
     LENGTH,
     MASS,
-    REFUSED,
     RIGHT,
     STIFFNESS,
-    WARNED,
     Attempt,
     Found,
     nitinol,
@@ -205,10 +203,10 @@ def _of(family: str) -> Iterator[Attempt]:
     yield add(case, partial(at_rest, pushed, partial(_level, bent_by_tip_force, 10.0)))
     case, weight = "at rest, 100-fold tip mass", heavy(family, count)
     yield add(case, partial(at_rest, weight, partial(_tip, weight)), 4 * limit)
-    for share, verdicts in ((1.0, (RIGHT,)), (1.05, (WARNED,)), (2.9, (WARNED,)), (3.1, (REFUSED,))):
+    for share in (1.0, 1.05, 2.9, 3.1):
         scene = coiled(family, 4, share)
         run = partial(at_rest, scene, partial(_level, bent_by_moment, 4 * share))
-        yield add(f"at rest, coiled to {share:g} times the range", run, 1e-3, *verdicts)
+        yield add(f"at rest, coiled to {share:g} times the range", run, 1e-3, RIGHT)
     upright = standing(family, count)
     yield add("standing, straight and unstable", partial(straight_beyond_buckling, upright), 1e-9)
     yield add("standing, buckled to both sides", partial(both_sides, upright, partial(_tip, upright)), 3 * limit)
