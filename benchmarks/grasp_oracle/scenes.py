@@ -218,6 +218,7 @@ def _scene(
             "normal_force_max": random.uniform(10.0, 40.0) * max(body["mass"] * G, grip),
             "middle": "off" if contacts == "no middle" else "on",
             "tip": "on",
+            "push": 0.0,  # of which the oracle knows nothing: without a weight a touch is enough
         },
         "gravity": gravity,
         "upright": upright,

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from continuum_grasp.base import Interrupted, SolverError, amount_text, check_arguments, interruptible
+from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.changes import (
     FIRST,
     NONE,
@@ -133,9 +134,11 @@ def _held_unloaded(scene: GraspScene, fine: bool, budget: Budget) -> GraspResult
     sought = (scene if tolerance is None else with_elements(scene, FIRST)).replaced(objective="greatest_push")
     budget.tell("nothing loads the object: the greatest push that it bears is sought")
     strongest = _ModelSearch(sought, budget).result()
-    if not strongest.solved or strongest.certificate is None or strongest.statistics["interrupted"]:
+    if not strongest.verified or strongest.certificate is None or strongest.statistics["interrupted"]:
         return replace(strongest, scene=scene, message=f"nothing loads the object, but a push may: {strongest.message}")
     greatest = strongest.certificate.push
+    if not strongest.solved:  # with less force it may be stable
+        greatest = certify(sought.replaced(stability="ignore"), strongest.arrays).push
     if greatest <= NEAR * max(setup.tip_force for setup in scene.setups):  # as little as a weight that is none
         most = amount_text(greatest, "N", ".3g")
         message = (

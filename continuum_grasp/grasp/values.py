@@ -47,7 +47,7 @@ def unloaded_words(greatest: float) -> str:
     """Say why a grasp bears a push that the scene does not state, by the greatest push [N]."""
     most = amount_text(greatest, "N", ".3g")
     share = f"{PUSH_SHARE:.0%} of the greatest push found, {most}"
-    return f"nothing loads the object, so the grasp bears {share} (contacts.push)"
+    return f"nothing loads the object, so a grasp has to bear {share} (contacts.push)"
 
 
 class GraspStatus(StrEnum):

@@ -125,7 +125,8 @@ class Certificate(Summarized):
     @cached_property
     def push(self) -> float:
         """Greatest push on the object that the grasp bears in every direction, to first order while tensions stay, or
-        with locked tendons where ``disturbances.tendons`` says so [N]; none where it is unstable.
+        with locked tendons where ``disturbances.tendons`` says so [N]; none where it is unstable and the scene does not
+        ignore that.
         """
         from continuum_grasp.grasp.quality.response import GraspResponse
 

@@ -132,10 +132,10 @@ class HandCertificate(Summarized):
 
     @cached_property
     def push(self) -> float:
-        """Greatest push that the grasp bears in every direction, to first order [N]; none where it is unstable, or
-        nothing holds.
+        """Greatest push that the grasp bears in every direction, to first order [N]; none where nothing holds, or
+        where it is unstable and the scene does not ignore that.
         """
-        if self.hand is None or not self.stability.eigenvalue > 0.0:
+        if self.hand is None or not (self.hand.scene.stability == "ignore" or self.stability.eigenvalue > 0.0):
             return 0.0
         return max((borne_push(self.hand, response) for response in self._bounds), default=0.0)
 

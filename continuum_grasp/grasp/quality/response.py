@@ -123,11 +123,12 @@ class GraspResponse:
     @cached_property
     def push(self) -> float:
         """Greatest push that it bears in every direction [N]: at constant tensions, or with locked tendons where the
-        scene's disturbances have these; none where it is unstable.
+        scene's disturbances have these; none where it is unstable, unless something else steadies it as the scene says.
         """
         # Tensions that are not chosen anew are constant.
         tendons: Tendons = self._scene.disturbances.tendons
-        if not self.contacts.count or not self.stable(tendons):
+        ignored = self._scene.stability == "ignore"
+        if not self.contacts.count or not (ignored or self.stable(tendons)):
             return 0.0
         slopes = np.zeros((self.contacts.count, 3, 2))
         slopes[:, :2] = self.to_wrenches(tendons).forces[..., :2]
