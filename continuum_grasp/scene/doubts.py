@@ -7,14 +7,13 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from pydantic import BaseModel
 
 from continuum_grasp.base import InputError
 
-if TYPE_CHECKING:
-    from continuum_grasp.scene.document import KeyPath
+_Path: TypeAlias = tuple[str | int, ...]
 
 
 class Doubt(UserWarning):
@@ -82,14 +81,14 @@ def doubts_refused() -> Iterator[None]:
         raise InputError("\n".join(dict.fromkeys(doubts)))
 
 
-def children(value: BaseModel, path: KeyPath = ()) -> Iterator[tuple[KeyPath, BaseModel]]:
+def children(value: BaseModel, path: _Path = ()) -> Iterator[tuple[_Path, BaseModel]]:
     """A value and all values in it, each with its path."""
     yield path, value
     for name, entry in value:
         yield from _below(entry, (*path, name))
 
 
-def _below(entry: Any, path: KeyPath) -> Iterator[tuple[KeyPath, BaseModel]]:
+def _below(entry: Any, path: _Path) -> Iterator[tuple[_Path, BaseModel]]:
     if isinstance(entry, BaseModel):
         yield from children(entry, path)
     elif isinstance(entry, dict):
