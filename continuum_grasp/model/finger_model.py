@@ -439,7 +439,8 @@ class FingerModel(Model):
 
         Parameters p are nominal where not given.
         """
-        return np.array(self._full_coordinates(q, u, self.p_nominal if p is None else p)).ravel()
+        arguments = (np.asarray(values, dtype=float) for values in (q, u, self.p_nominal if p is None else p))
+        return np.array(self._full_coordinates(*arguments)).ravel()
 
     def curvatures(self) -> ca.Function:
         """``(q, u, p) -> kappa, at, bend``: curvature and bends of the N elements.

@@ -94,7 +94,7 @@ def validated(document: Document, model: type[Model]) -> Model:
 
 def _warn_of(doubts: Sequence[CollectedDoubt], checked: BaseModel, document: Document) -> None:
     """Warn of doubts at their places in a document."""
-    found = {}
+    found = dict[tuple[str, str], None]()
     for key, text, owner in doubts:
         # A value that validation has replaced, such as an object that was laid against a wall, is found by its class.
         known = (

@@ -34,6 +34,7 @@ class Motion(MotionResult):
     length = LENGTH
     n = 2
     name = "one arc"
+    status = "finished"
     object_pose = contacts = tensions = None
     x_names = ("theta_1 [rad]", "theta_2 [rad]", "theta_1 rate [rad/s]", "theta_2 rate [rad/s]")
 

@@ -85,7 +85,10 @@ def graded(friction=0.0, follows=True, **finger):
 
 
 def shot(scene, near):
-    """World position of the tip by shooting from the tip to the base; the tip's angle and tension are sought nearby."""
+    """World position of the tip by shooting from the tip to the base; the tip's angle and tension are sought nearby.
+
+    Tendons slid since the loads alone bent the rod, whose shape is that of a rod without friction.
+    """
     finger, profile = scene.finger, scene.finger.profile
     tendons, base = finger.tendons, finger.base
     length, g = profile.length, np.array(scene.gravity)
@@ -96,6 +99,7 @@ def shot(scene, near):
         for arm, tension in zip(channel.arms, tensions, strict=True)
     ]
     friction, rounding = tendons.friction if tendons else 0.0, 1e-3 / length
+    loaded = solve_elastica(scene.model_copy(update={"actuation": None})) if friction else near
     jumps = {0.0, length, *(k.at for k in scene.loads), *(m.at for m in finger.masses)}
     jumps |= {at for channel in finger.channels for at in channel.shape.breaks}
     places = sorted(jumps | set(profile.breaks), reverse=True)
@@ -126,7 +130,8 @@ def shot(scene, near):
         t = (-math.sin(psi), math.cos(psi))
         size = kappa**2 / math.hypot(kappa, rounding)
         weight = profile.linear_density(s) * g
-        way = (tip - psi) / math.hypot(tip - psi, 1e-3)
+        slid = tip - psi - (float(loaded.angle(length)) - float(loaded.angle(s))) if friction else 0.0
+        way = slid / math.hypot(slid, 1e-3)
         return [kappa, t[1] * fx - t[0] * fy, friction * way * size, -weight[0], -weight[1], t[0], t[1]]
 
     def stopped(free, rest, limit):
