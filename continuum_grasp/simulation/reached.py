@@ -9,7 +9,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation.initial import initial_state
-from continuum_grasp.simulation.rest import model_at_rest, rest_at
+from continuum_grasp.simulation.resting import model_at_rest, rest_at
 from continuum_grasp.simulation.signals import Signals
 
 
