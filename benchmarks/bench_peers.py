@@ -32,8 +32,11 @@ GRADED = ("tapered", "stepped", "tendon", "tapered_undamped", "stepped_undamped"
 """Scenes of ``--graded``."""
 SEGMENTS: dict[str, tuple[dict[str, int], ...]] = {
     "soromox": (
-        *({"segments": n} for n in (2, 3, 4)),
-        *({"segments": n, "order": order} for n, order in ((1, 1), (1, 2), (1, 3), (1, 4), (2, 1), (2, 2))),
+        {"segments": 2},
+        {"segments": 4},
+        {"segments": 1, "order": 1},
+        {"segments": 2, "order": 1},
+        {"segments": 1, "order": 3},
     ),
     "jsrm": ({"segments": 2},),
 }
@@ -61,7 +64,11 @@ class Release:
     scene: Scene
     libraries: tuple[str, ...]
     graded: bool = False
-    """Whether fewer settings and rounds do: six scenes in one run."""
+    """Whether fewer time steps and rounds do: six scenes in one run."""
+    thin: bool = False
+    """Whether every other time step of MuJoCo's does."""
+    hinges: tuple[int, ...] = HINGES
+    """Of MuJoCo's chains."""
     truth: Truth = field(init=False)
     reference: TipMotion = field(init=False)
     rod: dict[str, Any] = field(init=False)
@@ -131,8 +138,8 @@ def _own_entry(run: OwnRun) -> Entry:
 def mujoco_entries(release: Release, peers: ReleasePeers) -> tuple[list[Entry], dict[int, ChainRun]]:
     """MuJoCo's chains: of each number of hinges the best settings of a sweep, and the fastest of these."""
     entries, fastest = [], {}
-    for hinges in HINGES:
-        runs = release_peers.sweep(peers, release.rod, hinges, release.reference, thin=release.graded)
+    for hinges in release.hinges:
+        runs = release_peers.sweep(peers, release.rod, hinges, release.reference, thin=release.graded or release.thin)
         found = release_peers.best(runs)
         if "fastest" in found:
             fastest[hinges] = found["fastest"]
@@ -224,6 +231,8 @@ def main() -> None:
         seed=0,
         scenes=(["straight", "held", "undamped"], "", known),
         graded=(False, "the rods that are not uniform, and a tendon's end inside"),
+        hinges=(list(HINGES), "of MuJoCo's chains", HINGES),
+        thin=(False, "every other time step of MuJoCo's alone"),
         rounds=(15, "in which all take turns; half as many with --graded"),
     )
     peers, installed = None, list[str]()
@@ -242,7 +251,8 @@ def main() -> None:
             report.missing.append(NOT_TRIED)
         for name in GRADED if asked.graded else asked.scenes:
             release = known[name]
-            release = replace(release, libraries=tuple(k for k in release.libraries if k in installed))
+            libraries = tuple(k for k in release.libraries if k in installed)
+            release = replace(release, libraries=libraries, thin=asked.thin, hinges=tuple(asked.hinges))
             measure(release, peers, report, asked.rounds // (2 if asked.graded else 1))
         if peers is not None:
             peers.close()
