@@ -154,12 +154,13 @@ def readme_words() -> list[str]:
     posed = {hard: acados_ranges()["own", hard] for hard in (True, False)}
     scalar, lanes = (between(posed[True][f"times ours, {own}"]) for own in ("scalar", "lanes"))
     soft = between(posed[False]["times ours, scalar"])
+    elastica = one("peers_undamped", "PyElastica 20 elements, 5 times as thick")
     return [
-        f"{one('peers_undamped', 'PyElastica 20 elements, 5 times as thick')} {over_settings('peers_undamped', 'PyEl')}",
+        f"{elastica} {over_settings('peers_undamped', 'PyElastica')}",
         f"{one('peers', 'SoRoMoX GVS, 2 segments of order 1')} {over_settings('peers', 'SoRoMoX GVS')}",
         one("peers", "MuJoCo 10 hinges"),
-        f"a step of equal cost takes {scalar} times as long as **this, scalar** ({lanes} times as long as vector lanes); "
-        f"with soft rows as here {soft}",
+        f"a step of equal cost takes {scalar} times as long as **this, scalar** ({lanes} times as long as vector "
+        f"lanes); with soft rows as here {soft}",
     ]
 
 
