@@ -61,13 +61,14 @@ def times(value: float) -> str:
 def equal_errors(name: str) -> dict[str, tuple[float, str, float, float]]:
     """By short name of a peer: its error [mm], ours with no more, our error [mm], and how many times faster ours is.
 
-    Where a peer has several settings, the one that is best for it.
+    Where a peer is there with several settings, the one with the least error.
     """
     found: dict[str, tuple[float, str, float, float]] = {}
     for row in table(name, "at equal error"):
         peer, own, factor = short(row["peer"]), row["our fastest with at most that"], row["times as fast"]
-        if factor is not None and (peer not in found or factor < found[peer][3]):
-            found[peer] = row["its error [mm]"], short(own), row["our error [mm]"], factor
+        error = row["its error [mm]"]
+        if factor is not None and (peer not in found or error < found[peer][0]):
+            found[peer] = error, short(own), row["our error [mm]"], factor
     return found
 
 
