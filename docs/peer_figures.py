@@ -82,7 +82,7 @@ def release_rows() -> list[str]:
     rows = []
     for name in RELEASES:
         for peer, (error, own, own_error, factor) in equal_errors(name).items():
-            label = peer if name == "peers" else f"{peer}, no damping"
+            label = peer if name == "peers" else f"{peer}, undamped"
             rows.append(f"| {label} | {error:.2g} mm | {own}, {own_error:.2g} mm | {times(factor)} |")
     return rows
 
@@ -90,7 +90,7 @@ def release_rows() -> list[str]:
 def acados_ranges() -> dict[tuple[str, bool], dict[str, tuple[float, float]]]:
     """By build, and whether bounds are hard: times [us] and ratios to ours, from the least to the most."""
     found: dict[tuple[str, bool], dict[str, tuple[float, float]]] = {}
-    columns = ("median [us]", "p99 [us]", "times ours, scalar", "times ours, lanes")
+    columns = ("median [us]", "times ours, scalar", "times ours, lanes")
     rows = [row for row in table("mpc_race", "loop: arcs") if row[""].startswith("acados")]
     for build in ("generic", "own"):
         for hard in (False, True):
@@ -109,18 +109,18 @@ def between(pair: tuple[float, float]) -> str:
 def mpc_rows() -> list[str]:
     """Rows of "Predictive control"."""
     named = {row[""]: row for row in table("mpc_race", "loop: arcs")}
-    columns = ("median [us]", "p99 [us]", "times ours, scalar", "times ours, lanes")
+    columns = ("median [us]", "times ours, scalar", "times ours, lanes")
 
     def one(label: str, name: str) -> str:
-        middle, most, scalar, lanes = (named[name][column] for column in columns)
-        return f"| {label} | {times(middle)} μs | {times(most)} μs | {times(scalar)} | {times(lanes)} |"
+        middle, scalar, lanes = (times(named[name][column]) for column in columns)
+        return f"| {label} | {middle} μs | {scalar} | {lanes} |"
 
     rows = [one("CasADi `sqpmethod` + `qrqp`, derivatives by CasADi", "sqpmethod + qrqp, own")]
-    builds = {"generic": "generic C", "own": "kernels for this processor"}
+    builds = {"generic": "generic C", "own": "own kernels"}
     for (build, hard), ranges in acados_ranges().items():
-        posed = "hard bounds, linear least squares" if hard else "soft rows as here"
-        middle, most, scalar, lanes = (between(ranges[column]) for column in columns)
-        rows.append(f"| acados, {builds[build]}, {posed} | {middle} μs | {most} μs | {scalar} | {lanes} |")
+        posed = "hard bounds, linear least squares" if hard else "soft rows"
+        middle, scalar, lanes = (between(ranges[column]) for column in columns)
+        rows.append(f"| acados, {builds[build]}, {posed} | {middle} μs | {scalar} | {lanes} |")
     return [
         *rows,
         one("**this package, scalar**", "ours, scalar"),
