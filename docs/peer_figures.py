@@ -69,9 +69,9 @@ def equal_errors(name: str) -> dict[str, tuple[float, str, float, float]]:
     for row in table(name, "at equal error"):
         peer, error = row["peer"], row["its error [mm]"]
         rivals = (took[other] for other in took if library(other) == library(peer))
-        beaten = any(pair[0] < error and pair[1] < took[peer][1] for pair in rivals)
+        surpassed = any(pair[0] < error and pair[1] < took[peer][1] for pair in rivals)
         factor, known = row["times as fast"], found.get(short(peer))
-        if factor is not None and not beaten and (known is None or factor < known[3]):
+        if factor is not None and not surpassed and (known is None or factor < known[3]):
             own = short(row["our fastest with at most that"])
             found[short(peer)] = error, own, row["our error [mm]"], factor
     return found
