@@ -14,8 +14,8 @@ from functools import partial
 from typing import Any
 
 from benchmarks.baselines import PeerError, release_peers
-from benchmarks.baselines.release_ours import OwnRun, front, own_runs, rms_error
-from benchmarks.baselines.release_peers import HINGES, ChainRun, ReleasePeers, describe_rod
+from benchmarks.baselines.release_ours import OwnRun, front, own_runs
+from benchmarks.baselines.release_peers import HINGES, LABELS, ChainRun, ReleasePeers, describe_rod
 from benchmarks.harness import CONFIGS, Timing, one_core, quartiles, race
 from benchmarks.report import Report, begun
 from continuum_grasp.scene import Actuation, Initial, Rod, Scene, Tendon, load
@@ -28,18 +28,20 @@ LARGEST = 0.03
 """Largest error of ours that is shown [m]."""
 CLAIMED = 10
 """Hinges of the chain that the limit is about."""
-MOST_STEPS = 6400
-"""Of those libraries, where the motion does not run through with fewer; per second."""
 GRADED = ("tapered", "stepped", "tendon", "tapered_undamped", "stepped_undamped", "tendon_undamped")
 """Scenes of ``--graded``."""
-SEGMENTS = {"soromox": {2: 100, 3: 200, 4: 400}, "jsrm": {2: 100}}
-"""Segments of the constant-curvature libraries, with steps per second: those of as many arcs of ours."""
-STEPWISE = (
-    "SoRoMoX, taper: its planar segments have one thickness each, so that the taper is given in steps; its GVS models, "
-    "which taper, were not run"
-)
+SEGMENTS: dict[str, tuple[dict[str, int], ...]] = {
+    "soromox": (
+        {"segments": 2},
+        {"segments": 4},
+        {"segments": 1, "order": 1},
+        {"segments": 2, "order": 1},
+        {"segments": 1, "order": 3},
+    ),
+    "jsrm": ({"segments": 2},),
+}
+"""Segments of these libraries: of constant curvature, or with the order of its polynomial (SoRoMoX's GVS)."""
 NOT_TRIED = "JSRM, 3 and more segments: its expressions do not compile within five minutes; 2 segments only"
-LABELS = {"mujoco": "MuJoCo", "pyelastica": "PyElastica", "soromox": "SoRoMoX", "jsrm": "JSRM"}
 
 
 @dataclass
@@ -62,7 +64,11 @@ class Release:
     scene: Scene
     libraries: tuple[str, ...]
     graded: bool = False
-    """Whether fewer settings and rounds do: six scenes in one run."""
+    """Whether fewer time steps and rounds do: six scenes in one run."""
+    thin: bool = False
+    """Whether every other time step of MuJoCo's does."""
+    hinges: tuple[int, ...] = HINGES
+    """Of MuJoCo's chains."""
     truth: Truth = field(init=False)
     reference: TipMotion = field(init=False)
     rod: dict[str, Any] = field(init=False)
@@ -132,8 +138,8 @@ def _own_entry(run: OwnRun) -> Entry:
 def mujoco_entries(release: Release, peers: ReleasePeers) -> tuple[list[Entry], dict[int, ChainRun]]:
     """MuJoCo's chains: of each number of hinges the best settings of a sweep, and the fastest of these."""
     entries, fastest = [], {}
-    for hinges in HINGES:
-        runs = release_peers.sweep(peers, release.rod, hinges, release.reference, thin=release.graded)
+    for hinges in release.hinges:
+        runs = release_peers.sweep(peers, release.rod, hinges, release.reference, thin=release.graded or release.thin)
         found = release_peers.best(runs)
         if "fastest" in found:
             fastest[hinges] = found["fastest"]
@@ -148,30 +154,20 @@ def mujoco_entries(release: Release, peers: ReleasePeers) -> tuple[list[Entry], 
 def other_entries(release: Release, peers: ReleasePeers, library: str, report: Report) -> list[Entry]:
     """Rods of segments, or PyElastica's with its cross-check."""
     if library == "pyelastica":
-        rod = release.rod
-        table, name, run = release_peers.check(peers, rod, release.reference)
+        table, found = release_peers.check(peers, release.rod, release.reference)
         report.tables.append(replace(table, title=f"{table.title}: {release.title}"))
-        error = rms_error(run.tip, release.reference)
-        return [Entry(name, library, error, run.steps, run.cold, partial(_step, peers, name))]
-    entries = []
-    for count, steps in SEGMENTS[library].items():
-        error = math.inf
-        while math.isinf(error) and steps <= MOST_STEPS:
-            name = f"{LABELS[library]} {count} segments, {steps}/s"
-            motion = peers.make(name, library, release.rod, {"segments": count, "steps": steps})
-            error = rms_error(motion.tip, release.reference)
-            steps *= 2
-        steps = motion.steps
-        step = partial(_step, peers, name)
-        entries.append(Entry(name, library, error, steps, motion.cold, step))
-    return entries
+    else:
+        marks = len(release.rod["marks"])  # each part of a rod that is not uniform needs a segment of its own
+        fitting = [one for one in SEGMENTS[library] if one["segments"] > marks]
+        found = [release_peers.segments(peers, release.rod, library, one, release.reference) for one in fitting]
+    return [Entry(name, library, error, run.steps, run.cold, partial(_step, peers, name)) for name, error, run in found]
 
 
 def _step(peers: ReleasePeers, name: str, count: int) -> None:
     peers.run(name, FRAME * count)
 
 
-def measure(release: Release, peers: ReleasePeers | None, report: Report) -> None:
+def measure(release: Release, peers: ReleasePeers | None, report: Report, rounds: int) -> None:
     """One scene: all errors, then all times in one race."""
     release.prepare()
     entries = own_entries(release)
@@ -185,8 +181,8 @@ def measure(release: Release, peers: ReleasePeers | None, report: Report) -> Non
             entries += more
         except PeerError as error:
             report.missing.append(f"{LABELS[library]}, {release.title}: {error}")
-    repeats, first = 7 if release.graded else 15, entries[0].name
-    timings = race({e.name: e.run for e in entries}, repeats=repeats, sample_seconds=0.05, seed=report.seed)
+    first = entries[0].name
+    timings = race({e.name: e.run for e in entries}, repeats=rounds, sample_seconds=0.05, seed=report.seed)
     columns = ["", "median [ns]", "quartile 1 [ns]", "quartile 3 [ns]", f"times {first}", "cold [us]"]
     columns += ["r.m.s. error [mm]", "steps per s", "real-time factor", "to build [ms]"]
     off, title = 1e3 * release.reference.error * release.scene.finger.rod.length, f"Rod {release.title}"
@@ -235,6 +231,9 @@ def main() -> None:
         seed=0,
         scenes=(["straight", "held", "undamped"], "", known),
         graded=(False, "the rods that are not uniform, and a tendon's end inside"),
+        hinges=(list(HINGES), "of MuJoCo's chains", HINGES),
+        thin=(False, "every other time step of MuJoCo's alone"),
+        rounds=(15, "in which all take turns; half as many with --graded"),
     )
     peers, installed = None, list[str]()
     with one_core():
@@ -250,11 +249,11 @@ def main() -> None:
                 report.missing.append(f"{LABELS[name]}: {error}")
         if "jsrm" in installed and not asked.graded:
             report.missing.append(NOT_TRIED)
-        if "soromox" in installed and asked.graded:
-            report.missing.append(STEPWISE)
         for name in GRADED if asked.graded else asked.scenes:
             release = known[name]
-            measure(replace(release, libraries=tuple(k for k in release.libraries if k in installed)), peers, report)
+            libraries = tuple(k for k in release.libraries if k in installed)
+            release = replace(release, libraries=libraries, thin=asked.thin, hinges=tuple(asked.hinges))
+            measure(release, peers, report, asked.rounds // (2 if asked.graded else 1))
         if peers is not None:
             peers.close()
     report.finish()

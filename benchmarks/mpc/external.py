@@ -96,7 +96,11 @@ def run_loop(
 def problem(
     data: dict[str, Any], dynamics: ca.Function, outputs: ca.Function, rows: ca.Function, plant: ca.Function
 ) -> Any:
-    """The problem as a user of acados would pose it: bounds of states apart from other rows, all of them soft."""
+    """The problem as a user of acados would pose it: bounds of states apart from other rows, all of them soft.
+
+    With ``hard`` in the numbers they are hard, which leaves acados no slacks; with ``linear`` the residuals are linear
+    in states and inputs, and acados does not linearize them at every step.
+    """
     from acados_template import AcadosOcp
 
     del plant
@@ -112,8 +116,12 @@ def problem(
     tracked, last = outputs(x, u, p), data["nt"]
     for end, many in (("_0", tracked), ("", tracked), ("_e", tracked[:last])):
         weights = np.array(data["terminal_weights"][:last] if end == "_e" else data["weights"])
-        setattr(cost, f"cost_type{end}", "NONLINEAR_LS")
-        setattr(model, f"cost_y_expr{end}", many)
+        setattr(cost, f"cost_type{end}", "LINEAR_LS" if data["linear"] else "NONLINEAR_LS")
+        if data["linear"]:
+            for name, of in (("x", x), ("u", u))[: 1 if end == "_e" else 2]:
+                setattr(cost, f"V{name}{end}", np.array(ca.evalf(ca.jacobian(many, of))))
+        else:
+            setattr(model, f"cost_y_expr{end}", many)
         setattr(cost, f"W{end}", np.diag(weights))
         setattr(cost, f"yref{end}", np.zeros(len(weights)))
 
@@ -124,7 +132,8 @@ def problem(
         setattr(limits, f"lbx{end}", np.array([box["least"] for box in boxes]))
         setattr(limits, f"ubx{end}", np.array([box["most"] for box in boxes]))
         setattr(limits, f"idxbx{end}", np.array([box["state"] for box in boxes], int))
-        setattr(limits, f"idxsbx{end}", np.arange(len(boxes)))
+        if not data["hard"]:
+            setattr(limits, f"idxsbx{end}", np.arange(len(boxes)))
     for end, which in (("_0", "input"), ("", "input"), ("_e", "state")):
         # Rows of the state alone hold at the nodes 1 to N, others at 0 to N - 1.
         own = [row for row in data["rows"] if row["of"] == which or end == ""]
@@ -132,8 +141,9 @@ def problem(
             setattr(model, f"con_h_expr{end}", value[[row["row"] for row in own]])
             setattr(limits, f"lh{end}", np.array([row["least"] for row in own]))
             setattr(limits, f"uh{end}", np.array([row["most"] for row in own]))
-            setattr(limits, f"idxsh{end}", np.arange(len(own)))
-        soft = [*(boxes if end != "_0" else []), *own]
+            if not data["hard"]:
+                setattr(limits, f"idxsh{end}", np.arange(len(own)))
+        soft = [] if data["hard"] else [*(boxes if end != "_0" else []), *own]
         scale = 1.0 if end == "_e" else h  # acados multiplies the cost of a stage by its length
         for name, key in (("z", "linear"), ("Z", "quadratic")):
             for side in "lu":

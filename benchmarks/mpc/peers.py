@@ -14,6 +14,7 @@ import os
 import tempfile
 import time
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -140,6 +141,8 @@ QP_SOLVERS: dict[str, tuple[str, int]] = {
     "HPIPM, condensed": ("FULL_CONDENSING_HPIPM", 0),
 }
 """acados's QP solvers, and how many blocks the QP is condensed to (0: none)."""
+POSED = {"": False, ", hard bounds, linear least squares": True}
+"""Whether acados gets the problem in its fastest form: without slacks, which this package's rows have."""
 BUILDS = {
     "generic": {"BLASFEO_TARGET": "GENERIC", "HPIPM_TARGET": "GENERIC"},
     "own": {"BLASFEO_TARGET": "X64_AUTOMATIC", "HPIPM_TARGET": "AVX", "CMAKE_C_FLAGS": "-march=native"},
@@ -209,16 +212,20 @@ def dompc(case: Case) -> tuple[LoopRun, dict[str, str]]:
 
 
 def acados_loops(case: Case, missing: list[str]) -> dict[str, CLoop]:
-    """The loop by all ``BUILDS`` and ``QP_SOLVERS``; where it cannot be had, the reason is added to ``missing``."""
-    try:
-        return {
-            f"acados, {build} BLASFEO, {form}": acados_loop(case, build, *QP_SOLVERS[form])
-            for build in BUILDS
-            for form in QP_SOLVERS
-        }
-    except RuntimeError as error:
-        missing.append(f"{case.name}: {str(error).splitlines()[-1]}")
-        return {}
+    """The loop by all ``BUILDS``, ``QP_SOLVERS`` and ``POSED``; why one cannot be had is added to ``missing``."""
+    found = {}
+    for build, form, posed in product(BUILDS, QP_SOLVERS, POSED):
+        try:
+            found[acados_name(build, form, posed)] = acados_loop(case, build, *QP_SOLVERS[form], plain=POSED[posed])
+        except RuntimeError as error:
+            reason = f"{case.name}{posed}: {str(error).splitlines()[-1]}"
+            missing += [reason] if reason not in missing else []
+    return found
+
+
+def acados_name(build: str, form: str, posed: str) -> str:
+    """Of one loop in tables."""
+    return f"acados, {build} BLASFEO, {form}{posed}"
 
 
 def acados_words() -> str:
@@ -230,13 +237,16 @@ def acados_words() -> str:
     return f" acados {commit}, one thread, SQP_RTI, Gauss-Newton, ERK of order 4, Release: {built}."
 
 
-def acados_loop(case: Case, build: str, qp_solver: str, blocks: int) -> CLoop:
-    """The loop by one of ``BUILDS`` and of ``QP_SOLVERS``; RuntimeError with the reason why there is none."""
+def acados_loop(case: Case, build: str, qp_solver: str, blocks: int, plain: bool) -> CLoop:
+    """The loop by one of ``BUILDS``, ``QP_SOLVERS`` and ``POSED``; RuntimeError with the reason why there is none."""
     source, root = _installed(build)
+    if plain and not _linear(case.stages.outputs):
+        raise RuntimeError("the residuals are not linear")
     with tempfile.TemporaryDirectory(prefix="continuum-grasp-benchmark-") as name:
         folder = Path(name)
         places = {"ACADOS_SOURCE_DIR": str(source), "PYTHONPATH": str(source / "interfaces" / "acados_template")}
-        _asked("acados", case, folder, places, qp_solver=qp_solver, blocks=blocks or case.stages.stages)
+        settings = {"qp_solver": qp_solver, "blocks": blocks or case.stages.stages, "hard": plain, "linear": plain}
+        _asked("acados", case, folder, places, **settings)
         solver, shared = folder / "solver", folder / "libsolver.so"
         sources = [path for path in solver.rglob("*.c") if "sim_solver" not in path.name]
         parts = ("include", "include/acados", "include/blasfeo/include", "include/hpipm/include")
@@ -249,6 +259,14 @@ def acados_loop(case: Case, build: str, qp_solver: str, blocks: int) -> CLoop:
         flags = [*include, str(shared), f"-Wl,-rpath,{folder}"]
         loop = CLoop(case, text + c_text("acados.c"), flags=flags)
     return loop
+
+
+def _linear(outputs: ca.Function) -> bool:
+    """Whether outputs (x, u, p) are linear in x and u, without an offset."""
+    x, u, p = outputs.sx_in()
+    both = ca.vertcat(x, u)
+    off = ca.substitute(outputs(x, u, p), both, ca.DM.zeros(both.shape))
+    return not ca.depends_on(ca.jacobian(outputs(x, u, p), both), ca.vertcat(both, p)) and ca.simplify(off).is_zero()
 
 
 @lru_cache
