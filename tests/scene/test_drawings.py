@@ -504,7 +504,7 @@ BAD_TABLES = {
     "no columns": ("a,b\n" + ROWS, {}, r"one.csv:1:1: no column 'x' \(it has a, b\)"),
     "one unit": ("x [mm],y\n" + ROWS, {}, r"one.csv:1:8: column y has no unit, the other has \[mm\]"),
     "contradiction": ("x [cm],y [cm]\n" + ROWS, {"scale": 1e-3}, r"its heading says \[cm\], the configuration scale"),
-    "no length": ("x [s],y [s]\n" + ROWS, {}, r"expected a unit of length \(m, cm, mm, um, in\), got \[s\]"),
+    "no length": ("x [s],y [s]\n" + ROWS, {}, r"expected a unit of length \(m, cm, mm, um, in, ft, mil\), got \[s\]"),
     "headings alone": ("x,y\n", {}, "expected rows of numbers below the headings"),
     "empty cell": ("x,y\n1,2\n3,\n", {}, "one.csv:3:3: column y: the cell is empty"),
 }
