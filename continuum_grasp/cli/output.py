@@ -129,17 +129,19 @@ class Output:
             hold_folder(self.folder)
 
     def scene(self, *kinds: type) -> Any:
-        """Load the scene of the configuration, of one of some kinds; check the tools of the options after that."""
+        """Load the scene of the configuration, which is of one of the given kinds; then check the tools that options
+        need.
+        """
         from continuum_grasp.scene import scene_of
 
         with self.doubting():
             scene = scene_of(self.config, kinds, self.changes or ())
         if self.animation == "mp4" and shutil.which("ffmpeg") is None:
-            raise InputError("mp4 needs ffmpeg, which this machine does not have; use gif", key="--animate")
+            raise InputError("mp4 needs ffmpeg, which is not installed; use gif", key="--animate")
         return scene
 
     def doubting(self) -> AbstractContextManager[None]:
-        """Return a context in which doubts are errors if the user wants that, else warnings."""
+        """Return a context in which doubts are errors with ``--strict``, else warnings."""
         from continuum_grasp.scene import doubts_refused
 
         return doubts_refused() if self.strict else nullcontext()
