@@ -131,7 +131,7 @@ def undone(slip: PossibleMistake, data: Data, scene: Scene) -> Pair | None:
         return None
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a slip that is tried, such as gravity that points up, is no one's scene
+            warnings.simplefilter("ignore")  # a tried slip, such as gravity that points up, is not the user's scene
             return _undone_data(slip, data), scene.changed(dict(_changes(slip, scene)))
     except InputError:
         return None
