@@ -47,8 +47,8 @@ STORED = (
 
 
 _EDGE = 0.25
-"""Distance of a contact from an edge, per radius of the finger [1], from which on the edge is named: a finger of 6 mm
-that shifts by 1.5 mm, which grasps that turn may allow (``shift_max``), is then on the edge."""
+"""The result names an edge nearer to a contact than this distance per radius of the finger [1]: a finger of 6 mm radius
+that shifts by 1.5 mm, as turned grasps may allow (``shift_max``), then reaches the edge."""
 
 
 @dataclass(frozen=True)
@@ -255,7 +255,7 @@ class HandResult(AnyGrasp):
         return tuple(found)
 
     def _near_edges(self) -> list[str]:
-        """Contacts of fingers that sharp edges of a mesh are near, with their distances."""
+        """Contacts of fingers near sharp edges of a mesh, with their distances."""
         halves = {s.name: s.finger.profile.half_thickness for s in self.scene.setups}
         contacts = [c for c in self.contacts if c.name.rpartition(".")[0] in halves]
         distances = self.body.edge_distance(np.array([c.position for c in contacts]).reshape(-1, 3))
