@@ -2,7 +2,6 @@
 
 Loggers write 0, -1, 9999 or the last value if a sensor has no reading. Such a number would count as a measurement, so
 every reader of measurements warns of it.
-
 """
 
 from __future__ import annotations

@@ -3,7 +3,6 @@
 The search starts from a grasp of a weight in one direction and raises the sum of the normal forces step by step, with
 the least friction; at each step the required friction follows to first order. Larger forces are not always safer:
 fingers curl past the object.
-
 """
 
 from __future__ import annotations
