@@ -184,8 +184,8 @@ class GraspScene(Configuration, Supported):
 
     @property
     def unloaded(self) -> bool:
-        """Whether nothing loads the object, so that contacts which press nothing would hold it, and no push is given:
-        weight, disturbances, errors and friction states load it.
+        """Whether the object has no load and the scene no push, so that contacts without force would hold it. Weight,
+        disturbances, errors and friction states are loads.
         """
         aimed = {"greatest_disturbance", "greatest_push"} & set(self.aims)
         none = self.contacts.push is None and not (aimed or self.is_robust)
