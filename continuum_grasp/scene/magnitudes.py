@@ -23,9 +23,7 @@ class Magnitude:
     words: str
 
     def doubt(self, value: Any) -> str:
-        """Return the first number out of the range, of one number or a sequence, with the words; None if all are
-        within.
-        """
+        """Describe a number out of the range, or the first one in a sequence; empty if all are within."""
         if isinstance(value, list | tuple):
             return next(filter(None, map(self.doubt, value)), "")
         plausible = isinstance(value, bool) or not isinstance(value, int | float) or self.least <= value <= self.most

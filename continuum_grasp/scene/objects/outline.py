@@ -105,7 +105,9 @@ class OutlineFile(MaybeDrawn):
         return drawing.scaled(scale).outline(name, self.path)
 
     def level(self, normals: Iterable[PlanePoint]) -> Self:
-        """The outline that lies flat, within the error of a measured one, on supports it meets along some normals."""
+        """Return the outline with sides that lie flat, within the error of a measured one, on supports along some
+        normals.
+        """
         copy = self.model_copy()
         of_curve = ("curve", "vertices", "drawn", "parts")
         for key in of_curve:
