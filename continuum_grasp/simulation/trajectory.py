@@ -54,8 +54,8 @@ class Trajectory(MotionResult):
         infinite where no such equilibrium is found, nan with an object, or where the exact rod does not know the scene
         and more than four elements are stated.
     resolution : Resolution or None
-        Errors by which the elements were judged; those at rest with the errors of the first natural frequencies about
-        these shapes. None with an object.
+        Errors of the elements; errors at rest include the first natural frequencies about these shapes. None with an
+        object.
     """
 
     kind: ClassVar[str] = "simulate"
@@ -115,7 +115,7 @@ class Trajectory(MotionResult):
     resolution: Resolution | None = None
 
     def judged(self, resolution: Resolution, warnings: tuple[str, ...], **seconds: float) -> Trajectory:
-        """The motion with errors that were measured, further warnings, and the seconds that these took."""
+        """Return the motion with measured errors, additional warnings, and the time of these measurements [s]."""
         statistics = {**self.statistics, **seconds}
         if note := resolution.note(self.model.family):
             statistics["fidelity"] = note
@@ -130,7 +130,7 @@ class Trajectory(MotionResult):
 
     @property
     def outcome(self) -> str:
-        """Status, or what it is that elements do not resolve."""
+        """Status, or the error that the elements leave."""
         return self.resolution.outcome if self.resolution is not None and self.resolution.fails else self.status
 
     @property
