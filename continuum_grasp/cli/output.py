@@ -254,8 +254,8 @@ class Output:
         more: Mapping[str, Any] | None = None,
         **values: Any,
     ) -> None:
-        """Print the last ``pairs`` of a result, its model, columns that nothing reads, where it is with which texts and
-        further files, and where wanted its statistics and ``more`` of them; or its JSON object with ``values``.
+        """Print the last ``pairs`` of a result, its model, unused columns, its folder, texts and other files, and on
+        request its statistics and ``more`` of them; or its JSON object with ``values``.
         """
         paths = [self.folder / text.name for text in result.texts]
         texts = [path for path in paths if path.exists()]

@@ -35,7 +35,7 @@ from continuum_grasp.nlp import Budget, Violation
 from continuum_grasp.scene import GraspScene
 
 _CASE = r"^((?:disturbed|pushed) .*|(?:sticking contact|constant tensions|locked tendons), .*), (?:[+-]?\d+|push [xy])$"
-"""Name of a constraint under one of several disturbances, whose kind is the group."""
+"""Name of a constraint under one of several disturbances; the group is its kind."""
 
 
 def most_elements(scene: GraspScene) -> int:

@@ -37,12 +37,12 @@ class FingerModel(Model):
     family : str, optional
         Curvature family: ``arc``, ``clothoid`` or ``matched_clothoid``. Default: ``matched_clothoid`` for a scene, and
         for a bare finger whose tendons have a time constant or whose ``input_rates`` are given; ``clothoid`` for other
-        bare fingers, whose tip moment may vary, with tendon friction or quadratic damping, where a moment of the scene
-        on the tip varies in time, or where those at time zero do not fit the initial pose.
+        bare fingers, whose tip moment may vary, with tendon friction or quadratic damping, if a moment of the scene on
+        the tip varies in time, or if the moments at time zero do not fit the initial pose.
     elements : int or sequence of float, optional
         Number of elements, or their lengths [m]; a number is shared out by the length of bending waves, evenly on a
         uniform rod. Default: two, or one per segment between contacts and jumps of rest curvature, stiffness or density
-        where that is more; with stops as many, up to 16, as bend by one turn at most where links touch.
+        if that is more; with stops enough, up to 16, that each bends by at most one turn when links touch.
     bending_range : float, optional
         Greatest bend of an element [rad] (for clothoids: its length times its greatest curvature), including the bend
         at rest. Default: 2 pi / 3; less if more than four elements share 8 pi / 3, or if the strain limit allows less;
@@ -57,20 +57,20 @@ class FingerModel(Model):
         stiffness, density and rotary inertia are factors, nominally 1. With run-time
         ``element_lengths`` masses and loads inside an element keep their share of its length.
     loads : sequence of ForceLoad and MomentLoad, optional
-        Places of loads; their values are entries of ``w`` (of ``u`` for moments on the tip, where they act like the
-        tip moment).
+        Places of loads; their values are entries of ``w`` (of ``u`` for moments on the tip, which act like the tip
+        moment).
     tip_force : bool, optional
         Whether a force acts at the tip; for a scene, where it has contacts.
     input_rates : bool, optional
         Whether ``u`` is [values, rates, accelerations] of the inputs, for ``matched_clothoid`` alone. Its tip moves
-        with the tip moment, so a moment that varies needs them. Default: True where an input of the scene that has no
-        time constant, which supplies the rates, or a moment on its tip varies. Without rates the moment is
-        taken to be constant throughout the motion: ``Core.rollout`` refuses one that varies, and no function can notice
-        it from one call to the next. Dropping the rates of a ramp of 0.05 N m in 0.2 s costs 8.9 mm r.m.s. on a rod of
-        0.6 m, where two elements with rates have 0.14 mm and free clothoids 0.09 mm.
+        with the tip moment, so a varying moment needs them. Default: True if a moment on the tip varies, or an input of
+        the scene without a time constant, which would supply the rates. Without rates the moment counts as constant
+        throughout the motion: ``Core.rollout`` refuses a varying moment, but no function can detect one between calls.
+        Dropping the rates of a ramp of 0.05 N m in 0.2 s costs 8.9 mm r.m.s. on a rod of 0.6 m, where two elements with
+        rates have 0.14 mm and free clothoids 0.09 mm.
     slack_stiffness : float, optional
         Share of their stiffness [1] that tendons of drives keep while they are slack, by default none: for solvers that
-        go by derivatives alone, in which a slack tendon has no effect.
+        use only derivatives, on which a slack tendon has no effect.
 
     Attributes
     ----------

@@ -154,7 +154,7 @@ def solve_elastica(
         World angles of the sections [rad]: as a function of lengths (n,) [m], such as ``Elastica.angle``, or at K > 1
         equally spaced places from base to tip. Chooses the branch.
     stable : bool
-        Whether to leave an unstable equilibrium for a stable one beside it, where loads have a potential.
+        Whether to leave an unstable equilibrium for a nearby stable one, if the loads have a potential.
     side : {1, -1}
         Side to which an unstable equilibrium is left: the sense in which its weakest direction turns the tip.
     extra_loads : sequence of loads

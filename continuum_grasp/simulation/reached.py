@@ -43,7 +43,7 @@ def bends_of(scene: Scene, model: FingerModel) -> list[float]:
     True
     """
     shares = [np.zeros(len(model.ranges)), *_shares(scene, model)]
-    # 1.25: range per bend of a motion that goes on from there, where it is beyond the range
+    # 1.25: range per bend beyond the range, because a motion continues from there
     bends = np.max(shares, axis=0) * model.ranges
     return [1.25 * bend if bend > reach else reach for bend, reach in zip(bends.tolist(), model.ranges, strict=True)]
 

@@ -130,9 +130,10 @@ def _commanded(model: FingerModel, u: Array, row: ArrayLike) -> Array:
 
 
 def _idle(model: FingerModel, end: LoadState) -> LoadState:
-    """The loads while drives are idle: without tensions, pressures and torques of their own.
+    """Return the loads with idle drives: without tensions, pressures and torques.
 
-    What follows a position is where it leaves tendons of the unloaded shape as the scene has them in the straight one.
+    Position drives stand where the tendons of the unloaded shape have the tension or slack that the scene states for
+    the straight finger.
     """
     u = end.u.copy()
     winches = model.structure.winches

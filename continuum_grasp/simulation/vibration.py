@@ -96,7 +96,7 @@ class Modes(Result):
 
     @property
     def status(self) -> str:
-        """``stable`` or ``unstable``; ``under_resolved`` where no number of elements keeps 1 % in the first two."""
+        """``stable`` or ``unstable``; ``under_resolved`` if no number of elements keeps 1 % in the first two."""
         return self.equilibrium.status
 
     @property
@@ -223,7 +223,7 @@ class SmallMotions:
 
 
 def frequencies_of(rest: RestingShape) -> Array:
-    """Natural frequencies (n,) [Hz] about a shape at rest, increasing; zero where it is unstable."""
+    """Natural frequencies (n,) [Hz] about a shape at rest, increasing; zero if unstable."""
     small = small_motions(rest)
     return _frequencies(small.mass, small.stiffness)
 

@@ -25,7 +25,7 @@ _SLIVER = 1e-9
 _MOST = 300
 """Greatest number of pieces: a blob of 20,000 triangles and 30 mm radius with twenty hollows is then within 0.07 mm."""
 _SIMPLER = 0.25
-"""Share of the tolerance by which triangles of the solid may move when those that it does not need are joined."""
+"""Share of the tolerance by which the simplification of the mesh may move its triangles [1]."""
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ _GROUPS = {
 
 
 _OLD = ("deg", "deg/s", "in", "gf", "kgf", "lbf")
-"""Units that are tried beside those that differ by powers of ten: software counts in degrees and inches, and load cells
+"""Units to try besides powers of ten: software counts in degrees and inches, and load cells
 show weights. Each costs predictions anew, so units that no software chooses by itself, such as feet, are not tried."""
 
 

@@ -344,7 +344,7 @@ class HandResult(AnyGrasp):
         return Summarized.aligned(rows, {0, 1})
 
     def _margin(self, contact: FingerTouch) -> float:
-        """Share of the friction cone of a contact that is free; NaN where nothing presses."""
+        """Free share of a contact's friction cone; NaN without a normal force."""
         friction = self.friction_of(contact.name)
         across = contact.friction_force
         if contact.moment:

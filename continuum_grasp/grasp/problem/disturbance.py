@@ -51,7 +51,9 @@ def add_disturbances(problem: PlanarPart, wrenches: ca.SX) -> None:
 
 
 def add_push(problem: PlanarPart, push: ca.SX) -> None:
-    """Add unknowns and constraints of a part for a push on it in any direction; zero where it acts on another part."""
+    """Add unknowns and constraints of a part for a push in any direction on it; zero if the push acts on another
+    part.
+    """
     tendons = "locked" if problem.spec.locked else "constant"
     along = _changes(problem, ca.vertcat(push * ca.SX.eye(2), ca.SX(1, 2)), tendons, ["push x", "push y"])
     number = problem.numbers
@@ -60,7 +62,7 @@ def add_push(problem: PlanarPart, push: ca.SX) -> None:
         force = contact.force[: problem.spec.dimensions]
         changes = ca.horzcat(*(change[f"change of force, {name}"] for change in along))
         friction = number(f"{name}.friction")
-        # 1e-24 keeps the root differentiable where nothing changes.
+        # 1e-24 keeps the root differentiable if nothing changes.
         more = ca.sqrt(ca.sumsqr(changes[0, :]) + 1e-24)
         spare = ca.vertcat(force[0] - more, number(f"{name}.normal_force_max") - force[0] - more)
         problem.rows.require(f"pushed normal force, {name}", spare, "N", "contacts.normal_force_max", upper=ca.inf)

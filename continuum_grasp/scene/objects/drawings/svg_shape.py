@@ -173,7 +173,7 @@ def _lines(drawn: Any) -> list[Any]:
 
 
 def _shade(paint: Paint | None) -> str:
-    """``dark``, ``white`` as the paper, or empty where nothing is painted."""
+    """``dark``, ``white`` like the paper, or empty without paint."""
     if paint is None:
         return ""
     return "white" if paint.light == 1.0 else "dark"

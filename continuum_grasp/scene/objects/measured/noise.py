@@ -18,7 +18,7 @@ _BETWEEN = 4.0
 """Ratio of the variances of means over twice as many neighbors [1] between that of noise, 1/2, and that of a smooth
 curve, whose third derivative leaves residuals that grow with the cube of the scale: 64. Few windows scatter much."""
 _SMOOTH = 0.7
-"""Share of third differences with the sign of the next one [1] between that of noise and that of smooth curves."""
+"""Threshold between noise and smooth curves: share of third differences with the sign of the next one [1]."""
 _LAGS, _ALIKE = 16, 0.5
 """Greatest number of points of a tooth, and least correlation of its points with the next tooth [1]: 40 points of noise
 have 0.16."""

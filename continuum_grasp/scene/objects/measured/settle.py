@@ -93,7 +93,7 @@ class ChainFit:
         return cls(chain, np.concatenate(means), owner, noise, np.zeros((0, 0)))._settled()
 
     def _spurious(self, runs: Sequence[Array], near: float) -> Array:
-        """Pieces that have no place between the pieces beside them, or lead to a corner where no point is (k,)."""
+        """Pieces (k,) without space between their neighbors, or with a corner far from all points."""
         along = np.array([run[-1] - run[0] for run in runs])
         spurious = np.asarray((self.chain.chords * along).sum(axis=1) < 0.0)
         for k, joint in enumerate(self.chain.joints):
@@ -105,7 +105,7 @@ class ChainFit:
 
     @property
     def spread(self) -> float:
-        """Standard deviation of the chain's distance from the curve where it is greatest."""
+        """Greatest standard deviation of the chain's distance from the curve."""
         slopes = slopes_of(self.chain, self.points, self.owner)
         count = len(self.chain.joints)
         begin, end = 3 * self.owner, 3 * ((self.owner + 1) % count)
@@ -206,7 +206,7 @@ def _without(every: list[_Entry], chosen: Array) -> list[_Entry]:
 
 
 def _apart(chosen: Array) -> Array:
-    """Pieces that are chosen, but for those after one that is."""
+    """Return the chosen pieces without direct successors of chosen pieces."""
     apart = chosen.copy()
     for k in range(len(apart)):
         apart[k] &= not apart[k - 1]
