@@ -346,7 +346,7 @@ class ControlRun(MotionResult):
         use = self._range_use
         if use.max(initial=0.0) > 1.0:
             warnings.append(
-                f"the plant is bent to {use.max():.2f} times its bending range, where the model loses accuracy: use  "
+                f"the plant is bent to {use.max():.2f} times its bending range, where the model loses accuracy: use "
                 "more plant.fidelity.elements"
             )
         return tuple(warnings)

@@ -140,7 +140,7 @@ def _held_unloaded(scene: GraspScene, fine: bool, budget: Budget) -> GraspResult
         greatest = certify(sought.replaced(stability="ignore"), strongest.arrays).push
     if greatest <= NEAR * max(setup.tip_force for setup in scene.setups):  # as small as a negligible weight
         most = amount_text(greatest, "N", ".3g")
-        message = f"nothing loads the object, and the greatest push that any grasp bears is negligible: {most}"
+        message = f"nothing loads the object, and the greatest push that any found grasp bears is negligible: {most}"
         return replace(strongest, scene=scene, status=GraspStatus.NOT_SOLVED, message=message)
     pushed = scene.replaced(contacts=scene.contacts.replaced(push=PUSH_SHARE * greatest))
     result = _held_within(pushed, fine, budget)

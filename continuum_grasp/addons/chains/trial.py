@@ -278,7 +278,7 @@ def _tried(hand: HandInMujoco, say: Callable[[str], None], hold_only: bool) -> d
 
 def _verdict(wrong: list[str], hold_only: bool) -> str:
     """Say whether the hand holds the object, and which parts of the trial were skipped."""
-    untried = "  (only held, from the posture of the grasp at its tensions; pushes, turns and closing were not tried)"
+    untried = " (only held, from the posture of the grasp at its tensions; pushes, turns and closing were not tried)"
     return f"{'not held' if wrong else 'held'} in MuJoCo{untried if hold_only else ''}"
 
 

@@ -80,9 +80,7 @@ def lost_in(channels: Sequence[LoggedReading], moved: Sequence[Array] = ()) -> l
         if rows.any():
             found.append(LostReadings(_words(channel, rows), float(np.mean(rows))))
         elif longest:
-            text = (
-                f"{channel.name}: {longest} readings in a row are the same while the finger moves, as if the sensor  "
-            )
+            text = f"{channel.name}: {longest} readings in a row are the same while the finger moves, as if the sensor "
             found.append(LostReadings(text + "froze: leave their cells empty", longest / channel.values.size))
     return found
 
