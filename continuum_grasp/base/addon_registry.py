@@ -93,7 +93,7 @@ class Addon:
     trials : mapping of str to str
         Functions (`continuum_grasp.grasp.HandResult`, progress) -> plain data with ``holds`` and ``words``, which try a
         grasp in another program, by the word of ``grasp --try-in``, as ``module:name``. The word names the Python
-        package that it needs. Of ``--hold-only``, the function gets ``hold_only=True``: it only holds the object, and
+        package that it needs. With ``--hold-only`` the function gets ``hold_only=True``: it only holds the object, and
         its words say so.
 
     Examples

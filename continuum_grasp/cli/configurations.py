@@ -167,7 +167,7 @@ def validate(
 
 
 def _check_structure(data: ConfigurationData) -> None:
-    """Check a scene as far as the structure of its model; no expressions are built."""
+    """Check a scene up to the structure of its model, without building expressions."""
     from continuum_grasp.control import Prediction
     from continuum_grasp.grasp import overlaps_at_rest
     from continuum_grasp.model import FingerModel

@@ -27,7 +27,7 @@ def grasp(
         words=tuple(_trials()),
     ),
     hold_only: bool = option(
-        "With --try-in: only hold the object, from the grasp's posture at its tensions; takes seconds.", default=False
+        "With --try-in: only hold the object, in the grasp's posture at its tensions; takes seconds.", default=False
     ),
 ) -> None:
     """Find how fingers hold an object, or why they cannot."""

@@ -89,7 +89,7 @@ def run_verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Calla
 
 
 def resolved_scene(output: Output, *others: type) -> Any:
-    """A scene of ``simulate``, its tolerance turned into a model, or one of other kinds."""
+    """Load a scene; in a scene of ``simulate`` a model replaces the tolerance."""
     from continuum_grasp.scene import Scene
 
     scene = output.scene(Scene, *others)

@@ -129,17 +129,19 @@ class Output:
             hold_folder(self.folder)
 
     def scene(self, *kinds: type) -> Any:
-        """Load the scene of the configuration, of one of some kinds; check the tools of the options after that."""
+        """Load the scene of the configuration, which is of one of the given kinds; then check the tools that options
+        need.
+        """
         from continuum_grasp.scene import scene_of
 
         with self.doubting():
             scene = scene_of(self.config, kinds, self.changes or ())
         if self.animation == "mp4" and shutil.which("ffmpeg") is None:
-            raise InputError("mp4 needs ffmpeg, which this machine does not have; use gif", key="--animate")
+            raise InputError("mp4 needs ffmpeg, which is not installed; use gif", key="--animate")
         return scene
 
     def doubting(self) -> AbstractContextManager[None]:
-        """Return a context in which doubts are errors if the user wants that, else warnings."""
+        """Return a context in which doubts are errors with ``--strict``, else warnings."""
         from continuum_grasp.scene import doubts_refused
 
         return doubts_refused() if self.strict else nullcontext()
@@ -252,8 +254,8 @@ class Output:
         more: Mapping[str, Any] | None = None,
         **values: Any,
     ) -> None:
-        """Print the last ``pairs`` of a result, its model, columns that nothing reads, where it is with which texts and
-        further files, and where wanted its statistics and ``more`` of them; or its JSON object with ``values``.
+        """Print the last ``pairs`` of a result, its model, unused columns, its folder, texts and other files, and on
+        request its statistics and ``more`` of them; or its JSON object with ``values``.
         """
         paths = [self.folder / text.name for text in result.texts]
         texts = [path for path in paths if path.exists()]

@@ -57,11 +57,11 @@ class PlantModel(Remade):
 
     x has the system's state, then, where the drive lags, the tensions or the tip moment that it exerts, and their rates
     unless it is of first order. ``given`` is the plant's finger in its surroundings, where it differs from
-    ``plant_scene``. What of finger and object ``parameters`` name may be changed without compiling anew, by assigning
-    to ``p``; ``drive_time_constant`` of commanded tensions is the last one there. ``falls``: w has a last entry
-    ``friction_fall [1]``, by whose share friction is less than the parameter ``friction_factor`` has it. ``outside``
-    has entries of w, by name, as functions of instants [s], on top of the scene's loads. Elements are evaluated up to
-    bends ``reached`` (elements,) [rad] at least.
+    ``plant_scene``. Assign to ``p`` to change the ``parameters`` of finger and object without a new compilation;
+    ``drive_time_constant`` of commanded tensions is the last one there. ``falls``: w has a last entry ``friction_fall
+    [1]``, the share by which friction is below the parameter ``friction_factor``. ``outside`` adds entries of w by
+    name, as functions of instants [s], to the scene's loads. Elements cover at least the bends ``reached`` (elements,)
+    [rad].
 
     A scene with ``plant.guides`` takes the plant of an add-on.
     """

@@ -346,7 +346,7 @@ class ControlRun(MotionResult):
         use = self._range_use
         if use.max(initial=0.0) > 1.0:
             warnings.append(
-                f"the plant is bent to {use.max():.2f} times its bending range, where its model loses accuracy: take "
+                f"the plant is bent to {use.max():.2f} times its bending range, where the model loses accuracy: use "
                 "more plant.fidelity.elements"
             )
         return tuple(warnings)
@@ -357,13 +357,13 @@ class ControlRun(MotionResult):
         return self.readings.range_use(self.x, self._inputs, self.w)
 
     def wider_plant(self) -> PlantModel | None:
-        """The plant's model, evaluated as far as it was bent; None where it is already, or as far as can be."""
+        """Return the plant's model with ranges that cover its bends; None if they do already, or cannot grow."""
         plant = self.readings.plant
         peaks = self._range_use.max(axis=0, initial=0.0)
         if peaks.max() <= 1.0 or plant.control.plant.guides is not None:
             return None
         ranges = plant.system.finger_model.ranges
-        # 1.25: range per bend of a motion that left the range before, of which twice the range can be believed
+        # 1.25: range per bend of a motion that left the range before and is credible up to twice the range
         wider = PlantModel(plant.control, reached=(1.25 * np.minimum(peaks, 2.0) * ranges).tolist())
         return None if wider.system.finger_model.ranges == ranges else wider
 

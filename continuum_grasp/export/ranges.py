@@ -67,7 +67,7 @@ class ModelFields:
     def states(self, parameters: Sequence[Field] = ()) -> tuple[Field, ...]:
         """Entries of the state: bends within their ranges, rates, drives and friction states around usual ones.
 
-        Bends reach as far as the ranges of ``parameters`` let them.
+        The ranges of ``parameters`` limit the bends.
         """
         model = self.finger
         lows, highs = _bounds(model, parameters)
@@ -158,7 +158,7 @@ def _fields(model: FingerModel, labels: Sequence[str]) -> list[Field]:
 
 
 def _bounds(model: FingerModel, parameters: Sequence[Field]) -> tuple[list[float], list[float]]:
-    """Least and greatest value of each coordinate within the bending ranges."""
+    """Return the least and greatest value of each coordinate within the bending ranges."""
     lengths = [_greatest(parameters, f"element_lengths_{k + 1}", h) for k, h in enumerate(model.lengths)]
     if len(lengths) == 1:
         lengths = [_greatest(parameters, "element_lengths", lengths[0])]

@@ -365,7 +365,7 @@ def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Arr
 
 
 def _shapes(low: Array, high: Array, rng: np.random.Generator) -> Array:
-    """At rest, every bend at a limit (half of them, where the others mirror them), and in between."""
+    """At rest, with every bend at a limit (half of them if the others mirror them), and in between."""
     count = len(low)
     # 32: shapes within the bending range, as many again: the radius is not monotonic in the shape
     between = rng.uniform(-1.0, 1.0, (32, count))

@@ -61,7 +61,7 @@ def measured_core(target: str) -> str:
 
 
 def check_measuring_tools() -> None:
-    """Raise InputError if a program is missing that measuring needs."""
+    """Raise InputError if a program for measurements is missing."""
     check_tools(TOOLS, "measuring needs {}", "gcc-arm-none-eabi qemu-system-arm")
 
 

@@ -1,4 +1,4 @@
-"""Fingers at rest against what surrounds them: without tensions, weight and contacts, each has its rest curvature."""
+"""Fingers at rest against their surroundings: without tensions, weight and contacts each has its rest curvature."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from continuum_grasp.base import Array
 from continuum_grasp.scene import Finger, GraspScene, HandScene, Scene, Wall
 
 PANELS = 400
-"""Chords that stand for a finger at rest: one that is bent by a turn is off by 3e-5 of its length."""
+"""Number of chords of a finger at rest: for a bend of one turn they deviate by 3e-5 of its length."""
 CLEAR = 1e-3
-"""Depth, per length of the finger, up to which a finger at rest lies against a body [1]: drawings and places of
-rounded numbers are off by as much."""
+"""Up to this depth, per length of the finger, a finger at rest counts as touching a body [1]: drawings and rounded
+positions have such errors."""
 
 
 @dataclass(frozen=True)
@@ -51,20 +51,20 @@ class RestOverlap:
 
 
 def overlaps_at_rest(scene: GraspScene | HandScene | Scene) -> tuple[RestOverlap, ...]:
-    """Find the fingers that pass through the object or a support where no tendon pulls.
+    """Find the fingers that pass through the object or a support while no tendon pulls.
 
-    Takes milliseconds: nothing is solved. Bodies and bases are where the scene puts them; a base or an object whose
-    pose is free counts as it starts. Weight and contacts, which bend fingers too, are left out.
+    This takes milliseconds, because it solves nothing. Bodies and bases are at the poses of the scene; a free pose
+    counts at its start. The bend by weight and contacts is neglected.
 
     Parameters
     ----------
     scene : GraspScene, HandScene or Scene
-        A scene of motion has its finger called ``finger``.
+        The finger of a scene of motion has the name ``finger``.
 
     Returns
     -------
     tuple of RestOverlap
-        By finger, the object first; empty where all fingers are clear.
+        In the order of the fingers, for each the object first; empty if all fingers are clear.
 
     Examples
     --------
@@ -88,8 +88,8 @@ def overlaps_at_rest(scene: GraspScene | HandScene | Scene) -> tuple[RestOverlap
 
 
 def free_line(finger: Finger, tensions: tuple[float, float] = (0.0, 0.0)) -> tuple[Array, Array]:
-    """Shape of a finger that nothing touches: stations (K,) along it [m], and its line (K, 2) from the origin along y,
-    bent in its plane by tensions [N], which act without friction [m].
+    """Return the shape of a finger without contacts: stations (K,) [m], and the center line (K, 2) [m] from the origin
+    along y, bent in its plane by tensions [N] without friction.
     """
     profile = finger.profile
     stations = np.unique([*np.linspace(0.0, profile.length, PANELS + 1), *profile.rest_curvature.edges])
@@ -99,7 +99,7 @@ def free_line(finger: Finger, tensions: tuple[float, float] = (0.0, 0.0)) -> tup
     channels = finger.channels if any(tensions) else ()
     moment = sum(np.dot(channel.arms, tensions) * channel.shape(middle) for channel in channels)
     turns = (profile.rest_curvature(middle) + moment / profile.bending_stiffness(middle)) * steps
-    # The angle at the middle of each panel, which is exact where the curvature is even.
+    # Angle at the middle of each panel: exact for constant curvature.
     angle = np.cumsum(turns) - 0.5 * turns
     line = np.zeros((len(stations), 2))
     line[1:] = np.cumsum(np.column_stack([-np.sin(angle), np.cos(angle)]) * steps[:, None], axis=0)
@@ -107,7 +107,7 @@ def free_line(finger: Finger, tensions: tuple[float, float] = (0.0, 0.0)) -> tup
 
 
 _Line = tuple[str, str, Array, dict[str, Array]]
-"""Name and key of a finger, stations along it, and by body the gaps between that and its skin [m]."""
+"""Name and key of a finger, stations along it [m], and by body the gaps between body and skin [m]."""
 
 
 def _in_space(scene: HandScene) -> Iterator[_Line]:
@@ -120,7 +120,7 @@ def _in_space(scene: HandScene) -> Iterator[_Line]:
         stations, line = free_line(setup.finger)
         points = frame.world(np.column_stack([line, np.zeros(len(line))]))
         half = setup.finger.profile.half_thickness(stations)
-        # A mesh is not where its object is by more than its deviation.
+        # A mesh differs from its object by no more than its deviation.
         gaps = {"object": body.distance(points)[0] - half + scene.object.deviation}
         for support in scene.supports:
             away = points - np.array(support.point)
@@ -153,7 +153,7 @@ def _in_plane(scene: GraspScene | Scene) -> Iterator[_Line]:
                 away = points - np.array(place.point)
                 height = away @ np.array(place.normal)
                 beside = np.abs(away @ np.array([-place.normal[1], place.normal[0]])) - place.half_length
-                # An edge has no inside: what crosses it is as deep as half its thickness.
+                # An edge has no inside: the depth of a crossing is half its thickness.
                 gap = height if math.isinf(place.half_length) else np.hypot(height, np.maximum(beside, 0.0))
             else:
                 gap = np.linalg.norm(points - np.array(place.position), axis=1) - place.radius

@@ -60,8 +60,10 @@ def with_outline(result: GraspResult) -> GraspResult:
 def with_finer_outline(
     result: GraspResult, error: OutlineError, budget: Budget, search: Callable[[GraspScene], GraspResult]
 ) -> GraspResult:
-    """The result with the change by a polygon nearer to the drawing, larger by the noise of a measured outline, next to
-    this grasp; where none is there, by a ``search``, since contacts do not slide far over corners.
+    """Add the change on a polygon nearer to the drawing, or larger by the noise of a measured outline, to a result.
+
+    The other grasp is near this one; if there is none, a ``search`` finds it, because contacts do not slide far over
+    corners.
     """
     scene = _redrawn(result.scene)
     here = result.arrays

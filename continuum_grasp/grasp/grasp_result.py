@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 
 class AnyGrasp(Result):
-    """A grasp in the plane or of a hand in space, or why there is none.
+    """A grasp in the plane or of a hand in space, or the reason why none exists.
 
-    Code that takes either of them reads these names, and ``scene``, ``message``, ``certificate`` and ``advice``.
+    Code for both kinds reads these names, and ``scene``, ``message``, ``certificate`` and ``advice``.
     """
 
     status: GraspStatus
@@ -26,12 +26,12 @@ class AnyGrasp(Result):
 
     @property
     def solved(self) -> bool:
-        """Whether there is a verified grasp that holds the object."""
+        """Whether a verified grasp holds the object."""
         return self.status in (GraspStatus.OPTIMAL, GraspStatus.FEASIBLE)
 
     @property
     def balanced(self) -> bool:
-        """Whether the numbers are a grasp of this scene, at least in balance: not of a repair or a nearest point."""
+        """Whether the numbers are a grasp of this scene, at least in balance, and not a repair or a nearest point."""
         raise NotImplementedError
 
     @property
@@ -51,22 +51,22 @@ class AnyGrasp(Result):
 
     @property
     def fingers(self) -> dict[str, FingerPosture]:
-        """The fingers by name; empty where there are no numbers."""
+        """Fingers by name; empty without numbers."""
         return postures_of(self.finger_names if self.arrays else (), self.arrays)
 
     @property
     def tensions(self) -> dict[str, Array]:
-        """Tensions of the tendons of each finger (2,) [N]; empty where there are no numbers."""
+        """Tendon tensions (2,) of each finger [N]; empty without numbers."""
         return {name: self.arrays[f"{name}.tensions"] for name in (self.finger_names if self.arrays else ())}
 
     @property
     def tension(self) -> float:
-        """Sum of all tensions [N]; NaN where nothing is held, so that no attempt passes for a grasp."""
+        """Sum of all tensions [N]; NaN if no grasp holds, so that no attempt passes for a grasp."""
         return self.total_tension if self.balanced else math.nan
 
     @property
     def total_tension(self) -> float:
-        """Sum of all tensions of the numbers [N], also of an attempt or a repair; NaN where there are none."""
+        """Sum of all tensions in the numbers [N], also of an attempt or a repair; NaN without numbers."""
         return float(sum(pair.sum() for pair in self.tensions.values())) if self.arrays else math.nan
 
     @property
@@ -76,6 +76,6 @@ class AnyGrasp(Result):
 
     @property
     def friction_margin(self) -> float:
-        """Least friction margin of the contacts that press [1]; NaN where nothing is held."""
+        """Least friction margin of the pressing contacts [1]; NaN if no grasp holds."""
         margins = [contact.friction_margin for contact in self.contacts if contact.normal_force > 0.0]
         return min(margins, default=math.nan) if self.balanced else math.nan

@@ -53,7 +53,7 @@ class GraspSearch:
         self.tried: list[Tried] = []
         self.good: list[Tried] = []  # those that the certificate confirms
         self.fallback: Tried | None = None  # a grasp with least tension, where something else is sought
-        self.strongest: Tried | None = None  # that bears the greatest push, where none bears what is asked
+        self.strongest: Tried | None = None  # that bears the greatest push, if no grasp bears the required push
         # Spent on building solvers, and on starts.
         self.build_seconds = self.start_seconds = 0.0
         self._effort = EFFORTS[scene.solver.effort]
@@ -88,7 +88,7 @@ class GraspSearch:
         """Polish what fingers hold; then go on from the best grasp where its solver was stopped."""
         self._from_settled()
         if self.scene.contacts.push and self.best is None:
-            # Without a least push, so that the greatest says what can be borne.
+            # Without a least push, so that the greatest push becomes known.
             scene = self.scene.replaced(contacts=self.scene.contacts.replaced(push=None), objective="greatest_push")
             strongest = GraspSearch(scene, self.budget)
             self._from(strongest, "greatest push")
@@ -196,7 +196,7 @@ class GraspSearch:
 
     @property
     def _tensions_tell(self) -> bool:
-        """Whether tensions of settled fingers predict grasps: nothing else is sought, no push, and nothing may move."""
+        """Whether tensions of settled fingers predict grasps: no other objective, no push, no free pose."""
         return self._least_tension and not self._moves and not self.pushed
 
     @property
@@ -231,7 +231,7 @@ class GraspSearch:
 
     @property
     def held_exactly(self) -> list[Candidate]:
-        """Exact rods that hold the object; none that are known where it bears a push, of which rods know nothing."""
+        """Exact rods that hold the object; empty if it must bear a push, which these rods do not cover."""
         return [] if self.pushed else _in_balance(self._settled_exactly)
 
     @cached_property

@@ -72,16 +72,15 @@ def optimize_grasp(
     Parameters
     ----------
     scene : GraspScene, HandScene or path-like
-        The scene, in the plane or of a hand in space, or its YAML file. Where it has a ``fidelity.tolerance``, the
-        cheapest model that satisfies it is found by comparison with a fine one, and the result's scene has it. Where it
-        has ``robust``, the grasp holds for all those errors, and ``robustness`` of the result has its
-        trials.
+        The scene, in the plane or of a hand in space, or its YAML file. With ``fidelity.tolerance``, the search takes
+        the cheapest model that satisfies it, by comparison with a fine one, and the result's scene has this model. With
+        ``robust``, the grasp holds for all those errors, and ``robustness`` of the result has the trials.
     raise_on_failure : bool, optional
-        Raise where no verified grasp holds the object; False: return the result with its ``status``.
+        Raise an error if no verified grasp holds the object; False: return the result with its ``status``.
     fine : bool, optional
-        Solve once more with a fine model, and report the changes in the result's ``fine``; where the object is an
-        outline, also with a polygon nearer to its drawing, or larger by the noise of its points, in ``outline``. Takes
-        some seconds each. Not for a scene with ``robust`` or tendons whose friction states must not matter.
+        Solve once more with a fine model, and report the changes in the result's ``fine``; for an outline also with
+        a polygon nearer to its drawing, or larger by the noise of its points, in ``outline``. Each takes some seconds.
+        Not for a scene with ``robust`` or ``friction_states: any``.
     progress : callable, optional
         Takes a line of text now and then: the best so far, and the remaining work.
 
@@ -129,21 +128,19 @@ def _held(scene: GraspScene, fine: bool, progress: _Listener) -> GraspResult:
 
 
 def _held_unloaded(scene: GraspScene, fine: bool, budget: Budget) -> GraspResult:
-    """The best grasp of an object that nothing loads: it bears a part of the greatest push."""
+    """Find the best grasp of an unloaded object: it bears a share of the greatest push."""
     tolerance = asked_tolerance(scene)
     sought = (scene if tolerance is None else with_elements(scene, FIRST)).replaced(objective="greatest_push")
-    budget.tell("nothing loads the object: the greatest push that it bears is sought")
+    budget.tell("nothing loads the object: searching for the greatest push that a grasp bears")
     strongest = _ModelSearch(sought, budget).result()
     if not strongest.verified or strongest.certificate is None or strongest.statistics["interrupted"]:
         return replace(strongest, scene=scene, message=f"nothing loads the object, but a push may: {strongest.message}")
     greatest = strongest.certificate.push
-    if not strongest.solved:  # with less force it may be stable
+    if not strongest.solved:  # it may be stable with less force
         greatest = certify(sought.replaced(stability="ignore"), strongest.arrays).push
-    if greatest <= NEAR * max(setup.tip_force for setup in scene.setups):  # as little as a weight that is none
+    if greatest <= NEAR * max(setup.tip_force for setup in scene.setups):  # as small as a negligible weight
         most = amount_text(greatest, "N", ".3g")
-        message = (
-            f"nothing loads the object, and the greatest push that a grasp was found to bear is next to none: {most}"
-        )
+        message = f"nothing loads the object, and the greatest push that any found grasp bears is negligible: {most}"
         return replace(strongest, scene=scene, status=GraspStatus.NOT_SOLVED, message=message)
     pushed = scene.replaced(contacts=scene.contacts.replaced(push=PUSH_SHARE * greatest))
     result = _held_within(pushed, fine, budget)
@@ -151,7 +148,7 @@ def _held_unloaded(scene: GraspScene, fine: bool, budget: Budget) -> GraspResult
 
 
 def _held_within(scene: GraspScene, fine: bool, budget: Budget) -> GraspResult:
-    """The best grasp of a scene that says what loads the object."""
+    """Find the best grasp of a scene with loads on the object."""
     tolerance = asked_tolerance(scene)
     if tolerance is None:
         first = _ModelSearch(scene, budget)
@@ -314,7 +311,9 @@ class _ModelSearch:
         return self._verdict.unsolved(closest)
 
     def _gives_way(self, closest: Tried | None) -> GraspResult:
-        """The verdict where no grasp bears a push: the greatest that one bears, or why nothing holds without it."""
+        """Give the verdict if no grasp bears the push: the greatest push that one bears, or why no grasp holds even
+        without it.
+        """
         if self.search.strongest is not None:
             return self._verdict.infeasible([push_reason(self.scene, self.search.strongest)], closest)
         contacts = self.scene.contacts.replaced(push=None)

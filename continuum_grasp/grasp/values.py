@@ -30,8 +30,9 @@ ROUGH = 0.02
 """Change of the tension by a polygon nearer to the object's drawing from which on a warning says so [1]: as much as a
 basin must promise for the search not to be complete without it."""
 PUSH_SHARE = 0.1
-"""Share of the greatest push that a grasp bears where nothing loads the object and no push is asked [1]: contacts press
-by a tenth of what they could, a hundred times what models leave open, at tensions far from their limits."""
+"""Share of the greatest push that a grasp must bear if the scene has neither loads on the object nor a push [1]:
+contacts press with a tenth of their possible force, a hundred times the error of models, at tensions far from their
+limits."""
 IGNORED = "Set stability: ignore where the drives hold their position or something else steadies the object."
 STEADIER = (
     "For a stable grasp, move contacts nearer to the base, add a contact or support, or use a stiffer finger. "
@@ -63,10 +64,10 @@ class GraspStatus(StrEnum):
     """All checks of the certificate pass, but small motions that the contacts allow lower the energy, where the scene
     requires a stable grasp: the fingers do not hold the object."""
     INFEASIBLE = "infeasible"
-    """There is no grasp near any start, and relaxing a named limit gives one: see ``reasons``. Of hands, the search
-    tried the starts of the greatest effort, too."""
+    """No start leads to a grasp, but relaxing a named limit does: see ``reasons``. For hands the search has also tried
+    the starts of the greatest effort."""
     NOT_SOLVED = "not_solved"
-    """Neither a grasp nor a proof that there is none; ``reasons`` may name what came nearest."""
+    """Neither a grasp nor a proof that none exists; ``reasons`` may name the nearest attempt."""
     STOPPED = "stopped"
     """The clock stopped the search before there was a verdict: an emergency, which another machine may not meet."""
 
@@ -251,7 +252,9 @@ class Change:
 
 @dataclass(frozen=True)
 class OutlineError:
-    """Error of the polygons that stand for drawings or measured outlines of the object, and what it changes."""
+    """Error of the polygons that represent drawings or measured outlines of the object, and the changes that it
+    causes.
+    """
 
     deviation: float  # greatest distance of a polygon from its drawing, or from the true outline [m]
     size: float  # greatest distance of the object's boundary from its center of mass [m]
@@ -263,21 +266,21 @@ class OutlineError:
 
     @property
     def other(self) -> str:
-        """The outline that the grasp is compared with, in words."""
+        """Describe the outline of the comparison."""
         if self.noise:
             return f"with an outline {1e3 * self.noise:.3g} mm larger on all sides"
-        return f"with {self.finer} corners in place of {self.corners}"
+        return f"with {self.finer} corners instead of {self.corners}"
 
     @property
     def advice(self) -> str:
-        """How the deviation becomes less."""
+        """Say how to reduce the deviation."""
         if 2.0 * self.noise > self.deviation:
             return "measure the outline with less noise, or more points"
         return "take a smaller object.tolerance"
 
     @property
     def words(self) -> str:
-        """Changes by the other outline, in words."""
+        """Describe the changes on the other outline."""
         return self.missing if self.change is None else f"{self.other} {self.change.words}"
 
     def __str__(self) -> str:

@@ -35,7 +35,7 @@ from continuum_grasp.nlp import Budget, Violation
 from continuum_grasp.scene import GraspScene
 
 _CASE = r"^((?:disturbed|pushed) .*|(?:sticking contact|constant tensions|locked tendons), .*), (?:[+-]?\d+|push [xy])$"
-"""Name of a constraint under one of several disturbances, whose kind is the group."""
+"""Name of a constraint under one of several disturbances; the group is its kind."""
 
 
 def most_elements(scene: GraspScene) -> int:
@@ -130,7 +130,7 @@ class SearchVerdict:
         return self._failed(GraspStatus.INFEASIBLE, message, advice, closest, reasons)
 
     def gives_way(self, closest: Tried | None) -> GraspResult:
-        """Result where contacts hold the object, but bear no push."""
+        """Return the result if contacts hold the object, but bear no push."""
         outcomes = {t.attempt.outcome for t in self.search.tried}
         message = f"no grasp was found that bears a push in every direction. {self._fruitless(outcomes)}"
         advice = "Let the object be touched from other sides: add a contact, a support or a finger."

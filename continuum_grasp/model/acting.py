@@ -67,5 +67,5 @@ class Acting:
 
     @property
     def travel(self) -> list[Scalar]:
-        """Travel of each friction state from the unloaded shape on: sliding of tendons, bending [1]."""
+        """Travel of each friction state since the unloaded shape: sliding of tendons, bending [1]."""
         return [*self.tendons.slid, *self.sections.travel]

@@ -37,19 +37,19 @@ class FingerModel(Model):
     family : str, optional
         Curvature family: ``arc``, ``clothoid`` or ``matched_clothoid``. Default: ``matched_clothoid`` for a scene, and
         for a bare finger whose tendons have a time constant or whose ``input_rates`` are given; ``clothoid`` for other
-        bare fingers, whose tip moment may vary, with tendon friction or quadratic damping, where a moment of the scene
-        on the tip varies in time, or where those at time zero do not fit the initial pose.
+        bare fingers, whose tip moment may vary, with tendon friction or quadratic damping, if a moment of the scene on
+        the tip varies in time, or if the moments at time zero do not fit the initial pose.
     elements : int or sequence of float, optional
         Number of elements, or their lengths [m]; a number is shared out by the length of bending waves, evenly on a
         uniform rod. Default: two, or one per segment between contacts and jumps of rest curvature, stiffness or density
-        where that is more; with stops as many, up to 16, as bend by one turn at most where links touch.
+        if that is more; with stops enough, up to 16, that each bends by at most one turn when links touch.
     bending_range : float, optional
-        Greatest bend of an element [rad] (for clothoids: its length times its greatest curvature), the bend at rest
-        included. Default: 2 pi / 3, or less where there are more than four elements, which share 8 pi / 3, or the
-        finger's strain limit allows less; with stops 1.5 times the bend at which links touch where that is more. Half
-        of that range is left beyond the shape at rest, where it bends that far.
+        Greatest bend of an element [rad] (for clothoids: its length times its greatest curvature), including the bend
+        at rest. Default: 2 pi / 3; less if more than four elements share 8 pi / 3, or if the strain limit allows less;
+        with stops at least 1.5 times the bend at which links touch. At least half of this range remains beyond the
+        shape at rest.
     reached : sequence of float, optional
-        Bends [rad] up to which each element is evaluated at least; see ``reaching``.
+        Bends [rad] that each element must cover at least; see ``reaching``.
     accuracy : float, optional
         Relative accuracy of the evaluation over the bending range; sets Horner terms and quadrature nodes.
     parameters : sequence of str, optional
@@ -57,20 +57,20 @@ class FingerModel(Model):
         stiffness, density and rotary inertia are factors, nominally 1. With run-time
         ``element_lengths`` masses and loads inside an element keep their share of its length.
     loads : sequence of ForceLoad and MomentLoad, optional
-        Places of loads; their values are entries of ``w`` (of ``u`` for moments on the tip, where they act like the
-        tip moment).
+        Places of loads; their values are entries of ``w`` (of ``u`` for moments on the tip, which act like the tip
+        moment).
     tip_force : bool, optional
         Whether a force acts at the tip; for a scene, where it has contacts.
     input_rates : bool, optional
         Whether ``u`` is [values, rates, accelerations] of the inputs, for ``matched_clothoid`` alone. Its tip moves
-        with the tip moment, so a moment that varies needs them. Default: True where an input of the scene that has no
-        time constant, which supplies the rates, or a moment on its tip varies. Without rates the moment is
-        taken to be constant throughout the motion: ``Core.rollout`` refuses one that varies, and no function can notice
-        it from one call to the next. Dropping the rates of a ramp of 0.05 N m in 0.2 s costs 8.9 mm r.m.s. on a rod of
-        0.6 m, where two elements with rates have 0.14 mm and free clothoids 0.09 mm.
+        with the tip moment, so a varying moment needs them. Default: True if a moment on the tip varies, or an input of
+        the scene without a time constant, which would supply the rates. Without rates the moment counts as constant
+        throughout the motion: ``Core.rollout`` refuses a varying moment, but no function can detect one between calls.
+        Dropping the rates of a ramp of 0.05 N m in 0.2 s costs 8.9 mm r.m.s. on a rod of 0.6 m, where two elements with
+        rates have 0.14 mm and free clothoids 0.09 mm.
     slack_stiffness : float, optional
         Share of their stiffness [1] that tendons of drives keep while they are slack, by default none: for solvers that
-        go by derivatives alone, in which a slack tendon has no effect.
+        use only derivatives, on which a slack tendon has no effect.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class FingerModel(Model):
     lengths : tuple of float
         Element lengths [m].
     ranges : tuple of float
-        Greatest bend [rad], the bend at rest included, up to which each element is evaluated.
+        Greatest bend [rad] that each element covers, including the bend at rest.
     n, nx, nu, nw, np : int
         Numbers of coordinates q, states x, inputs u, force components w and parameters p.
     q_names, x_names, u_names, w_names, p_names : list of str
@@ -290,7 +290,7 @@ class FingerModel(Model):
         return np.vstack([straight if start is None else start, straight, spread])
 
     def limit_warnings(self, use: Array, t: ArrayLike | None = None) -> tuple[str, ...]:
-        """Warnings about bends beyond the ranges and of strains beyond the limit.
+        """Warn of bends beyond the ranges and strains beyond the limit.
 
         ``use`` (T, elements) is the share of its bending range that each element uses, at instants (T,) [s] of a
         motion.
@@ -311,7 +311,7 @@ class FingerModel(Model):
             if beyond.size and reach < limit * length * (1 - 1e-9):
                 warnings.append(
                     f"element {k + 1} is bent beyond its range of {reach:.3g} rad{first(beyond)} (greatest: "
-                    f"{use[:, k].max():.2f} times the range), where the model loses its accuracy: take more elements"
+                    f"{use[:, k].max():.2f} times the range), where the model loses accuracy: use more elements"
                 )
         return tuple(warnings)
 
@@ -347,7 +347,7 @@ class FingerModel(Model):
         return places
 
     def sliding(self) -> ca.Function:
-        """``(q, u, p) -> slid``: the sliding that moves friction states, from the unloaded shape on [1].
+        """``(q, u, p) -> slid``: the sliding since the unloaded shape that moves friction states [1].
 
         An entry per state: how far tendons have slid, per presliding, positive towards the base on the -X
         side; of dry friction in bending the curvature above rest, per that at which the branch slides.
@@ -361,13 +361,12 @@ class FingerModel(Model):
         return FingerModel(finger, **changed)
 
     def reaching(self, bends: ArrayLike) -> FingerModel:
-        """Make the model of the same finger, with the same coordinates, that is evaluated up to greater bends.
+        """Return a model of the same finger, with the same coordinates, for greater bends.
 
         Parameters
         ----------
         bends : (elements,) array_like
-            Greatest bend of each element [rad], the bend at rest included; no range becomes smaller by them, and none
-            greater than 40 rad.
+            Greatest bend of each element [rad], including the bend at rest; no range shrinks, and none exceeds 40 rad.
 
         Examples
         --------
@@ -377,7 +376,7 @@ class FingerModel(Model):
         >>> model.reaching([9.0, 0.0]).ranges == (9.0, model.ranges[1])
         True
         """
-        # Up to the next hundredth: elements that bend alike share their code.
+        # Round up to the next hundredth: elements with similar bends share code.
         rounded = np.minimum(np.ceil(100.0 * np.asarray(bends, dtype=float)) / 100.0, Fidelity.WIDEST)
         reached = np.where(np.asarray(bends) > self.ranges, rounded, self.ranges)
         finger, options = self.structure.asked
@@ -397,10 +396,11 @@ class FingerModel(Model):
         friction_states: ArrayLike | None = None,
         path: Sequence[object] = (),
     ) -> Array:
-        """Friction in a stated shape q (n,) by how it was reached, as functions of the model take it: [states, h].
+        """Return friction in a stated shape q (n,) from its history, as an argument of the model's functions: [states,
+        h].
 
-        The finger was bent there from its unloaded shape, or back from further. Empty without friction; of a shape
-        whose history is not stated nothing slid. InputError for a ``path`` of inputs, which ends in an equilibrium.
+        The finger was bent there from its unloaded shape, or back from a greater bend. Empty without friction; without
+        a stated history nothing has slid. InputError for a ``path`` of inputs, which ends in an equilibrium.
         """
         if path:
             raise InputError("a path of inputs ends in an equilibrium: state no coordinates", key="initial.path")
@@ -409,7 +409,7 @@ class FingerModel(Model):
         if count and reached_by == "state":
             history[:count] = friction_states
         elif reached_by == "pulling":
-            # From the unloaded shape: states are what was slid and bent, most at an end of their range.
+            # From the unloaded shape: states equal the sliding and bending, mostly at an end of their range.
             history[count:] = 1.0
         elif count and reached_by == "releasing":
             # A stop that was at 1 far out is at -1 once it slid back by twice its range, however little is left of
@@ -427,7 +427,7 @@ class FingerModel(Model):
         return np.asarray(np.clip(states + moved * self.slid(q, u, p), -1.0, 1.0))
 
     def friction_in(self, x: Array) -> Array:
-        """Direction of friction in a state x (nx,) of a motion, per friction state, from -1 to 1."""
+        """Return the direction of friction in a state x (nx,) of a motion, per friction state, from -1 to 1."""
         count = self.structure.tendon_friction_states
         states = np.clip(x[self.nx - len(self.friction_names) :], -1.0, 1.0)
         # As `Memory.direction`: tendon friction of a motion acts by a cubic of its states.
@@ -435,9 +435,9 @@ class FingerModel(Model):
         return states
 
     def full_coordinates(self, q: ArrayLike, u: ArrayLike, p: ArrayLike | None = None) -> Array:
-        """Coordinates of the family (size,) in a shape q (n,) under an input u (nu,), the known ones last.
+        """Return the coordinates of the family (size,) in a shape q (n,) under an input u (nu,), the known ones last.
 
-        Parameters p are nominal where not given.
+        Parameters p are nominal by default.
         """
         arguments = (np.asarray(values, dtype=float) for values in (q, u, self.p_nominal if p is None else p))
         return np.array(self._full_coordinates(*arguments)).ravel()

@@ -206,12 +206,12 @@ def element_spans(lengths: Sequence[float], bending_range: float | None, finger:
 
 
 def rest_bends(lengths: Sequence[float], finger: Finger) -> NDArray[np.float64]:
-    """Least and greatest rest curvature on each element, times the element's length (2, elements) [rad]."""
+    """Return the least and greatest rest curvature on each element, times its length (2, elements) [rad]."""
     rest, whole = finger.profile.rest_curvature, finger.rod.length
     extremes = []
     for a, b in itertools.pairwise([0.0, *itertools.accumulate(lengths)]):
         parts = [np.linspace(*part, _LOOKED) for part in Panels.of(whole, (rest,), a, b)]
-        # At a jump both sides, each from inside.
+        # At a jump take both sides, each from inside.
         values = np.concatenate([side for s in parts for side in (rest(s[:-1], tip_side=True), rest(s[1:]))])
         extremes.append((values.min(), values.max()))
     return np.asarray(np.array(extremes).T * np.asarray(lengths))
@@ -220,13 +220,14 @@ def rest_bends(lengths: Sequence[float], finger: Finger) -> NDArray[np.float64]:
 def element_ranges(
     spans: Sequence[float], rest: NDArray[np.float64], reached: Sequence[float] | None, *, stated: bool
 ) -> tuple[float, ...]:
-    """Greatest bend [rad] up to which each element is evaluated, its bend at rest included.
+    """Return the greatest bend [rad] that each element covers, including its bend at rest.
 
-    That is the span where the shape at ``rest``, of `rest_bends`, takes less than half of it, or of a ``stated`` one
-    less than all; else half of the span is left on both sides of that shape. More where a shape has ``reached`` more.
+    It equals the span if the shape at ``rest``, from `rest_bends`, takes less than half of it (or less than all of a
+    ``stated`` span); otherwise half of the span remains on both sides of that shape. A shape that has ``reached``
+    further extends it.
     """
     bent = np.abs(rest).max(axis=0)
-    # 0.5: slightly preshaped fingers have the terms and nodes of straight ones, and each can bend on.
+    # 0.5: slightly preshaped fingers have as many terms and nodes as straight ones, and all can bend further.
     taken = bent if stated else 2.0 * bent
     ranges = np.where(taken < spans, spans, bent + 0.5 * np.array(spans))
     return tuple((ranges if reached is None else np.maximum(ranges, reached)).tolist())

@@ -30,10 +30,10 @@ RETURN_SHARE = 1.0 / 64.0
 class Memory:
     """Knowledge of friction states: the one place that tells motion, rest and implicit steps apart.
 
-    ``moved`` is a number h of a finger at rest, where friction acts as ``clip(z + h u)`` of the sliding u from the
-    unloaded shape on: states alone are frictions that stay; h = 1 alone means a finger that slid one way from its
-    unloaded shape to where it is. ``part`` [s]: of a step that is implicit in it. ``return_time`` [s]: in which states
-    come back to their range.
+    ``moved`` is a number h for a finger at rest, whose friction acts as ``clip(z + h u)`` with the sliding u since the
+    unloaded shape: h = 0 means constant friction states; h = 1 with zero states means a finger that slid one way from
+    its unloaded shape. ``part`` [s]: implicit part of a step. ``return_time`` [s]: time in which states return to their
+    range.
     """
 
     return_time: float

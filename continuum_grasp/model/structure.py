@@ -175,7 +175,9 @@ class Structure:
         return self.touches is not touching_nothing
 
     def _stay_within_arms(self, *, stated: bool) -> None:
-        """End ranges before bends that turn the path of a tendon on a winch inside out; refuse stated ones beyond."""
+        """Limit ranges to bends at which the path of a winch's tendon keeps a positive length; refuse stated ranges
+        beyond.
+        """
         arm = max(tendon.greatest_offset for tendon in self.finger.tendon_list)
         within = []
         for k, (reach, h) in enumerate(zip(self.ranges, self.lengths, strict=True)):
@@ -188,7 +190,7 @@ class Structure:
                     f"tendons' offset of {arm:.3g} m: expected less",
                     key=key,
                 )
-            # 0.9: share of the bend at which the path has no length left
+            # 0.9: share of the bend at which the path has zero length
             within.append(reach if arm * reach < h else bent + 0.9 * (h / arm - bent))
         self.ranges = tuple(within)
 
@@ -236,18 +238,20 @@ class Structure:
         return "tendon friction" if runtime("tendon_friction") else "a body at the tip that turns" if turns else ""
 
     def coordinate_limits(self) -> list[float]:
-        """Greatest absolute value of each coordinate (n) at which elements use up their spans."""
+        """Return the greatest absolute value of each coordinate (n), at the ends of the elements' spans."""
         return self._tightest(self.spans, self.lengths)[: self.n]
 
     def coordinate_bounds(self, lengths: Sequence[float]) -> tuple[list[float], list[float]]:
-        """Least and greatest value of each coordinate (n) at which no element of these lengths [m] leaves its range."""
+        """Return the least and greatest value of each coordinate (n) that keeps all elements, of these lengths [m], in
+        range.
+        """
         least, greatest = self.rest_bends * (np.array(lengths) / self.lengths)
         lows = self._tightest((self.ranges + least).tolist(), lengths)
         highs = self._tightest((self.ranges - greatest).tolist(), lengths)
         return [-low for low in lows[: self.n]], highs[: self.n]
 
     def _tightest(self, bends: Sequence[float], lengths: Sequence[float]) -> list[float]:
-        """Size of each full coordinate at which it bends an element above rest by its part of ``bends`` [rad]."""
+        """Return the size of each full coordinate that bends an element above rest by its part of ``bends`` [rad]."""
         limits = [math.inf] * self.family.size
         for k, (bend, h) in enumerate(zip(bends, lengths, strict=True)):
             # Neighbors may share a coordinate: the tighter one limits it.

@@ -92,7 +92,7 @@ def stumpff(theta: Scalar, angle_range: float, accuracy: float = ROUNDING, top: 
 
 
 def _doubled(c: Sequence[Scalar], x: Scalar) -> list[Scalar]:
-    """Stumpff functions c_0 ... c_n of twice an angle, of its own c_0 ... c_n+1 and square.
+    """Return the Stumpff functions c_0 ... c_n of twice an angle, from c_0 ... c_n+1 and the square of the angle.
 
     G_k(s) = s^k c_k(s^2) is the k-th integral of the cosine, so G_k(2 s) = sum_j<k G_(k-j)(s) s^j / j! + G_0 G_k -
     G_1 G_(k+1): no term is much larger than the sum.

@@ -146,7 +146,7 @@ class System(Model):
         self.touch_names = [pair.name for pair in self._equations.contacts.pairs]
 
     def reaching(self, bends: Sequence[float]) -> System:
-        """System of the same finger, evaluated up to greater bends (elements,) [rad]; see ``FingerModel.reaching``."""
+        """Return a system of the same finger for greater bends (elements,) [rad]; see ``FingerModel.reaching``."""
         given, surroundings, object_parameters, options = self._asked
         reached = self.finger_model.reaching(bends).ranges
         changed: ModelOptions = {**options, "reached": reached}

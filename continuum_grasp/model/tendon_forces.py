@@ -99,7 +99,7 @@ class TendonForces:
         return sum((w * values[a] for a, w in weights.items() if not is_zero(w)), total)
 
     def _sliding(self, cells: CellSet, values: Sequence[Scalar], grown: Sequence[Scalar] = ()) -> list[Scalar]:
-        """Per state the sliding per presliding that a change of curvature brings, of a tendon on the -X side.
+        """Return the sliding per presliding from a change of curvature, per state, of a tendon on the -X side.
 
         It is taken at the middle of the cell: the integral of the tendon's shape times the change ``values`` of the
         coordinates from there on, and the length ``grown`` in the half cells there.
@@ -124,7 +124,7 @@ class TendonForces:
 
     @cached_property
     def slid(self) -> list[Scalar]:
-        """Sliding of the tendons per presliding since the finger was at rest without loads, per friction state."""
+        """Return the sliding of the tendons since the unloaded shape, per presliding, for each friction state."""
         return [slid for cells in self._made.cell_sets for slid in self._sliding(cells, self._full)]
 
     @cached_property
@@ -149,7 +149,7 @@ class TendonForces:
         return per_set
 
     def _turned(self, cell: Cell, scale: Scalar) -> Scalar:
-        """Bend of a cell with that at rest, without sign, times a scale."""
+        """Return the unsigned bend of a cell, including the bend at rest, times a scale."""
         bends = [self._bent([(cell, bend)], self._full, scale, rest=True) for bend in cell.bends]
         return sum((rounded(bend, scale * cell.share) for bend in bends[1:]), rounded(bends[0], scale * cell.share))
 

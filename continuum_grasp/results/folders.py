@@ -17,9 +17,9 @@ from continuum_grasp.results.run_folder import check_files
 
 
 def check_folder(folder: str | os.PathLike[str], verb: str | None = None) -> None:
-    """Refuse a folder that is a file, or that cannot be made or written.
+    """Refuse a path that is a file, or a folder that cannot be created or written.
 
-    Also one that holds what another ``verb`` wrote, or a file that no run wrote under a name that this one writes.
+    Also refuse a folder with output of another ``verb``, or with a file that no run wrote under a name of this run.
     """
     path = Path(folder)
     there = next(place for place in (path, *path.absolute().parents) if place.exists())

@@ -59,8 +59,8 @@ def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, retain
 
     A file is recorded with its content's SHA-256 before it gets its name, so a process killed at any instant leaves
     no file of its own unrecorded. Files that no run wrote, and files changed since, stay; so do the ``retained`` files,
-    which the caller replaces next, or which are of this run already: they are recorded as they are. ``kind`` is the
-    command that makes the run.
+    which the caller replaces next, or which belong to this run already: the record takes them over. ``kind`` is the
+    command of the run.
     """
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)

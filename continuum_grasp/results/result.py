@@ -120,7 +120,7 @@ class Result(Summarized):
 
     @classmethod
     def file_names(cls, kind: str) -> set[str]:
-        """Names of the files that results of a kind write into their folder, of all classes of results so far."""
+        """Return the names of the files that results of a kind write into their folder, for all loaded classes."""
         names = {RESULT, META} if cls.__dict__.get("kind") == kind else set[str]()
         if names:
             names |= {file.name for file in (*cls.texts, *cls.pages)}
@@ -188,7 +188,7 @@ class Result(Summarized):
         OSError
             The files cannot be written.
         InputError
-            The folder has a file of one of these names that no run wrote. Nothing is written then.
+            The folder has a file of one of these names that no run wrote; nothing is written.
         """
         return self._save(folder)
 

@@ -140,9 +140,9 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
 
 
 def check_files(folder: Path, names: Iterable[str]) -> None:
-    """Refuse a folder in which a file of one of some names is no run's; InputError names it.
+    """Refuse a folder with a file of one of some names that no run wrote; InputError names it.
 
-    Results and their meta data are known by what is in them, too: copies of a folder may lack its record.
+    The contents identify results and their meta data too, because copies of a folder may lack the record.
     """
     for name in names:
         target = folder / name
@@ -164,7 +164,7 @@ def _is_meta(path: Path) -> bool:
 
 
 _CONTENTS = {RESULT: _is_result, META: _is_meta}
-"""Tests of files that show by themselves that a run wrote them."""
+"""Tests that recognize a run's file by its contents."""
 
 
 @check_arguments

@@ -75,7 +75,7 @@ class RodProblem:
     tendons: tuple[TendonMoment, ...]
     # Curvature from which on links touch, in SI units; signs of the curvatures that are stopped; stiffness added there.
     stops: tuple[Curve, tuple[float, ...], float] | None
-    # Curvature from which on tendons slid, in SI units; None: that of the unloaded rod.
+    # Curvature at which tendons began to slide, in SI units; None: the unloaded rod's.
     slid_from: Callable[[Array], Array] | None = None
 
     @property
@@ -90,12 +90,12 @@ class RodProblem:
 
     @property
     def loaded(self) -> bool:
-        """Whether anything beside tendons and chambers acts."""
+        """Whether there are loads other than tendons and chambers."""
         return bool(self.weight or self.dead or self.levers or self.following or self.couples)
 
     @property
     def unpulled(self) -> RodProblem:
-        """The rod under its loads, without tendons and chambers."""
+        """Return the rod under its loads, without tendons and chambers."""
         return replace(self, tendons=())
 
     @classmethod
@@ -118,8 +118,8 @@ class RodProblem:
 
         ``base`` is the world position [m] and angle [rad] of the clamp, by default the finger's; ``tensions`` [N]
         belong to the finger's tendons and ``pressures`` [Pa] to its chambers, by default zero, or ``wound`` is
-        cable that is wound up [m]; with ``released`` tendons with friction slid back from further bends; ``marks`` are
-        further places [m] at which panels are to end. Tendons slid from the unloaded rod on.
+        wound-up cable [m]; with ``released`` tendons with friction have slid back from greater bends; ``marks`` are
+        additional ends of panels [m]. Tendons have slid since the rod was unloaded.
         """
         profile = finger.profile
         length = finger.profile.length

@@ -146,15 +146,15 @@ def solve_elastica(
     Parameters
     ----------
     scene : Scene
-        The scene; ``fidelity``, ``contacts``, ``parameters`` and ``time`` do not matter, and of ``initial`` only
-        ``reached_by``, to tendons with friction.
+        The scene; ``fidelity``, ``contacts``, ``parameters`` and ``time`` have no effect; in ``initial`` only
+        ``reached_by`` has one, on tendons with friction.
     tolerance : float
         Greatest estimated error of position, per length.
     guess : callable or (K,) array_like, optional
         World angles of the sections [rad]: as a function of lengths (n,) [m], such as ``Elastica.angle``, or at K > 1
         equally spaced places from base to tip. Chooses the branch.
     stable : bool
-        Whether to leave an unstable equilibrium for a stable one beside it, where loads have a potential.
+        Whether to leave an unstable equilibrium for a nearby stable one, if the loads have a potential.
     side : {1, -1}
         Side to which an unstable equilibrium is left: the sense in which its weakest direction turns the tip.
     extra_loads : sequence of loads
@@ -197,7 +197,7 @@ def solve_elastica(
     CheckedArgument("side", side).choice((1, -1))
     problem = read_problem(scene, extra_loads)
     if problem.has_friction and problem.loaded:
-        # As the loads had bent the rod before its tendons were pulled; where they leave it no rest, from rest on.
+        # Sliding starts in the shape under the loads before the pull or, if the loads permit no equilibrium, at rest.
         with suppress(SolverError):
             loaded = _solved(problem.unpulled, None, tolerance, stable, side)
             problem = replace(problem, slid_from=loaded.curvature)
@@ -205,7 +205,7 @@ def solve_elastica(
 
 
 def _solved(problem: RodProblem, guess: Guess | None, tolerance: float, stable: bool, side: int) -> Elastica:
-    """The equilibrium of a problem; arguments as in ``solve_elastica``."""
+    """Find the equilibrium of a problem; arguments as in ``solve_elastica``."""
     equations = _first_equations(problem)
     descends = stable and problem.conservative
     curvature, iterations = _find(equations, guess, descends, side)

@@ -49,7 +49,7 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
     array([1.585])
     """
     equations, curvature = about.equations, about.nodal_curvature
-    # 4: nodes per frequency: the shape of each has half a wave more than that of the one before
+    # 4: nodes per frequency: each shape has half a wave more than the previous one
     while equations.mesh.size < 4 * count:
         mesh = equations.mesh
         finer = mesh.refined(np.ones(mesh.panels, dtype=bool), mesh.count)

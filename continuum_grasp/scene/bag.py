@@ -26,7 +26,7 @@ _LISTED = 12
 
 
 def bag_files(path: str | Path) -> list[Path]:
-    """The files of a bag: all of a folder that ``ros2 bag record`` made, in their order; any other path as it is."""
+    """Return the files of a bag: all files of a folder from ``ros2 bag record``, in order; any other path unchanged."""
     folder = Path(path)
     if not is_bag_folder(folder):
         return [folder]
@@ -39,20 +39,20 @@ def bag_files(path: str | Path) -> list[Path]:
 
 
 def is_bag_folder(path: Path) -> bool:
-    """Whether a path is a folder that ``ros2 bag record`` made."""
+    """Whether a path is a folder from ``ros2 bag record``."""
     return (path / "metadata.yaml").is_file()
 
 
 def _number_of(file: Path) -> tuple[int, str]:
-    """Number behind the name of one file of a bag, such as 10 of recorded_10.mcap."""
+    """Return the number at the end of a file name of a bag, such as 10 for recorded_10.mcap."""
     number = re.search(r"(\d+)$", file.stem)
     return (int(number[1]) if number else -1), file.name
 
 
 def is_bag(path: str | Path) -> bool:
-    """Whether a path is a bag: a folder of one, or a file that is MCAP or SQLite by its first bytes or its name.
+    """Whether a path is a bag: its folder, or a file that is MCAP or SQLite by its first bytes or its name.
 
-    Not if it cannot be read: others report that.
+    False for a file that cannot be read: its reader reports that.
     """
     try:
         if Path(path).is_dir():
@@ -82,7 +82,7 @@ def bag_cells(
 
 
 class _Bag:
-    """A bag that is open for reading: one file, or the files into which a long recording was split."""
+    """Open bag: one file, or the files of a split recording."""
 
     def __init__(self, path: str, files: Sequence[BagFile], stamps: str) -> None:
         self.file = path
@@ -108,7 +108,7 @@ class _Bag:
     # -- topics and fields --------------------------------------------------------------------------------------------
 
     def read(self, work: Callable[[Any], Any]) -> list[Any]:
-        """Something that is read from each file; an `InputError` where one is cut off or damaged."""
+        """Yield items that are read from each file; `InputError` if a file is cut off or damaged."""
         return [file.read(work) for file in self._files]
 
     def first(self, topic: str) -> Any:

@@ -11,13 +11,12 @@ from continuum_grasp.base import InputError
 
 _ENTRY = r"\[[^\[\]]+\]"
 PATH = re.compile(rf"[A-Za-z]\w*({_ENTRY})*(\.[A-Za-z]\w*({_ENTRY})*)*")
-"""Path of a field: entries of lists by their number from 0, or by their name."""
+"""Path of a field: entries of lists by number from 0, or by name."""
 _PART = re.compile(rf"{_ENTRY}|\w+")
 _NAMES = ("name", "names", "joint_names", "interface_names")
-"""Fields with the names of the entries of lists beside them, as in sensor_msgs/JointState, control_msgs and
-trajectory_msgs."""
+"""Fields that name the entries of neighboring lists, as in sensor_msgs/JointState, control_msgs and trajectory_msgs."""
 _IDENTITIES = ("child_frame_id", "name", "id", "marker_name", "rigid_body_name")
-"""Fields by which messages in a list say whose they are, as in tf2_msgs/TFMessage and messages of motion capture."""
+"""Fields that name the owner of each message in a list, as in tf2_msgs/TFMessage and motion capture."""
 
 
 class EntryName(str):
@@ -61,7 +60,7 @@ def leaves(message: Any) -> Iterator[str]:
 
 
 def is_number(message: Any, path: str) -> bool:
-    """Whether a path leads to a number without an entry of a list."""
+    """Whether a path leads to a number without passing a list."""
     if "[" in path:
         return False
     for part in parts_of(path):
@@ -72,8 +71,8 @@ def is_number(message: Any, path: str) -> bool:
 class _Names(NamedTuple):
     """Source of the names of the entries of a list.
 
-    ``field`` is a field of the message that is ``depth`` parts down the path; of every entry itself where the depth is
-    None.
+    ``field`` is a field of the message that is ``depth`` parts down the path; with the depth None, a field of each
+    entry.
     """
 
     field: str
@@ -81,10 +80,10 @@ class _Names(NamedTuple):
 
 
 class FieldReader:
-    """Reads one field of the messages of a topic.
+    """Read one field of the messages of a topic.
 
-    Where messages name the entries of their lists, an entry is found by its name in every message: a driver may change
-    the order, or leave joints out. An entry with a number is the one with that number in the first message.
+    If messages name the entries of their lists, each message is searched by name, because a driver may change the order
+    or leave joints out. A number stands for the entry with that number in the first message.
     """
 
     def __init__(self, parts: Sequence[Part]) -> None:
@@ -93,14 +92,14 @@ class FieldReader:
         self._keys: dict[int, Hashable] = {k: str(part) for k, part in enumerate(parts) if isinstance(part, EntryName)}
 
     def cell(self, message: Any) -> str:
-        """Text of the field that reads back as the same number; empty where the message lacks the entry."""
+        """Return text that reads back as the same number; empty if the message lacks the entry."""
         value = self.value(message)
         if isinstance(value, bool):
             return str(int(value))
         return "" if value is None else repr(value) if isinstance(value, float) else str(value).strip()
 
     def value(self, message: Any) -> Any:
-        """Value of the field; None where the message lacks the entry."""
+        """Return the value of the field; None if the message lacks the entry."""
         if self._sources is None:
             self._sources = _sources(message, self._parts)
         if self._sources is None:
@@ -118,7 +117,7 @@ class FieldReader:
         return message
 
     def _number(self, place: int, entries: Any, passed: Sequence[Any], source: _Names | None) -> int | None:
-        """Number of an entry in the list of a message."""
+        """Return the number of an entry in the list of a message."""
         part = self._parts[place]
         names = [] if source is None else _names(source, entries, passed)
         if not names or len(set(names)) < len(names):
@@ -148,7 +147,7 @@ def _names(source: _Names, entries: Any, passed: Sequence[Any]) -> list[Hashable
 def _sources(message: Any, parts: Sequence[Part]) -> dict[int, _Names | None] | None:
     """Return the source of the names of each list on a path, by its place in the path; None if a list is empty.
 
-    Names of a message belong to the innermost list below it that has none yet: in a DynamicJointState, joints name the
+    Names of a message belong to the innermost list below it without names: in a DynamicJointState, joints name the
     outer list and interfaces the inner one; in a JointTrajectory, joints name the positions of all points.
     """
     messages = dict[int, Any]()

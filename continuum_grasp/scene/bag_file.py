@@ -18,7 +18,7 @@ MAGIC = b"\x89MCAP0\r\n"
 
 
 class BagFile:
-    """An MCAP or SQLite file that is open for reading."""
+    """Open MCAP or SQLite file."""
 
     def __init__(self, file: str) -> None:
         self.file = file
@@ -32,7 +32,7 @@ class BagFile:
         self._in_sqlite = begin == SQLITE
 
     def channels(self) -> dict[str, tuple[Any, Any]]:
-        """Channel and schema of each topic, from the index of the file or, where it has none, from its messages."""
+        """Channel and schema of each topic, from the index of the file or, without an index, from the messages."""
         summary = self.read(lambda reader: reader.get_summary())
         if summary is not None and (summary.channels or self._in_sqlite):
             schemas = summary.schemas
@@ -45,7 +45,7 @@ class BagFile:
         return found
 
     def read(self, work: Callable[[Any], Any]) -> Any:
-        """Something that is read from the file; an `InputError` where the file is cut off or damaged."""
+        """Yield items that are read from the file; `InputError` if the file is cut off or damaged."""
         try:
             if self._in_sqlite:
                 return work(SqliteReader(self.file, self.decoders))
@@ -55,11 +55,11 @@ class BagFile:
             raise
         except NotImplementedError as error:
             raise self._error(f"the library for bags cannot decode a message: {error}") from None
-        except Exception as error:  # the library raises whatever its parts do
+        except Exception as error:  # the library passes on the errors of its parts
             raise self._error(f"the file is cut off or damaged ({why(error)}); {self._readable()}") from None
 
     def _readable(self) -> str:
-        """Summary of the messages before the fault."""
+        """Summarize the messages before the fault."""
         if self._in_sqlite:
             return "recover it by `sqlite3 FILE .recover`"
         records = import_module("mcap.records")
@@ -88,6 +88,6 @@ class BagFile:
 
 
 def why(error: Exception) -> str:
-    """Kind and text of an error on one line: texts of libraries quote definitions of a hundred lines."""
+    """Return kind and text of an error on one line: libraries quote definitions of a hundred lines."""
     text = " ".join(str(error).split())
     return f"{type(error).__name__}: {text:.160}" if text else type(error).__name__

@@ -21,11 +21,11 @@ class BagCells(NamedTuple):
     rows: tuple[tuple[str, ...], ...]
     numbers: tuple[int, ...]
     topics: tuple[str, ...]  # of the columns, empty for the column of time
-    notes: tuple[str, ...]  # on topics whose messages are not in the order of their stamps
+    notes: tuple[str, ...]  # notes on topics whose messages are not in the order of their stamps
 
 
 class FieldColumn(NamedTuple):
-    """Column of a table: its heading, unit and topic, and the parts of its field; none: the stamps."""
+    """Column of a table: heading, unit, topic, and the parts of its field (none: the stamps)."""
 
     heading: str
     unit: str | None
@@ -34,7 +34,7 @@ class FieldColumn(NamedTuple):
 
 
 class OpenBag(Protocol):
-    """A bag that is open for reading."""
+    """Open bag."""
 
     topics: dict[str, Any]
     by_header: bool
@@ -47,7 +47,7 @@ class OpenBag(Protocol):
 
 
 class _Samples(NamedTuple):
-    """Messages of a topic by their stamps [ns], their numbers as they were logged, and cells of columns by heading."""
+    """Messages of a topic: stamps [ns], numbers in the log, and cells of columns by heading."""
 
     stamps: list[int]
     numbers: list[int]
@@ -55,12 +55,12 @@ class _Samples(NamedTuple):
 
 
 def header_of(message: Any) -> Any:
-    """Stamp of the header of a message; None where it has none."""
+    """Return the stamp in the header of a message; None without one."""
     return getattr(getattr(message, "header", None), "stamp", None)
 
 
 def together(bag: OpenBag, columns: Sequence[FieldColumn]) -> BagCells:
-    """Rows of one stamp each, with the messages that have it."""
+    """Return a row for each stamp, from the messages with that stamp."""
     for column in columns:
         if not column.parts:
             raise bag.error("expected a field of the topic: the column t has its stamps", column.heading)
@@ -87,7 +87,9 @@ def together(bag: OpenBag, columns: Sequence[FieldColumn]) -> BagCells:
 
 
 def led(bag: OpenBag, columns: Sequence[FieldColumn], max_age: float | None) -> BagCells:
-    """Rows of the messages of the first column's topic, with the last value of the others that is not too old."""
+    """Return a row for each message of the first column's topic, with the last value of other topics within
+    ``max_age``.
+    """
     samples, notes = _samples(bag, columns)
     lead = columns[0].topic
     stamps = samples[lead].stamps
@@ -95,7 +97,7 @@ def led(bag: OpenBag, columns: Sequence[FieldColumn], max_age: float | None) -> 
     taken = {topic: _latest(found.stamps, stamps, age) for topic, found in samples.items() if topic != lead}
     for topic, rows in taken.items():
         if all(row is None for row in rows):
-            hint = "state max_age, up to which the last value counts" if max_age is None else "is max_age too small?"
+            hint = "state max_age, the greatest age of a value" if max_age is None else "is max_age too small?"
             raise bag.error(f"no message of {topic} goes with one of {lead}, whose stamps lead: {hint}", "max_age")
     cells = list[list[str]]()
     for column in columns:
@@ -113,9 +115,9 @@ def led(bag: OpenBag, columns: Sequence[FieldColumn], max_age: float | None) -> 
 
 
 def _samples(bag: OpenBag, columns: Sequence[FieldColumn]) -> tuple[dict[str, _Samples], tuple[str, ...]]:
-    """Messages of all topics of some columns, in the order of their stamps, and notes on those that are not logged so.
+    """Read the messages of the columns' topics in the order of their stamps, with notes on topics logged out of order.
 
-    A topic whose stamps begin anew has two runs: an `InputError`.
+    A topic whose stamps start again has two runs: an `InputError`.
     """
     of_topic = dict[str, list[FieldColumn]]()
     for column in columns:
@@ -136,7 +138,7 @@ def _samples(bag: OpenBag, columns: Sequence[FieldColumn]) -> tuple[dict[str, _S
 
 
 def _logged(bag: OpenBag, of_topic: Mapping[str, Sequence[FieldColumn]]) -> dict[str, _Samples]:
-    """Messages of topics as they were logged."""
+    """Read the messages of topics in the order of the log."""
     for topic in of_topic if bag.by_header else ():
         if header_of(bag.first(topic)) is None:
             raise bag.error(
@@ -177,7 +179,7 @@ def _in_list(parts: Sequence[Part]) -> bool:
 
 
 def _latest(stamps: list[int], wanted: list[int], age: int | None) -> list[int | None]:
-    """Last message at or before each wanted stamp that is no older than an age; None: that has the stamp itself."""
+    """Return the last message within an age before each wanted stamp; age None: with exactly that stamp."""
     rows = [bisect_right(stamps, stamp) - 1 for stamp in wanted]
     return [
         row if row >= 0 and stamp - stamps[row] <= (age or 0) else None for row, stamp in zip(rows, wanted, strict=True)

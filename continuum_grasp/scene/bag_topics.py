@@ -12,7 +12,7 @@ from typing import Any
 from continuum_grasp.base import Array, InputError, install_line, split_unit
 
 _PACKAGE = "continuum_grasp_msgs"
-"""Package of ROS 2 to which the messages belong, by name."""
+"""ROS 2 package of each message, by name."""
 NANOSECONDS = 1_000_000_000
 """Nanoseconds, in which stamps count, per second."""
 _HEADER_PARTS = f"""{"=" * 80}
@@ -64,7 +64,7 @@ def bag_bytes(topics: Mapping[str, tuple[Array, Mapping[str, Sequence[Any] | Arr
 
 
 def is_own_bag(file: str | Path) -> bool:
-    """Whether a file has messages of `bag_bytes`: their definitions are in its summary, uncompressed."""
+    """Whether `bag_bytes` wrote a file: its summary has their message definitions, uncompressed."""
     return f"{_PACKAGE}/msg/".encode() in Path(file).read_bytes()
 
 

@@ -200,7 +200,7 @@ class CommandedScene(FingerScene, Surroundings):
     def check_reach(
         self, key: str, rows: Mapping[str, Any], *, at: Sequence[float] = (), lengths: Sequence[float] | None = None
     ) -> None:
-        """Refuse goals that the finger cannot meet, with elements of ``lengths`` [m]; None: those that are stated."""
+        """Refuse setpoints that the finger cannot meet, with elements of ``lengths`` [m]; None: the stated elements."""
         Reach(self.finger, at, ranges=self._bend_limits(lengths)).check(key, rows)
 
     @property
@@ -219,13 +219,14 @@ class CommandedScene(FingerScene, Surroundings):
         return max(sum(high for _, high in sides), -sum(low for low, _ in sides))
 
     def _bend_limits(self, lengths: Sequence[float] | None = None) -> list[float]:
-        """Greatest bend [rad] of each element that may be asked for; empty where neither ``lengths`` [m] nor the scene
-        say how many there are.
+        """Return the greatest permitted setpoint of each element's bend [rad]; empty if neither ``lengths`` [m] nor the
+        scene give the number of elements.
 
-        That is the stated range, or twice what the drives bend the finger by, beside which weight and loads may.
+        It is the stated range, or twice the bend under the greatest moment of the drives, since weight and loads bend
+        too.
         """
         elements, stated, length = self.fidelity.elements, self.fidelity.bending_range, self.finger.rod.length
-        # Profiles take their time: only where angles are compared.
+        # Profiles are slow: compute them only to compare angles.
         if not any(value is not None for _, value in self.angles_asked):
             return []
         if lengths is None:
@@ -239,18 +240,18 @@ class CommandedScene(FingerScene, Surroundings):
 
     @property
     def angles_asked(self) -> list[tuple[str, Any]]:
-        """Angles ``bending`` of the elements and ``tip_angle`` [rad] that are asked of the finger, rows with names."""
+        """Return the setpoints of ``bending`` and ``tip_angle`` [rad], as rows by name."""
         return [(name, getattr(self.reference, name)) for name in ("bending", "tip_angle")]
 
     def reached(self, ranges: Sequence[float]) -> list[float] | None:
-        """Bends (elements,) [rad] to evaluate elements up to for the angles that are asked for; None: ``ranges`` do."""
+        """Return the bends (elements,) [rad] that elements must cover for the setpoints; None: ``ranges`` suffice."""
         whole, asked = sum(ranges), list(ranges)
         for name, value in self.angles_asked:
             for _, row in rows_of(name, value):
                 turn = abs(row[0] - self.finger.base.angle) / whole
                 bends = [turn * reach for reach in ranges] if name == "tip_angle" else map(abs, row)
                 asked = [max(pair) for pair in zip(asked, bends, strict=False)]
-        # 1.5: range per bend that is asked for: a finger on its way, and its ends, bend more
+        # 1.5: range per requested bend: a finger in motion, and its ends, bend more
         return None if asked == list(ranges) else [1.5 * bend for bend in asked]
 
     @property

@@ -30,8 +30,8 @@ def curved(part: OffsetPolygon) -> OffsetPolygon:
     """The part with curves in place of edges between corners that are points of a curve.
 
     These are convex corners as blunt as `BLUNT`, several after each other that turn by `_SPAN` in all. The curve has
-    the tangents of circles through three corners, and is nowhere farther from the polygon than `SHARE` of its extent:
-    a drawing is known no better. Corners at which lines meet, and reflex ones, stay as they are.
+    the tangents of circles through three corners, and stays within `SHARE` of the polygon's extent: drawings are no
+    more accurate. Corners at which lines meet, and reflex ones, stay as they are.
     """
     core, count = part.vertices, len(part.vertices)
     if count < 3 or part.radius > 0.0:

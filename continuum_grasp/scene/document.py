@@ -97,7 +97,7 @@ class Document:
         return self.nearest(path).error(error.message, path)
 
     def doubt(self, key: str, text: str) -> None:
-        """Warn of the value at a key, which can be meant, but is more likely a slip, with its place."""
+        """Warn of an implausible value at a key, with its place."""
         warn_of_doubt(str(self.nearest(undotted(key)).error(f"{key} {text}")))
 
     def part(self, path: KeyPath) -> Document:

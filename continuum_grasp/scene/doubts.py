@@ -1,4 +1,4 @@
-"""Doubts: values that can be meant, but are more likely slips; warnings, or errors where the user wants that."""
+"""Doubts about implausible values, which are more likely slips than intended: warnings, or errors with ``--strict``."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _Path: TypeAlias = tuple[str | int, ...]
 
 
 class Doubt(UserWarning):
-    """A value that can be meant, but is more likely a slip, such as another unit."""
+    """An implausible value, more likely a slip, such as another unit, than intended."""
 
 
 class CollectedDoubt(NamedTuple):
-    """A doubt while a document is checked: key below a value, and words that follow the key."""
+    """Doubt during the check of a document: key below a value, and the words after the key."""
 
     key: str
     text: str
@@ -33,7 +33,7 @@ _COLLECTED: ContextVar[list[CollectedDoubt] | None] = ContextVar("collected", de
 
 @contextmanager
 def collected_doubts() -> Iterator[list[CollectedDoubt]]:
-    """Collect doubts, so that they are reported with their places in a file."""
+    """Collect doubts, to report them with their places in a file."""
     doubts: list[CollectedDoubt] = []
     token = _COLLECTED.set(doubts)
     try:
@@ -43,9 +43,9 @@ def collected_doubts() -> Iterator[list[CollectedDoubt]]:
 
 
 def doubt(key: str, text: str, owner: BaseModel | None = None) -> None:
-    """Warn of the value at a key that can be meant, but is more likely a slip; ``owner`` is what the key is below.
+    """Warn of an implausible value at a key below ``owner``.
 
-    A document that is checked reports file and line; else the warning names the line of the user's code.
+    During the check of a document the warning names file and line; otherwise it names the line of the user's code.
     """
     collected = _COLLECTED.get()
     if collected is not None:
@@ -56,7 +56,7 @@ def doubt(key: str, text: str, owner: BaseModel | None = None) -> None:
 
 def warn_of_doubt(text: str) -> None:
     """Warn, naming the line of the user's code."""
-    # Between this line and the user's are a varying number of frames of pydantic's validation.
+    # The number of pydantic's frames between this line and the user's line varies.
     frame, level = inspect.currentframe(), 1
     while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in (
         "continuum_grasp",
@@ -69,7 +69,7 @@ def warn_of_doubt(text: str) -> None:
 
 @contextmanager
 def doubts_refused() -> Iterator[None]:
-    """Raise InputError with all doubts that arise in the context, in place of warnings."""
+    """Raise InputError with all doubts of the context, instead of warnings."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         yield
@@ -82,7 +82,7 @@ def doubts_refused() -> Iterator[None]:
 
 
 def children(value: BaseModel, path: _Path = ()) -> Iterator[tuple[_Path, BaseModel]]:
-    """A value and all values in it, each with its path."""
+    """Yield a value and all values inside it, each with its path."""
     yield path, value
     for name, entry in value:
         yield from _below(entry, (*path, name))

@@ -47,17 +47,17 @@ class Fidelity(Value):
     elements: (
         Annotated[int, Field(ge=1, le=64)] | Annotated[ListOf[Length], Field(min_length=1, max_length=64)] | None
     ) = None
-    """Number of elements, or their lengths from base to tip [m]; None: two, or one per segment between contacts and
-    jumps of the rest curvature; with stops as many, up to 16, as bend by one turn at most where links touch. From
-    these on equilibria, modes and motions take up to 16, until they leave less than 1 %; controllers, exports and pages
-    keep them. For a grasp None is eight, or 16 where exact rods take clearly other forces."""
+    """Number of elements, or their lengths from base to tip [m]. None: two, or one per segment between contacts and
+    jumps of the rest curvature; with stops enough, up to 16, that each bends by at most one turn when links touch.
+    Equilibria, modes and motions then double them, up to 16, until the error is below 1 %; controllers, exports and
+    pages use them as they are. For a grasp None means eight, or 16 if exact rods take clearly other forces."""
     bending_range: Annotated[float, Field(ge=1e-3, le=WIDEST, examples=[2.5]), Unit("rad")] | None = None
-    """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature), the bend at rest
-    included, that controllers, grasps and C packages allow. None: chosen. Equilibria and motions choose by the shapes
-    that they meet, packages by the scene's inputs and loads too, controllers and plans by the angles that are asked
-    for. All begin with 2 pi / 3, or less where more than four elements share 8 pi / 3 or the strain limit allows less;
-    with stops with 1.5 times the bend at which links touch where that is more; half of that range is left beyond the
-    shape at rest. The most is 40 rad."""
+    """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature), including the bend
+    at rest, that controllers, grasps and C packages allow. None: chosen from the shapes of equilibria and motions; for
+    packages also from the scene's inputs and loads; for controllers and plans from the setpoints of angles. The least
+    is 2 pi / 3, or less if more than four elements share 8 pi / 3 or the strain limit allows less; with stops at least
+    1.5 times the bend at which links touch; at least half of the range remains beyond the shape at rest. At most 40
+    rad."""
     accuracy: Annotated[float, Field(ge=1e-16, le=1e-2, examples=[1e-6]), Unit("1")] | None = None
     """Relative accuracy to which the chosen family is evaluated over the bending range (Horner terms, quadrature
     nodes) [1]; None: rounding for arcs, and for clothoids about as small as their discretization error."""
@@ -102,12 +102,12 @@ class Initial(Value):
     """Rates of the bending coordinates [rad/s] (arcs) or [1/(m s)] (clothoids)."""
     reached_by: Literal["pulling", "releasing", "path", "state"] | None = None
     """Path by which the finger came to its posture, where tendons or bending have friction. pulling: from its unloaded
-    shape; weight and loads came first, then the drives pulled. releasing: the drives pulled so much further that all
-    has slid back since, by twice its presliding or more. path: through the inputs of ``path``. state: by
+    shape; weight and loads came first, then the drives pulled. releasing: the drives first pulled so far that all
+    sections have since slid back by at least twice the presliding. path: through the inputs of ``path``. state: by
     ``friction_states``. None: nothing slid, and friction is zero; an equilibrium needs one of the others."""
     path: ListOf[Actuation] = ()
-    """Inputs through which the drives went, one after the other, before they came to those at time zero, as
-    ``[{tensions: [20, 0]}, {tensions: [5, 0]}]``."""
+    """Earlier inputs of the drives, in order, before the inputs at time zero, as ``[{tensions: [20, 0]},
+    {tensions: [5, 0]}]``."""
     friction_states: Annotated[ListOf[Real], Unit("1")] | None = None
     """Direction of friction in each friction cell, from -1 to 1 [1]: as ``x_names`` of the model lists them."""
     motor_angles: Annotated[ListOf[Real], Unit("rad")] | None = None
@@ -116,7 +116,7 @@ class Initial(Value):
 
     @property
     def without_history(self) -> Self:
-        """The same of a finger that has no friction, or another one."""
+        """The same posture for a finger without friction, or another finger."""
         return self.replaced(reached_by=None, friction_states=None, path=())
 
     def _check(self) -> None:

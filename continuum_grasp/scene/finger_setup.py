@@ -23,8 +23,8 @@ stay, it bent by 1.8, 2.7 and 3.6 rad at friction 0.05, 0.1 and 0.15, pulled by 
 
 
 _LIGHT = 1e-3
-"""Weight per greatest force at the tip of a finger up to which it loads no contact [1]: a grasp that bears it alone
-presses by less than a thousandth of what its tendons can do, which is less than the error of models."""
+"""A weight below this, per greatest force at the tip of a finger, is negligible [1]: a grasp that bears it alone
+presses with less than a thousandth of the possible force, which is less than the error of models."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class FingerSetup:
         bends = max(4 * math.pi / count, (1.0 if _is_graded(finger) else 2.0 / 3.0) * math.pi)
         if releases and finger.has_friction:
             bends = max(bends, min(_RELEASED * bends, ONE_TURN))
-        # As models count it: half of it is left beyond the shape at rest.
+        # As in models: half of the range remains beyond the shape at rest.
         preshaped = max(map(abs, finger.profile.rest_curvature.extremes)) * length / count
         stated = fidelity.bending_range
         if stated is not None:
@@ -130,7 +130,7 @@ class FingerSetup:
 
     @property
     def tip_force(self) -> float:
-        """Force across its tip whose moment at the base is that of its greatest tension [N]."""
+        """Transverse force at the tip whose moment at the base equals the moment of the greatest tension [N]."""
         return self.max_tension * self.tendons.offset / self.finger.rod.length
 
     @property
@@ -218,7 +218,7 @@ class FingerSetup:
 
 
 def is_light(weight: float, setups: Sequence[FingerSetup]) -> bool:
-    """Whether a weight [N] is nothing to fingers."""
+    """Whether a weight [N] is negligible to the fingers."""
     return weight <= _LIGHT * max(setup.tip_force for setup in setups)
 
 

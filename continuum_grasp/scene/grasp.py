@@ -87,10 +87,10 @@ class GraspScene(Configuration, Supported):
     fidelity: Fidelity = Fidelity()
     """Resolution of the fingers' models."""
     objective: Aim | ObjectiveWeights = "least_tension"
-    """least_tension: least sum of all tendon tensions; least_normal_force: the greatest normal force is as small as
-    can be; greatest_disturbance: the ``disturbances`` may grow by the greatest factor; greatest_friction_margin: the
-    contacts are as far from slipping as can be; greatest_push: the object bears the greatest push in any direction, as
-    ``contacts.push`` describes; or weights of these."""
+    """least_tension: least sum of all tendon tensions; least_normal_force: smallest greatest normal force;
+    greatest_disturbance: greatest factor by which the ``disturbances`` may grow; greatest_friction_margin: contacts
+    farthest from slipping; greatest_push: greatest push in every direction, as in ``contacts.push``; or weights of
+    these."""
     disturbances: Disturbances = Disturbances()
     """Wrenches that the grasp should resist."""
     stability: Literal["require", "ignore"] = "require"
@@ -184,8 +184,8 @@ class GraspScene(Configuration, Supported):
 
     @property
     def unloaded(self) -> bool:
-        """Whether nothing loads the object, so that contacts which press nothing would hold it, and no push is given:
-        weight, disturbances, errors and friction states load it.
+        """Whether the object has no load and the scene no push, so that contacts without force would hold it. Weight,
+        disturbances, errors and friction states are loads.
         """
         aimed = {"greatest_disturbance", "greatest_push"} & set(self.aims)
         none = self.contacts.push is None and not (aimed or self.is_robust)

@@ -72,9 +72,9 @@ class GraspContacts(FingerContacts):
     """Part of every friction cone that stays free [1]: 0.2 holds with friction coefficients that are 20 % less. What
     the grasp resists is counted with the whole cones."""
     push: Annotated[NonNegative, Unit("N")] | None = None
-    """Push on the object [N] that the grasp bears in any direction: to first order, while tensions stay, no contact
-    slips, parts or exceeds its greatest normal force. None: no push, but where nothing loads the object, as without
-    gravity, 10 % of the greatest push that the search finds; 0: no push at all, a touch is enough."""
+    """Push on the object [N] that the grasp bears in any direction: to first order, at constant tensions, no contact
+    slips, parts or exceeds its greatest normal force. None: no push, but for an unloaded object (for example without
+    gravity) 10 % of the greatest push that the search finds; 0: no push at all, a touch is enough."""
 
 
 class GraspFinger(Finger):

@@ -275,7 +275,7 @@ class HandScene(Configuration):
 
     @property
     def unloaded(self) -> bool:
-        """Whether no push is given and nothing loads the object, so that contacts which press nothing would hold it."""
+        """Whether the object has no load and the scene no push, so that contacts without force would hold it."""
         return self.contacts.push is None and is_light(self.weight, self.setups)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Order of instants in a log: rows that came late are sorted, two runs in one log are refused."""
+"""Order the instants of a log: sort late rows, refuse two runs in one log."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from itertools import accumulate
 from continuum_grasp.base import InputError
 
 _RUN = 10
-"""Rows in order from which they are a run of their own [1]: messages that queues of a network delay come late by a few
-places, and a shuffled table has ten in order once in 10! = 3.6 million rows."""
+"""Least number of consecutive rows in order that form a separate run: network queues delay messages by a few places,
+and a shuffled table has ten rows in order once in 10! = 3.6 million rows."""
 
 
 def in_order(instants: Sequence[float], rows: str, refused: Callable[[str, int], InputError]) -> tuple[list[int], str]:
-    """Order (K,) that sorts instants (K,), and what to report of it; empty where they are in order.
+    """Return the order (K,) that sorts instants (K,), and a note about it; the note is empty if they are in order.
 
-    Equal instants remain in the order of the log. Where a run begins while the instants of an earlier one go on,
-    sorting would mix two runs: it raises what ``refused`` makes of a message and the number of the row.
+    Equal instants remain in the order of the log. If a second run overlaps the instants of the first, sorting would mix
+    them: the function raises the error that ``refused`` makes from a message and the number of the row.
     """
     count = len(instants)
     order = sorted(range(count), key=instants.__getitem__)
@@ -31,7 +31,7 @@ def in_order(instants: Sequence[float], rows: str, refused: Callable[[str, int],
 
 
 def _second_run(instants: Sequence[float], order: Sequence[int]) -> int | None:
-    """Row at which a second run begins whose instants overlap with those before; None where there is none."""
+    """Find the first row of a second run whose instants overlap with the rows before; None without one."""
     count = len(instants)
     begins = [k for k in range(1, count) if instants[k] < instants[k - 1]]
     rank = dict(zip(order, range(count), strict=True))

@@ -153,5 +153,5 @@ class Actuation(Value):
 
     @property
     def constants(self) -> tuple[float, ...]:
-        """All commands of an actuation that does not vary, in the order of the inputs."""
+        """Return all commands of a constant actuation, in the order of the inputs."""
         return tuple(value for value in self.values if not isinstance(value, Samples))

@@ -1,6 +1,6 @@
-"""Plausible magnitudes: the one table of what people build, each with its source.
+"""Plausible magnitudes of fingers, materials and benches, in one table with sources.
 
-A value outside its range is doubted, never refused: it can be meant, but is more likely in another unit. A number type
+A value outside its range causes a doubt, not an error: it is possible, but more likely in another unit. A number type
 of `continuum_grasp.scene.value` carries its magnitude next to its unit, so that every key of this type is checked.
 """
 
@@ -16,14 +16,14 @@ from pydantic import BaseModel
 
 @dataclass(frozen=True)
 class Magnitude:
-    """A plausible range, and the words for a value beyond it, which begin with the unit."""
+    """Plausible range, and the words about a value beyond it, which begin with the unit."""
 
     least: float
     most: float
     words: str
 
     def doubt(self, value: Any) -> str:
-        """Return the number and the words if a number, or one of a sequence, is out of the range; else nothing."""
+        """Describe a number out of the range, or the first one in a sequence; empty if all are within."""
         if isinstance(value, list | tuple):
             return next(filter(None, map(self.doubt, value)), "")
         plausible = isinstance(value, bool) or not isinstance(value, int | float) or self.least <= value <= self.most
@@ -31,7 +31,7 @@ class Magnitude:
 
 
 TURN = 6.2831853072
-"""A full turn, rounded up [rad]: directions are given within one."""
+"""A full turn, rounded up [rad]: directions are within one turn."""
 ANGLE = Magnitude(-TURN, TURN, "rad is beyond a full turn; is it in degrees? (expected: rad, or {0:g} deg)")
 FINGER_LENGTH = Magnitude(1e-3, 10.0, "m is no length of a finger; is it in millimeters? (expected: m)")
 """From the tips of catheters (1 mm) to inflated robots that grow (10 m: Hawkes et al. 2017,
@@ -50,12 +50,12 @@ CONTACT_STIFFNESS = Magnitude(10.0, 1e7, "N/m fits no fingertip (expected: N/m)"
 ONSET = Magnitude(0.0, 1e-3, "m is more than a millimeter (expected: m)")
 ACCELERATION = Magnitude(-1e3, 1e3, "m/s2 is a hundred times the earth's gravity; is it in mm/s2?")
 DURATION = Magnitude(0.0, 1e6, "s is more than eleven days; is it in milliseconds or microseconds? (expected: s)")
-"""Creep is watched for days, motions for seconds."""
+"""Creep takes days, motions take seconds."""
 
 
 @cache
 def magnitudes(model: type[BaseModel]) -> dict[str, Magnitude]:
-    """Magnitudes of the fields of a class whose types carry one."""
+    """Return the magnitudes of a class's fields, by their types."""
     found = {name: _first(field.annotation, field.metadata) for name, field in model.model_fields.items()}
     return {name: magnitude for name, magnitude in found.items() if magnitude is not None}
 
@@ -72,5 +72,5 @@ def _all(annotation: Any, metadata: Any) -> Iterator[Magnitude]:
 
 
 def too_heavy(mass: float) -> str:
-    """Words about the mass of an object that is more than the densest solid of its size has [kg]."""
+    """Return the words about an object that is heavier than the densest solid of its size [kg]."""
     return f"the densest solid of its size has {mass:.2g} kg; is it in grams? (expected: kg)"

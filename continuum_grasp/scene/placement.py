@@ -43,7 +43,7 @@ class Supported(Value):
         body = getattr(self, "object", None)
         if body is None:
             return
-        # Its height out of the plane is not known: no object is denser than a cube around its outline.
+        # The height out of the plane is unknown, so the reference is a solid cube around the outline.
         if body.mass > (greatest := DENSITY.most * (2.0 * body.size) ** 3):
             self._doubt("object.mass", f"= {body.mass:g} kg: {too_heavy(greatest)}")
         on = () if body.against is not None else _by_corners(body, self.walls)

@@ -93,10 +93,10 @@ def validated(document: Document, model: type[Model]) -> Model:
 
 
 def _warn_of(doubts: Sequence[CollectedDoubt], checked: BaseModel, document: Document) -> None:
-    """Warn of doubts at their places in a document."""
+    """Warn of doubts, with their places in a document."""
     found = dict[tuple[str, str], None]()
     for key, text, owner in doubts:
-        # A value that validation has replaced, such as an object that was laid against a wall, is found by its class.
+        # A value replaced in validation, such as an object laid against a wall, is found by its class.
         known = (
             []
             if owner is None

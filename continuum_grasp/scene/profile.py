@@ -155,7 +155,7 @@ class Curve:
 
     @property
     def extremes(self) -> tuple[float, float]:
-        """Least and greatest value, of a function that is monotone on each piece."""
+        """Return the least and greatest value of a function that is monotone on each piece."""
         sides = np.concatenate([self(self.edges), self(self.edges, tip_side=True)])
         return float(sides.min()), float(sides.max())
 

@@ -33,18 +33,18 @@ _MISSING = {
     *("nan", "+nan", "-nan", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind"),
     *("#n/a", "#na", "#null!", "#div/0!", "#num!", "#value!", "#ref!"),
 }
-"""Cells without a value, in small letters, as cameras, spreadsheets, C, R, Julia and Python write them."""
+"""Cells without a value, in lower case, as written by cameras, spreadsheets, C, R, Julia and Python."""
 _SUFFIX = re.compile(
     r"(.+?)(?:_|\s*/\s*|,?\s+in\s+|,\s*|\s+)"
     r"(mm|cm|um|µm|m|deg|°|rad|s|sec|ms|us|ns|N|mN|g|kg|gf|kgf|Hz|rpm|Nm|Nmm|mNm|kPa|MPa|bar|mbar)"
 )
-"""Heading with a unit behind its name. Not in, min and h: tension_in is an input, x_min a least value."""
+"""Heading with a unit behind its name, except in, min and h: tension_in is an input, x_min a minimum."""
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}[T ]\d{2}:")
 _OFF = 30.0
 """Factor on the expected time between rows, up or down, from which the unit is asked for [1]: half way, in logarithm,
 between the right unit and one that is a thousand times as large."""
 _CLOCK = 1e8
-"""Time from which instants are those of a clock that counts from 1970 or so [s]: three years, more than any motion."""
+"""Later first instants come from a clock that counts from 1970 or so [s]: three years, longer than any motion."""
 _SLOW = 1.0
 """Time between rows without a unit from which the unit is asked for [s]: fingers move faster, and milliseconds of a
 logger of 1 kHz are 1 apart."""
@@ -82,7 +82,7 @@ class DataTable:
     topics: tuple[str, ...] = ()
     """Topic of each column of a bag, empty for stamps; rows are messages then, and ``lines`` count them."""
     notes: tuple[str, ...] = ()
-    """Changes of the order of rows, and rows that are left out."""
+    """Changed order of rows, and skipped rows."""
 
     @classmethod
     def of(cls, columns: Sequence[str], rows: Sequence[tuple[str, ...]]) -> DataTable:
@@ -171,12 +171,12 @@ class DataTable:
 
     @staticmethod
     def is_bag_folder(path: Path) -> bool:
-        """Whether a path is the folder of a bag, which `read` takes as it takes a file."""
+        """Whether a path is the folder of a bag, which `read` accepts like a file."""
         return is_bag_folder(path)
 
     @staticmethod
     def is_own_bag(file: str | Path) -> bool:
-        """Whether `bag` made a file, as far as its definitions of messages show."""
+        """Whether `bag` wrote a file, judged by its message definitions."""
         return is_own_bag(file)
 
     def index(self, heading: str) -> int:
@@ -200,19 +200,20 @@ class DataTable:
         return self._taken(keep)
 
     def noted(self, note: str) -> DataTable:
-        """The table with one more of its ``notes``, behind the name of the file."""
+        """Return the table with another note, after the name of the file."""
         return replace(self, notes=(*self.notes, f"{Path(self.file).name}: {note}"))
 
     def _taken(self, rows: Iterable[int]) -> DataTable:
-        """Some rows, in this order."""
+        """Return some rows, in the given order."""
         taken = [int(k) for k in rows]
         return replace(self, rows=tuple(self.rows[k] for k in taken), lines=tuple(self.lines[k] for k in taken))
 
     def in_time(self, t: Array, heading: str, *, several: bool = False) -> tuple[DataTable, Array]:
-        """The table with its rows in the order of their instants (rows,), and these; ``notes`` report what changed.
+        """Return the table with rows in the order of their instants, and the instants (rows,); ``notes`` report
+        changes.
 
-        Of rows with one instant the first counts, unless ``several`` may have it, such as the points of a shape.
-        InputError where the table has two runs.
+        If several rows have the same instant, only the first counts, unless ``several`` rows may share it, such as the
+        points of a shape. InputError if the table has two runs.
         """
         at = self.index(heading)
         name = self.headings[at]
@@ -245,9 +246,9 @@ class DataTable:
     def in_si(self, heading: str, si: str, unit: str | None = None, zero: float = 0.0, *, gaps: bool = False) -> Array:
         """A column (rows,) less ``zero`` of its own unit, in an SI unit.
 
-        ``unit`` is the unit of the data where its heading does not state it, in brackets or behind the name. With gaps,
-        empty cells are NaN. Dates with times by ISO 8601, and clocks that count from 1970 or so, count from the
-        earliest row on.
+        ``unit`` is the unit of the data if the heading does not state it, in brackets or behind the name. With gaps,
+        empty cells are NaN. Dates with times in ISO 8601, and clocks that count from 1970 or so, start at the earliest
+        row.
         """
         if si == "s" and (seconds := self._dates(heading)) is not None:
             return seconds - zero
@@ -268,7 +269,7 @@ class DataTable:
         return factor * (self.numbers(heading, gaps=gaps) - zero)
 
     def unit_behind(self, heading: str, si: str) -> str | None:
-        """Unit that a heading without brackets has behind its name, as x_mm, where it is one of an SI unit's."""
+        """Return the unit behind the name in a heading without brackets, as in x_mm, if it converts to an SI unit."""
         at = self.index(heading)
         match = _SUFFIX.fullmatch(self.headings[at]) if self.units[at] is None else None
         if match is None:
@@ -329,7 +330,9 @@ class DataTable:
         return self.error(f"column {self.headings[at]}: the cell is empty; expected a number", at, row)
 
     def _dates(self, heading: str) -> Array | None:
-        """A column of dates with times by ISO 8601 (rows,) from the earliest on [s]; None where they are numbers."""
+        """Return the seconds (rows,) since the earliest date in a column of ISO 8601 dates with times; None for
+        numbers.
+        """
         at = self.index(heading)
         if _DATE.match(self.rows[0][at]) is None:
             return None
@@ -347,7 +350,8 @@ class DataTable:
             raise self.error("some dates have a time zone and others have none", at) from None
 
     def _since_earliest(self, at: int, factor: float) -> Array | None:
-        """Instants (rows,) of a clock that began years ago, from the earliest on [s]; None of other columns.
+        """Return the seconds (rows,) since the earliest instant of a clock that began years ago; None for other
+        columns.
 
         Differences are exact: a double holds nanoseconds since 1970 to 256 ns.
         """
@@ -356,13 +360,13 @@ class DataTable:
             return None
         try:
             exact = [Fraction(self._text(k, at)) for k in range(len(self.rows))]
-        except ValueError:  # of a cell that the caller reports
+        except ValueError:  # the caller reports the cell
             return None
         earliest = min(exact)
         return np.array([float((each - earliest) * Fraction(factor)) for each in exact])
 
     def _text(self, row: int, at: int) -> str:
-        """A cell with a decimal point and the minus of keyboards."""
+        """Return the cell with a decimal point and an ASCII minus."""
         text = self.rows[row][at].replace("\u2212", "-")
         return text.replace(",", ".") if self.comma else text
 

@@ -20,7 +20,7 @@ _DIRECTIVE = re.compile(r"sep=.?")
 """First line that states the character between cells to Excel."""
 _WORD = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
 _UNIT = re.compile(_UNITS)
-"""Unit that a line below the headings may state."""
+"""Return the unit in a line below the headings."""
 
 
 class TableText(NamedTuple):

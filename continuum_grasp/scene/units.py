@@ -215,7 +215,7 @@ def _allow_texts(node: Any, texts: str) -> None:
 
 
 def any_unit() -> str:
-    """A regular expression of all units that values may have, as they may be spelled."""
+    """Return a regular expression for all spellings of the units of values."""
     units = dict.fromkeys(unit for si in QUANTITIES for unit in units_of(si))
     return "|".join(_spelled(unit).removeprefix(" ").removeprefix("?") for unit in units)
 
@@ -232,15 +232,15 @@ _SPELLINGS = {
     "rpm": "rpm|RPM",
     **{second: f"{second}|{second}ec" for second in ("s", "ms", "us", "ns")},
 }
-"""Other ways in which a symbol is written."""
+"""Other spellings of a symbol."""
 _SYMBOL = re.compile("[A-Za-z]+")
 
 
 @cache
 def _spelled(unit: str) -> str:
-    """A regular expression of a unit after its number, as it may be spelled: N m, N*m or Nm, m/s2 or m/s^2, um or µm.
+    """Return a regular expression for all spellings of a unit after a number: N m, N*m or Nm, m/s2 or m/s^2, um or µm.
 
-    In a moment, the unit of force may lack its letter f, as makers of servos write it: kg cm, oz-in.
+    In a moment, the unit of force may lack the letter f, as in data sheets of servos: kg cm, oz-in.
     """
     text = re.sub("(?<=[a-z])[23]", lambda power: rf"(?:\^?{power[0]}|{'²³'[int(power[0]) - 2]})", unit)
     text = _SYMBOL.sub(lambda symbol: _symbol(symbol[0], in_moment=" " in unit), text)
@@ -249,7 +249,7 @@ def _spelled(unit: str) -> str:
 
 
 def _symbol(symbol: str, *, in_moment: bool) -> str:
-    """A regular expression of one symbol of a unit."""
+    """Return a regular expression for one symbol of a unit."""
     spelled = _SPELLINGS.get(symbol, symbol)
     if in_moment and symbol in ("gf", "kgf", "lbf", "ozf"):
         spelled = f"{symbol[:-1]}f?"

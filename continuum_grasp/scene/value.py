@@ -49,8 +49,8 @@ _SHORT = 200
 class Value(BaseModel):
     """A frozen value in SI units; unknown keys, NaN, infinity and absurd magnitudes are refused.
 
-    A field of numbers has their `Unit` in its type, by which texts such as ``12 mm`` are read, and may have a
-    `Magnitude`, beyond which they are doubted. A class whose fields must fit together has a method ``_check``, which
+    The type of a field of numbers has a `Unit`, to read texts such as ``12 mm``, and may have a `Magnitude`, to doubt
+    implausible numbers. A class whose fields must fit together has a method ``_check``, which
     raises `ValueError` with a message that begins with the key, or warns by ``_doubt``; keys that exclude or need
     others are declared in ``REFUSALS``.
     """
@@ -122,7 +122,7 @@ class Value(BaseModel):
             raise ValueError(f"{key} must be a whole number of {what}, got {span} s in {what} of {step} s")
 
     def _doubt(self, key: str, text: str) -> None:
-        """Warn of the value at a key of this one, which can be meant, but is more likely a slip."""
+        """Warn of an implausible value at a key of this value."""
         doubt(key, text, self)
 
     def changed(self, changes: Overrides) -> Self:

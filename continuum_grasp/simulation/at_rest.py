@@ -40,17 +40,16 @@ def equilibrium(
     Parameters
     ----------
     scene : Scene or path-like
-        The scene, or its YAML file. Where it states no ``fidelity.elements``, their number is raised, up to 16, until
-        they leave less than 1 % of the length. With ``fidelity.tolerance`` the cheapest model that satisfies it is
-        found first.
+        The scene, or its YAML file. Without ``fidelity.elements`` their number rises, up to 16, until the error is
+        below 1 % of the length. With ``fidelity.tolerance`` the cheapest model that satisfies it comes first.
     extra_loads : sequence of ForceLoad or MomentLoad
         Constant loads besides the scene's.
     guess : (n,) array_like, optional
         Bending coordinates to start from, angles [rad] or nodal curvatures [1/m] of the first number of elements; by
         default the unloaded shape.
     stable : bool
-        Whether to leave an unstable equilibrium. Where there is no stable one beside it (flutter under a following
-        load), the result has ``stable=False``.
+        Whether to leave an unstable equilibrium. If no stable one is near (flutter under a following load), the result
+        has ``stable=False``.
     side : {1, -1}
         Side to which an unstable equilibrium is left: the sign of the largest component of its weakest direction.
     model : FingerModel, optional
@@ -60,9 +59,9 @@ def equilibrium(
     -------
     Equilibrium
         Bending coordinates ``q`` (n,), ``tip`` (2,) [m] in the world, ``stable``, ``margin`` [rad2/s2], ``residual``,
-        and ``space_error`` [1], the error that the elements leave, per length. ``status`` is ``under_resolved`` where
-        no number of elements suffices; stated elements that do not have a warning with the number that does. A shape
-        that is stable in these elements, and not in more or as an exact rod, is reported unstable.
+        and ``space_error`` [1], the error of the elements per length. ``status`` is ``under_resolved`` if no
+        number of elements suffices; if stated elements do not, a warning names a number that does. A shape that is
+        stable with these elements, but not with more or as an exact rod, is reported unstable.
 
     Raises
     ------
@@ -94,7 +93,7 @@ def _resolved(
     *,
     frequencies: int = 0,
 ) -> Equilibrium:
-    """The equilibrium in elements that suffice, for the first natural frequencies too."""
+    """Find the equilibrium with a number of elements that suffices, for the first natural frequencies too."""
 
     def search(scene: Scene, model: FingerModel, near: Array | None) -> RestingShape:
         return rest_at(scene, model, guess=guess if near is None else near, stable=stable, side=side)
@@ -114,9 +113,9 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     Parameters
     ----------
     scene : Scene or path-like
-        The scene, or its YAML file. Where it states no ``fidelity.elements``, their number is raised, up to 16, until
-        they leave less than 1 % of the length and of the first two frequencies. With ``fidelity.tolerance`` the
-        cheapest model that satisfies it is found first.
+        The scene, or its YAML file. Without ``fidelity.elements`` their number rises, up to 16, until the error is
+        below 1 % of the length and of the first two frequencies. With ``fidelity.tolerance`` the cheapest model that
+        satisfies it comes first.
     about : Equilibrium, optional
         Equilibrium to linearize about; by default it is found first.
     points : int

@@ -1,11 +1,11 @@
-"""How a finger with friction comes to its shape: equilibria along a path of inputs and loads.
+"""Find the shape of a finger with friction, by equilibria along a path of inputs and loads.
 
-Friction remembers: the same tensions hold a finger in many shapes, and the path there says in which one it is. Nothing
-has slid in the unloaded shape. Weight and loads come first, while the drives are idle, and then what the drives do.
+Friction has a memory: the same tensions hold a finger in many shapes, and the path decides which one. In the unloaded
+shape nothing has slid. Weight and loads come first, with idle drives, then the inputs of the drives.
 
-A leg of the path is one equilibrium, in which each friction state is a stop of what slides from the start of the leg to
-its end. That is exact as long as nothing slides to and fro within the leg. The rates of sliding at both ends show where
-it does; such a leg is followed in halves.
+Each leg of the path is one equilibrium, with a stop operator per friction state, driven by the sliding from the start
+to the end of the leg. This is exact as long as no section slides to and fro within the leg. The rates of sliding at
+both ends reveal such a section; the leg is then split in halves.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.simulation.rest import EquilibriumSearch, LoadState, RestingShape
 
 _HALVINGS = 8
-"""Halvings of a leg, at most [1]: 2 N of a pull of 500 N, or 20 um of 5 mm that slide, a usual presliding."""
+"""Greatest number of halvings of a leg: 2 N of a pull of 500 N, or 20 um (a usual presliding) of 5 mm of sliding."""
 _TURNED = 0.05
-"""Change of a friction state [1] that a turn within a leg may be worth: 2.5 % of the range from -1 to 1, less than what
-the friction cells leave."""
+"""Greatest error of a friction state [1] by a reversal within a leg: 2.5 % of the range from -1 to 1, less than the
+error of the friction cells."""
 _NEARBY = 1e-4
-"""Share of a leg over which rates along it are taken [1]: small against the rounding of slack tendons, and large
-against rounding."""
+"""Share of a leg for finite differences along it [1]: small against the rounded onset of slack tendons, large against
+rounding errors."""
 _PLACES = np.linspace(0.0, 1.0, 9)[1:]
-"""Places along a leg at which sliding is compared [1]."""
+"""Places along a leg at which sliding is compared, as shares of the leg [1]."""
 
 
 @dataclass(frozen=True)
 class _Place:
-    """A shape on the path, and the friction states there."""
+    """Shape on the path with its friction states."""
 
     under: LoadState
     q: Array
@@ -41,9 +41,10 @@ class _Place:
 
 
 class FrictionPath:
-    """Equilibria of a model along a path of loads, each with the friction that the path leaves.
+    """Equilibria of a model along a path of loads, each with the friction from the path so far.
 
-    It begins in the unloaded shape, which a generalized force holds under the first load until the path goes on.
+    The path begins in the unloaded shape. A generalized force holds this shape under the first load and fades along the
+    first leg.
     """
 
     def __init__(self, model: FingerModel, first: LoadState, *, stable: bool = True, side: int = 1) -> None:
@@ -61,14 +62,14 @@ class FrictionPath:
 
     @property
     def q(self) -> Array:
-        """Shape (n,) to which the path has come."""
+        """Current shape (n,) on the path."""
         return self._place.q
 
     @property
     def loaded(self) -> bool:
         """Whether the first load moves the finger out of its unloaded shape."""
         held, (_, stiffness) = np.abs(self._place.under.held), self._statics(self._place, self._place.under)
-        # 1e-9: bend per bending range that is none: above rounding
+        # 1e-9: negligible bend per bending range: above rounding
         return bool(held.max() > 1e-9 * np.abs(stiffness).max() * self._reach)
 
     @property
@@ -77,7 +78,7 @@ class FrictionPath:
         return float(made.family.coordinate_size(min(made.spans), max(made.lengths)))
 
     def go(self, end: LoadState, guess: Array | None = None) -> RestingShape:
-        """Follow the path to another load; the last search begins at a ``guess`` where there is one.
+        """Follow the path to another load; the last search begins at the ``guess``, if given.
 
         Raises
         ------
@@ -89,16 +90,17 @@ class FrictionPath:
         return found
 
     def released(self, pulled: RestingShape, before: Array) -> RestingShape:
-        """The shape from which all slid back that slid one way from the shape ``before`` (n,) to a pulled one.
+        """Find the shape after release: all sections that slid from the shape ``before`` (n,) to a pulled one have slid
+        back.
 
-        Where nothing slid, nothing says from which side it came, and friction is none.
+        A section that did not slide has no direction, and so no friction.
         """
         found, none = pulled, np.zeros(1)
         under = LoadState(pulled.u, pulled.w, pulled.p)
-        # 8: searches in which the directions of friction settle: the shape decides them, and seldom changes them
+        # 8: searches until the directions of friction settle: the shape decides them, and seldom changes them
         for _ in range(8):
             slid = self._slid(found.q, under) - self._slid(before, under)
-            # 1e-6: sliding per its range that is none: far above rounding
+            # 1e-6: negligible sliding per range: far above rounding
             history = np.append(np.where(np.abs(slid) > 1e-6, -np.sign(slid), 0.0), none)
             if np.array_equal(history, found.history):
                 break
@@ -110,12 +112,12 @@ class FrictionPath:
         return self._model.slid(q, under.u, under.p)
 
     def _history(self, place: _Place, states: Array) -> Array:
-        """History by which friction is a stop of what slides from a place on."""
+        """Return the history that makes friction a stop operator, driven by the sliding from a place on the path."""
         return np.append(states - self._slid(place.q, place.under), 1.0) if self._count else np.zeros(0)
 
     def _statics(self, place: _Place, under: LoadState) -> tuple[Array, Array]:
-        """Missing force and stiffness, where what slides at a place slides on."""
-        # 1e-6: beyond its range, a state does not change with what slides
+        """Return missing force and stiffness if all sections that slide at a place continue to slide."""
+        # 1e-6: beyond its range, a state does not change with sliding
         states = np.where(np.abs(place.states) >= 1.0, (1.0 + 1e-6) * place.states, place.states)
         history = (self._history(place, states),) if self._count else ()
         missing, stiffness = self._core.statics(place.q, under.u, under.w, under.p, *history)
@@ -126,7 +128,7 @@ class FrictionPath:
         try:
             search = EquilibriumSearch(self._model, end, history)
             found = search.find(start.q if guess is None else guess, self._stable, self._side)
-            if found.model is not self._model:  # elements are evaluated further: a leg bends them that much
+            if found.model is not self._model:  # extend the ranges of the elements: the leg bends them further
                 self._take(found.model)
         except SolverError:
             if not halvings or not self._count:
@@ -139,7 +141,9 @@ class FrictionPath:
         return self._leg(_Place(middle, half.q, half.friction_states), end, guess, halvings - 1)
 
     def _turns(self, start: _Place, end: _Place) -> bool:
-        """Whether something slides to and fro between two places, by the cubic with what slides at both."""
+        """Whether a section slides to and fro between two places, by the cubic through the sliding and its rates at
+        both.
+        """
         if not self._count:
             return False
         change = self._slid(end.q, end.under) - self._slid(start.q, start.under)
@@ -148,7 +152,7 @@ class FrictionPath:
             self._rates(end, start.under, -_NEARBY),
         ]
         # Slopes up to thrice the secant, to the same side, leave a cubic monotone (F. N. Fritsch, R. E. Carlson, 1980,
-        # doi:10.1137/0717021), as friction that wears off does.
+        # doi:10.1137/0717021), as fading friction does.
         first, last = (
             np.where(rate * change > 0.0, np.sign(change) * np.minimum(np.abs(rate), 3.0 * np.abs(change)), rate)
             for rate in rates
@@ -161,7 +165,9 @@ class FrictionPath:
         return bool(np.abs(states - end.states).max() > _TURNED)
 
     def _rates(self, place: _Place, other: LoadState, share: float) -> Array:
-        """Rates of sliding (states,) at a place per leg, towards another load or, of a negative share, from there."""
+        """Return the rates of sliding (states,) at a place per leg, towards another load or, for a negative share, away
+        from it.
+        """
         near = place.under.towards(other, abs(share))
         missing, stiffness = self._statics(place, place.under)
         try:

@@ -57,7 +57,7 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
         q = np.array(initial.q, dtype=float)
         qd = np.zeros(n) if initial.qd is None else np.array(initial.qd, dtype=float)
     elif initial.pose == "equilibrium":
-        # A model may have other friction cells than the scene says.
+        # A model may have other friction cells than the scene.
         own = scene.replaced(finger=model.finger)
         rest = rest_at(own, model_at_rest(own, model, (*scene.loads, *initial.held_by)))
         q, stands = rest.q, rest.u[: len(initial.motor_angles or ())]

@@ -23,13 +23,12 @@ def simulate(
     Parameters
     ----------
     scene : Scene, MotionResult or path-like
-        The scene, with ``time``, or its YAML file; or a result, whose motion is repeated by the inputs of a plan, or
-        the commands of a closed loop on the finger that its controller knows, or of a mission on its plant, on which
-        all fingers but the first move as recorded (``simulated`` of the result).
-        Where the scene states no ``fidelity.elements``, their number is raised, up to 16, until they leave less than
-        1 % of the length at rest under the first, last and held loads, and of the first natural frequency there. With
-        ``fidelity.tolerance`` the cheapest model that satisfies it is found first; where the motion needs more elements
-        than its equilibria and frequencies, it gets them.
+        The scene, with ``time``, or its YAML file; or a result to repeat: the inputs of a plan, the commands of a
+        closed loop on its controller's finger, or the commands of a mission on its plant, with all fingers except the
+        first moving as recorded (``simulated`` of the result). Without ``fidelity.elements`` their number rises, up to
+        16, until the error is below 1 % of the length at rest under the first, last and held loads, and of the first
+        natural frequency there. With ``fidelity.tolerance`` the cheapest model that satisfies it comes first; a motion
+        gets more elements if it needs more than its equilibria and frequencies.
     progress : callable, optional
         Called with the completed share of the motion, 0 to 1.
 
@@ -40,9 +39,9 @@ def simulate(
         ``tip`` (T, 2) [m] and energies ``kinetic`` and ``potential`` (T,) [J]; SI units, world frame. ``x_names``,
         ``u_names`` and ``w_names`` have the unit of each entry, ``time_error`` estimates the error of the steps in
         time, ``space_error`` the error of the elements (``time.space_error``, ``fidelity.tolerance``),
-        ``static_error`` their error at rest under the first and the last inputs otherwise, ``warnings`` names elements
-        beyond their strain limit, elements that do not suffice, and overlaps with the object between stations.
-        ``status`` is ``under_resolved`` where no number of elements suffices.
+        otherwise ``static_error`` their error at rest under the first and last inputs. ``warnings`` names elements
+        beyond their strain limit, too few elements, and overlaps with the object between stations. ``status`` is
+        ``under_resolved`` if no number of elements suffices.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Bends to which a scene leads its finger, for code that meets no shapes before it is written."""
+"""Find the bends of a finger in its scene, for generated code, which must fix its range in advance."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def bends_of(scene: Scene, model: FingerModel) -> list[float]:
     Parameters
     ----------
     scene : Scene
-        The scene. Where it has an object, which may hold the finger back, only its start counts.
+        The scene. With an object, which may hold the finger back, only the start counts.
     model : FingerModel
         The scene's model, or one with other elements.
 
@@ -43,13 +43,13 @@ def bends_of(scene: Scene, model: FingerModel) -> list[float]:
     True
     """
     shares = [np.zeros(len(model.ranges)), *_shares(scene, model)]
-    # 1.25: range per bend of a motion that goes on from there, where it is beyond the range
+    # 1.25: range per bend beyond the range, because a motion continues from there
     bends = np.max(shares, axis=0) * model.ranges
     return [1.25 * bend if bend > reach else reach for bend, reach in zip(bends.tolist(), model.ranges, strict=True)]
 
 
 def _shares(scene: Scene, model: FingerModel) -> Iterator[Array]:
-    """Shares of their ranges (elements,) that elements use in each of these shapes, as far as there are such."""
+    """Yield the used shares of the bending ranges (elements,) in each of these shapes that exists."""
     core, signals, p = Core(model, compiled=False), Signals(scene, model), np.array(model.p_nominal)
     unknown = suppress(InputError, SolverError)  # a history of friction that is not stated, or no shape at rest
     with unknown:

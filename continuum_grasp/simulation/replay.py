@@ -54,7 +54,7 @@ def scene_under(
     replayed = plain.replaced(actuation=Actuation.of(finger.input_keys, columns), time=timing)
     if replayed.fidelity.elements is not None or replayed.fidelity.tolerance is not None:
         return replayed
-    # The elements that the inputs were chosen for.
+    # The inputs were chosen for these elements.
     return replayed.replaced(fidelity=replayed.fidelity.replaced(elements=FingerModel(plain).lengths))
 
 

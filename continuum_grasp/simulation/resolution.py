@@ -1,4 +1,4 @@
-"""How well the elements of a model resolve shapes at rest, small motions and motions, and how a result says it."""
+"""Report how well the elements of a model resolve shapes at rest, small motions and motions."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy as np
 from continuum_grasp.base import Array
 
 ENOUGH = 0.01
-"""Error up to which elements suffice where no tolerance is stated [1], of a position per length and of a frequency:
-the stiffness of a finger is seldom known better."""
+"""Default limit of the error of the elements [1], of a position per length and of a frequency: the stiffness of a
+finger is seldom known better."""
 OF_MODES = 2
-"""Natural frequencies, from the first on, that have to keep the limit in modes [1]; higher ones state their errors."""
+"""Number of natural frequencies that must satisfy the limit in modes; higher ones only state their errors."""
 
 
 @dataclass(frozen=True)
@@ -26,32 +26,32 @@ class Resolution:
     elements : int
         Number of elements of the result.
     error : float
-        Greatest error of position per length [1]; infinite where twice as many elements find no shape, nan where
-        nothing was compared.
+        Greatest error of position per length [1]; infinite if twice as many elements find no shape, nan without a
+        comparison.
     frequencies : (m,) ndarray
-        Relative errors of natural frequencies [1], from the first on; empty where none were compared.
+        Relative errors of natural frequencies [1], from the first on; empty without a comparison.
     stable : bool or None
-        Whether the exact rod, or a model of twice as many elements, is stable there; None where that is not known.
+        Whether the exact rod, or a model with twice as many elements, is stable there; None if unknown.
     settled : bool
-        Whether more elements leave the verdict on stability as it is.
+        Whether more elements confirm the verdict on stability.
     limit : float
-        Greatest error that is asked for [1].
+        Limit of the error [1].
     counted : int
-        Number of natural frequencies, from the first on, that have to keep the limit.
+        Number of natural frequencies, from the first on, that must satisfy the limit.
     stated : bool
         Whether the user stated the elements: these are retained.
     enough : int or None
-        Number of elements that keeps the limit, where one was found.
+        Number of elements that satisfies the limit, if found.
     tried : int
-        Greatest number of elements that was tried.
+        Greatest tried number of elements.
     raised : str
-        What fewer elements left, where their number was raised.
+        Error with fewer elements, in words, if the program raised their number.
     from_rod : float
-        Distance to the exact rod near the shape, per length [1], where elements converge elsewhere; otherwise nan.
+        Distance to the exact rod near the shape, per length [1], if the elements converge elsewhere; otherwise nan.
     """
 
     FAILED: ClassVar = "under_resolved"
-    """Status of a result whose error is beyond the limit, in the most elements that are tried."""
+    """Status of a result whose error is beyond the limit with the greatest number of elements."""
 
     elements: int
     error: float = math.nan
@@ -67,7 +67,7 @@ class Resolution:
     from_rod: float = math.nan
 
     def joined(self, other: Resolution) -> Resolution:
-        """The worse of two shapes at rest in the same elements, in every respect."""
+        """Return the worse of two shapes at rest with the same elements, in every respect."""
         count = min(len(self.frequencies), len(other.frequencies))
         verdicts = {self.stable, other.stable}
         return replace(
@@ -80,22 +80,22 @@ class Resolution:
 
     @property
     def counting(self) -> Array:
-        """Errors of the frequencies that have to keep the limit [1]."""
+        """Errors of the frequencies that must satisfy the limit [1]."""
         return self.frequencies[: self.counted]
 
     @property
     def suffices(self) -> bool:
-        """Whether no error that is known is beyond the limit."""
+        """Whether all known errors are within the limit."""
         return self.settled and not self.error > self.limit and not np.any(self.counting > self.limit)
 
     @property
     def fails(self) -> bool:
-        """Whether the number of elements was open, and none that is tried suffices."""
+        """Whether the number of elements was open, and no tried number suffices."""
         return not self.suffices and not self.stated
 
     @property
     def left(self) -> str:
-        """What the elements leave, as users read it."""
+        """Errors that the elements leave, in words."""
         parts = []
         if self.error > self.limit:
             parts.append(f"an error of {_share(self.error)} of the length" if self.error < math.inf else "no shape")
@@ -108,21 +108,21 @@ class Resolution:
         return f"{of} {' and '.join(parts) or f'less than {_share(self.limit)}'}"
 
     def note(self, family: str) -> str:
-        """Why a model has its elements; empty where it has those that it began with."""
+        """Reason for the number of elements; empty if it is the initial one."""
         return f"{self.elements} x {family}: {self.raised}" if self.raised else ""
 
     @property
     def outcome(self) -> str:
-        """Outcome of a result that is not within the limit, in a line."""
+        """Outcome, in one line, of a result beyond the limit."""
         return f"not within {_share(self.limit)}: {self.left}"
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warning about elements that do not suffice, with the number that does."""
+        """Warning that the elements do not suffice, with a number that does."""
         if self.suffices:
             return ()
         if not self.stated:
-            return (f"{self.outcome}, and more are not tried",)
+            return (f"{self.outcome}; more elements are not tried",)
         if self.enough is not None:
             return (f"{self.left}: fidelity.elements: {self.enough} keeps {_share(self.limit)}",)
         more = f", and up to {self.tried} do not suffice" if self.tried > self.elements else ""
@@ -130,7 +130,7 @@ class Resolution:
 
 
 def _share(error: float) -> str:
-    """A relative error as users read it."""
+    """Write a relative error for users."""
     if error >= 2.0:
         return f"{error:.2g} times its value" if math.isfinite(error) else "any amount"
     return f"{100.0 * error:.2g} %"

@@ -5,7 +5,7 @@
 2. Judge the stability: by the least stiffness, or, without a potential, by the poles of the motion.
 3. An unstable one is left along its weakest direction, and 1 follows.
 
-Friction is given here; ``friction_path`` says where it comes from.
+Friction is given here; ``friction_path`` computes it.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ of their number."""
 
 @dataclass(frozen=True)
 class LoadState:
-    """What acts on a finger at rest: input u (nu,), forces w (nw,), parameters p (np,), and a further generalized force
-    ``held`` (n,), or none.
+    """Loads of a finger at rest: input u (nu,), forces w (nw,), parameters p (np,), and optionally another generalized
+    force ``held`` (n,).
     """
 
     u: Array
@@ -44,7 +44,7 @@ class LoadState:
     held: Array | float = 0.0
 
     def towards(self, other: LoadState, share: float) -> LoadState:
-        """A share [1] of the straight way to another one."""
+        """Interpolate linearly to other loads by a share [1]."""
         return LoadState(
             self.u + share * (other.u - self.u),
             self.w + share * (other.w - self.w),
@@ -114,7 +114,7 @@ class EquilibriumSearch:
         return np.asarray(-np.linalg.solve(stiffness, force))
 
     def _statics(self, q: Array) -> tuple[Array, Array]:
-        """Force that is missing in a shape, and its derivative."""
+        """Return the missing force in a shape, and its derivative."""
         missing, stiffness = self._core.statics(q, self._u, self._w, self._p, *self._friction)
         return missing + self._held, stiffness
 
@@ -152,12 +152,12 @@ class EquilibriumSearch:
         return RestingShape(q, *inputs, steady, margin, residual, iterations, self._model, warnings, self._history)
 
     def _checked(self, q: Array) -> tuple[str, ...]:
-        """Warnings of a shape; SolverError where elements cannot be evaluated that far."""
+        """Return the warnings of a shape; SolverError if elements bend beyond 40 rad."""
         use = np.asarray(self._core.range_use(q, self._u, self._p))
         if use.max() > 1.0:
             k = int(use.argmax())
             raise SolverError(
-                "the equilibrium found bends an element further than it can be evaluated",
+                "the equilibrium bends an element beyond the range of its model",
                 status="beyond the bending range",
                 violated=[
                     f"element {k + 1} is bent by {use[k] * self._model.ranges[k]:.3g} rad, expected at most "
@@ -168,7 +168,7 @@ class EquilibriumSearch:
         return self._model.limit_warnings(use[None])
 
     def _reaching(self, q: Array) -> bool:
-        """Evaluate elements as far as a shape bends them; whether that is further than before."""
+        """Extend the ranges of the elements to a shape; return whether a range has grown."""
         ranges = np.array(self._model.ranges)
         bends = ranges * np.asarray(self._core.range_use(q, self._u, self._p))
         if np.all((bends <= ranges) | (ranges >= Fidelity.WIDEST)):

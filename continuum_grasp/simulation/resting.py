@@ -1,4 +1,4 @@
-"""The shape at rest of a finger in a scene: how it is reached, and motors that stand."""
+"""Find the shape at rest of a finger in a scene, with its history and with held motors."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from continuum_grasp.simulation.rest import EquilibriumSearch, LoadState, Restin
 from continuum_grasp.simulation.signals import Signals
 
 _NO_REST = (
-    "without its drives the finger finds no rest: friction counts from the unloaded shape, as if weight, loads and "
-    "tensions came together"
+    "without its drives the finger has no equilibrium: friction counts from the unloaded shape, as if weight, loads "
+    "and tensions came together"
 )
 
 
 def rest_at(scene: Scene, model: FingerModel, *, at: float = 0.0, **search: Any) -> RestingShape:
     """Find a model's shape at rest under a scene's inputs and its own loads at an instant [s], time zero by default.
 
-    Where motors stand at ``initial.motor_angles``, tendons are as long as on winches that follow a length, behind a
-    play where there is one, and the input of the result balances the tensions without dry friction of the motors;
-    SolverError if that is more than their ``torque_max``.
+    If motors are held at ``initial.motor_angles``, tendons act as on winches that follow a length, with the backlash of
+    the gear, and the input of the result balances the tensions without dry friction of the motors; SolverError if it
+    exceeds their ``torque_max``.
     """
     angles = scene.initial.motor_angles
     if angles is None:
@@ -58,7 +58,7 @@ def rest_at(scene: Scene, model: FingerModel, *, at: float = 0.0, **search: Any)
 
 
 def model_at_rest(scene: Scene, model: FingerModel, loads: Sequence[Load]) -> FingerModel:
-    """The elements of a model under other loads, whose inputs have no rates."""
+    """Return a model with the same elements for other loads, without rates of the inputs."""
     accuracy = model.structure.accuracy
     return FingerModel(
         scene, family=model.family, elements=model.lengths, accuracy=accuracy, loads=loads, input_rates=False
@@ -66,11 +66,11 @@ def model_at_rest(scene: Scene, model: FingerModel, loads: Sequence[Load]) -> Fi
 
 
 def _locked(drive: Any) -> Any:
-    """A winch that follows a length in place of a motor, or the motor that stands before its gear."""
+    """Return a winch that follows a length instead of a motor, or the held motor in front of its gear."""
     if drive.gear_stiffness is None:
         same = {key: getattr(drive, key) for key in ("arrangement", "pretension", "slack")}
         return LengthDrive(kind="length", time_constant=1.0, **same)  # of no effect at rest
-    # A servo and a gear of twice the stiffness each yield together what the gear does.
+    # A servo and a gear of twice the stiffness in series yield as much as the gear.
     stiffness = 2.0 * drive.gear_stiffness
     servo = drive.replaced(gear_stiffness=stiffness, position_gain=stiffness, rate_gain=0.0)
     return servo.unlimited()
@@ -122,7 +122,7 @@ def rest_under(
 
 
 def _commanded(model: FingerModel, u: Array, row: ArrayLike) -> Array:
-    """An input with other commands of drives and chambers."""
+    """Return an input with other commands of drives and chambers."""
     commands, count = CheckedArgument("path", row).array(), len(model.finger.inputs)
     if commands.shape != (count,) or not np.all(np.isfinite(commands)):
         raise InputError(f"path: expected rows of {count} finite entries, got {commands.tolist()}")
@@ -130,9 +130,10 @@ def _commanded(model: FingerModel, u: Array, row: ArrayLike) -> Array:
 
 
 def _idle(model: FingerModel, end: LoadState) -> LoadState:
-    """The loads while drives are idle: without tensions, pressures and torques of their own.
+    """Return the loads with idle drives: without tensions, pressures and torques.
 
-    What follows a position is where it leaves tendons of the unloaded shape as the scene has them in the straight one.
+    Position drives stand where the tendons of the unloaded shape have the tension or slack that the scene states for
+    the straight finger.
     """
     u = end.u.copy()
     winches = model.structure.winches
@@ -149,6 +150,6 @@ def _idle(model: FingerModel, end: LoadState) -> LoadState:
 
 
 def states_of_motors(model: FingerModel, drives: Array) -> list[Array]:
-    """Parts of the states of all drives that belong to each motor, which come last; views of the array."""
+    """Return views of the motors' states, which come last in the states of all drives."""
     ends = np.cumsum([motor.states for motor in reversed(model.structure.motors)])
     return np.split(drives, len(drives) - ends[::-1])[1:]

@@ -81,7 +81,7 @@ class _Run:
             motion = self._stepper.run(x0, plan)
             took += perf_counter() - began
             plan, error = self._judged(plan, motion)
-        # Twice the range is what can be believed of a motion that left it.
+        # A motion that left its range is credible up to twice the range.
         if not isinstance(error, Interrupted) and (
             wider := self._wider(np.minimum(self._use(self._result(motion.states)), 2.0))
         ):
@@ -104,7 +104,7 @@ class _Run:
         lost = np.flatnonzero(np.any(use > 1.0, axis=1))
         if lost.size:
             k = int(np.argmax(use[lost[0]]))
-            limit = f"{self._model.ranges[k]:.3g} rad, the most up to which it can be evaluated"
+            limit = f"{self._model.ranges[k]:.3g} rad, the greatest range of its model"
             advice = "take more elements, or lower the loads"
             if lost[0] == 0:
                 raise InputError(f"the initial shape bends element {k + 1} beyond {limit}: {advice}", key="initial")
@@ -154,7 +154,7 @@ class _Run:
         return np.asarray(result.core.batch("range_use", result.q, result.acting, None))
 
     def _wider(self, use: Array) -> _Run | None:
-        """A run whose elements are evaluated as far as they bent; None where they are already, or as far as can be."""
+        """Return a run with ranges that cover the bends; None if they do already, or cannot grow."""
         peaks = use.max(axis=0)
         # 1.25: range per bend of a motion that left the range before
         model = self._model.reaching(1.25 * peaks * self._model.ranges) if peaks.max() > 1.0 else self._model

@@ -26,21 +26,21 @@ class Equilibrium(RestingShape, Result):
     Attributes
     ----------
     scene : Scene or None
-        None where a model was given without one.
+        None for a model without a scene.
     stable : bool
         Whether the tangent stiffness is positive definite (conservative loads), or no eigenvalue of the linearized
-        motion has a positive real part (following loads, tendon friction); false, too, where the exact rod or more
-        elements are unstable there.
+        motion has a positive real part (following loads, tendon friction); also false if the exact rod, or more
+        elements, are unstable there.
     margin : float
         Smallest eigenvalue of the stiffness in the metric of the mass matrix [rad2/s2]; negative when unstable.
     residual : float
         Largest missing generalized force, relative to the largest of those that balance.
     history : (states + 1,) ndarray
-        Its friction, as functions of the model take it; empty without friction.
+        History of friction, as an argument of the model's functions; empty without friction.
     warnings : tuple of str
-        Elements that do not suffice, or that are bent beyond the strain limit; a buckling load that is near; `limits`.
+        Too few elements, elements beyond the strain limit, a near buckling load, `limits`.
     resolution : Resolution or None
-        Errors that the elements leave; None of shapes of a model without a scene.
+        Errors that the elements leave; None for a model without a scene.
     limits : tuple of TensionLimit
         Tendons pulled harder than their ``max_tension``, and tendons that winches and motors leave slack.
     """
@@ -83,7 +83,7 @@ class Equilibrium(RestingShape, Result):
         return result if resolution is None else result.judged(resolution)
 
     def judged(self, resolution: Resolution) -> Equilibrium:
-        """The equilibrium with errors that were measured, and with the verdict on stability that they confirm."""
+        """Return the equilibrium with measured errors, and with the confirmed verdict on stability."""
         known = () if self.resolution is None else self.resolution.warnings
         others = (text for text in self.warnings if text not in known)
         stable = self.stable and resolution.stable is not False
@@ -118,9 +118,8 @@ class Equilibrium(RestingShape, Result):
     def space_error(self) -> float:
         """Estimate of the greatest error of position that the elements leave, per length of the finger [1].
 
-        Taken from the exact rod near the shape; where that does not know the scene, from the equilibrium with every
-        element halved. Infinite where there is none, nan where a model or states of friction belong to these elements
-        alone.
+        From the exact rod near the shape or, in scenes that it does not cover, from the equilibrium with every element
+        halved. Infinite if none exists, nan if a model or friction states belong to these elements alone.
         """
         if self.resolution is not None and not np.isnan(self.resolution.error):
             return self.resolution.error
@@ -133,19 +132,19 @@ class Equilibrium(RestingShape, Result):
 
     @property
     def status(self) -> str:
-        """``stable`` or ``unstable``; ``under_resolved`` where no number of elements keeps 1 % of the length."""
+        """``stable`` or ``unstable``; ``under_resolved`` if no number of elements keeps 1 % of the length."""
         if self.resolution is not None and self.resolution.fails:
             return Resolution.FAILED
         return "stable" if self.stable else "unstable"
 
     @property
     def outcome(self) -> str:
-        """Status, or what it is that elements do not resolve."""
+        """Status, or the error that the elements leave."""
         return self.resolution.outcome if self.resolution is not None and self.resolution.fails else self.status
 
     @property
     def statistics(self) -> dict[str, Any]:
-        """Effort and quality of the search, and why the model has its elements."""
+        """Effort and quality of the search, and the reason for the number of elements."""
         effort = {"iterations": self.iterations, "residual": self.residual, "margin": self.margin}
         note = "" if self.resolution is None else self.resolution.note(self.model.family)
         return {**effort, "fidelity": note} if note else effort

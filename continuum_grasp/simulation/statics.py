@@ -67,7 +67,7 @@ def equilibrium_of(
     side: int = 1,
     model: FingerModel | None = None,
 ) -> Equilibrium:
-    """Find the equilibrium of a scene in the elements that it has; see `continuum_grasp.equilibrium`."""
+    """Find the equilibrium of a scene with its present elements; see `continuum_grasp.equilibrium`."""
     made = model_of_statics(scene, extra_loads, model)
     return Equilibrium.of(rest_at(scene, made, guess=guess, stable=stable, side=side), scene)
 
@@ -110,8 +110,8 @@ def equilibrium_under(
         Side to which it is left.
     reached_by : {"pulling", "releasing", "path", "state"}
         How a finger with friction came to this shape. ``pulling``: from its shape at rest under the forces, without
-        drives, to this input. ``releasing``: all that slid on this way has slid back from further. ``path``: through
-        the inputs of ``path`` first. ``state``: with ``friction_states``.
+        drives, to this input. ``releasing``: all sections that slid have slid back from a greater pull. ``path``:
+        through the inputs of ``path`` first. ``state``: with ``friction_states``.
     friction_states : array_like, optional
         Direction of friction, per cell, from -1 to 1, for ``state``.
     path : sequence of (K,) array_like

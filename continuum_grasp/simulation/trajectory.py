@@ -41,21 +41,20 @@ class Trajectory(MotionResult):
         Method, sub-steps, spectral radius, times.
     time_error : float
         Estimate of the greatest error of position that the steps in time leave, per length of the finger [1]: of the
-        ends of the elements, and of the points of an object that moves. It is taken from steps of twice or four times
-        the length (``reference``: from looser tolerances); infinite where these are unstable, nan where nothing was
-        compared.
+        ends of the elements, and of the points of an object that moves. It is estimated with steps of two or four times
+        the length (``reference``: with looser tolerances); infinite if these are unstable, nan without a comparison.
     space_error : float
         Estimate of the greatest error of position that the elements leave, per length of the finger [1]: of places
         along it, and of the points of an object that moves. It is taken from the same motion with every element halved
-        (``time.space_error``, ``fidelity.tolerance``); infinite where that one fails, nan where nothing was compared.
+        (``time.space_error``, ``fidelity.tolerance``); infinite if that one fails, nan without a comparison.
     static_error : float
-        Without ``space_error``: greatest error of position that the elements leave where the finger is at rest under
-        its first, last or held inputs and loads, per length [1], against the exact rod, or elements of half the length;
-        infinite where no such equilibrium is found, nan with an object, or where the exact rod does not know the scene
-        and more than four elements are stated.
+        Without ``space_error``: greatest error of position that the elements leave at rest under the first, last or
+        held inputs and loads, per length [1], against the exact rod, or elements of half the length; infinite without
+        such an equilibrium, nan with an object, or with more than four stated elements in a scene that the exact rod
+        does not cover.
     resolution : Resolution or None
-        Errors by which the elements were judged; those at rest with the errors of the first natural frequencies about
-        these shapes. None with an object.
+        Errors of the elements; errors at rest include the first natural frequencies about these shapes. None with an
+        object.
     """
 
     kind: ClassVar[str] = "simulate"
@@ -115,7 +114,7 @@ class Trajectory(MotionResult):
     resolution: Resolution | None = None
 
     def judged(self, resolution: Resolution, warnings: tuple[str, ...], **seconds: float) -> Trajectory:
-        """The motion with errors that were measured, further warnings, and the seconds that these took."""
+        """Return the motion with measured errors, additional warnings, and the time of these measurements [s]."""
         statistics = {**self.statistics, **seconds}
         if note := resolution.note(self.model.family):
             statistics["fidelity"] = note
@@ -130,7 +129,7 @@ class Trajectory(MotionResult):
 
     @property
     def outcome(self) -> str:
-        """Status, or what it is that elements do not resolve."""
+        """Status, or the error that the elements leave."""
         return self.resolution.outcome if self.resolution is not None and self.resolution.fails else self.status
 
     @property

@@ -96,12 +96,12 @@ class Modes(Result):
 
     @property
     def status(self) -> str:
-        """``stable`` or ``unstable``; ``under_resolved`` where no number of elements keeps 1 % in the first two."""
+        """``stable`` or ``unstable``; ``under_resolved`` if no number of elements keeps 1 % in the first two."""
         return self.equilibrium.status
 
     @property
     def outcome(self) -> str:
-        """Status, or what it is that elements do not resolve."""
+        """Status, or the error that the elements leave."""
         return self.equilibrium.outcome
 
     @property
@@ -137,7 +137,7 @@ class Modes(Result):
 
 @check_arguments
 def modes_of(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -> Modes:
-    """Find the modes of a scene in the elements that it has; see `continuum_grasp.modes`."""
+    """Find the modes of a scene with its present elements; see `continuum_grasp.modes`."""
     rest = equilibrium_of(scene) if about is None else about
     model = rest.model
     q = rest.q
@@ -210,7 +210,7 @@ def _eigen(mass: Array, stiffness: Array) -> tuple[NDArray[Any], NDArray[Any], N
 
 @dataclass(frozen=True)
 class SmallMotions:
-    """Mass and stiffness (n, n) of the bending coordinates; and these where all sticks, and where drives turn.
+    """Return mass and stiffness (n, n) of the bending coordinates, also for stuck friction, and for drives that turn.
 
     ``stuck`` is None where nothing has friction, or its stiffness is not known, as with tendons whose tension
     is commanded.
@@ -223,7 +223,7 @@ class SmallMotions:
 
 
 def frequencies_of(rest: RestingShape) -> Array:
-    """Natural frequencies (n,) [Hz] about a shape at rest, increasing; zero where it is unstable."""
+    """Natural frequencies (n,) [Hz] about a shape at rest, increasing; zero if unstable."""
     small = small_motions(rest)
     return _frequencies(small.mass, small.stiffness)
 

@@ -233,7 +233,7 @@ def test_a_ball_is_only_held_if_asked(ball):
     tried = try_in_mujoco(ball, steps.append, hold_only=True)
     assert steps == ["held for 0.5 s"]
     assert tried["holds"]
-    assert tried["words"].startswith("held in MuJoCo (held alone, ")
+    assert tried["words"].startswith("held in MuJoCo (only held, ")
     assert tried["moved"] < 1e-4
     assert not {"pushes", "closed", "weights"} & set(tried)
 
@@ -244,7 +244,7 @@ def test_what_is_lost_ends_the_hold():
     result = made(scene.changed({"contacts.friction": 1e-3}), arrays)
     tried = try_in_mujoco(result, hold_only=True)
     assert not tried["holds"]
-    assert tried["words"].startswith("not held in MuJoCo (held alone, ")
+    assert tried["words"].startswith("not held in MuJoCo (only held, ")
     assert scene.object.size < tried["moved"] < 1.2 * scene.object.size
     assert set(tried["normal_forces"].values()) == {0.0}
 

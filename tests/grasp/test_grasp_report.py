@@ -84,7 +84,7 @@ def test_what_a_fine_model_changes_is_reported():
 def test_the_error_of_an_outline_and_what_it_changes_are_reported():
     change = Change({"finger": 4}, 42.0, -0.0325, 1e-5, 0.1)
     result = replace(held(), outline=OutlineError(8e-5, 0.04, 64, 128, change))
-    said = "with 128 corners in place of 64 the tension changes by -3.25% to 42.00 N"
+    said = "with 128 corners instead of 64 the tension changes by -3.25% to 42.00 N"
     for text in (result_text(result), Page(page_of(result)).text, *result.warnings):
         assert said in " ".join(text.split())
     assert "within 0.08 mm of the drawing (0.20% of the object's size)" in result_text(result)

@@ -307,7 +307,7 @@ def test_remarks_are_not_measured_and_axes_along_one_line_are_refused(tmp_path):
         described({**LONG, "axes": ["x", "-x"]})
 
 
-@pytest.mark.parametrize(("cell", "words"), [("", "column o: the cell is empty"), ("20", "20 m is farther from")])
+@pytest.mark.parametrize(("cell", "words"), [("", "column o: the cell is empty"), ("20", "20 m from the backbone")])
 def test_a_marker_whose_offset_is_missing_or_in_mm_is_refused(tmp_path, cell, words):
     """Without a unit it would lie 20 m beside the finger, and without a number on its backbone."""
     beside = [{**one, "at": 0.1, "offset": {"column": "o"}} for one in LONG["measured"]]

@@ -331,7 +331,7 @@ def test_a_sensor_that_freezes_is_named_and_one_that_is_slow_is_not():
 
     frozen = np.where((t >= 1.0) & (t < 1.5), x[100], x)
     assert named(frozen) == [
-        "path: x of tip: 50 readings in a row are the same while the finger moves, as where a sensor freezes: leave "
+        "path: x of tip: 50 readings in a row are the same while the finger moves, as if the sensor froze: leave "
         "their cells empty"
     ]
     assert named(np.repeat(x[::30], 30)) == []

@@ -79,7 +79,7 @@ def test_doubts_may_be_refused_all_at_once():
 
 
 @pytest.mark.parametrize("verb", ["validate", "grasp"])
-def test_strict_commands_refuse_a_doubtful_scene(verb, tmp_path):
+def test_strict_commands_refuse_a_scene_with_doubts(verb, tmp_path):
     line = [sys.executable, "-m", "continuum_grasp", verb, "configs/grasp/mug.yaml", "--strict"]
     where = [] if verb == "validate" else ["--out", str(tmp_path / "run")]
     done = subprocess.run(

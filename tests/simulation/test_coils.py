@@ -222,8 +222,8 @@ def test_code_is_written_for_the_shapes_of_its_scene():
     assert bends_of(scene, FingerModel(scene)) == pytest.approx([1.25 * 3.0 * TURN / 4.0] * 4, rel=1e-4)
     slight = coil(0.0, 0.2)
     assert bends_of(slight, FingerModel(slight)) == list(FingerModel(slight).ranges)
-    rubbing = {"tendons": {"offset": 4e-3, "max_tension": 50.0, "friction": 0.3}}
-    pulled = coil(0.0, finger=rubbing, actuation={"tensions": [30.0, 0.0]}, initial={"pose": "equilibrium"})
+    with_friction = {"tendons": {"offset": 4e-3, "max_tension": 50.0, "friction": 0.3}}
+    pulled = coil(0.0, finger=with_friction, actuation={"tensions": [30.0, 0.0]}, initial={"pose": "equilibrium"})
     assert bends_of(pulled, FingerModel(pulled)) == list(FingerModel(pulled).ranges)
 
 

@@ -1,7 +1,7 @@
-"""A solid of triangles as convex pieces, which is how MuJoCo collides meshes.
+"""Cut a triangulated solid into convex pieces, because MuJoCo collides a mesh as its convex hull.
 
-Planes through hollow edges cut the solid, one after the other, until no piece reaches out of it by more than a
-tolerance. Among three planes through the deepest edge, the best one leaves the least convex hulls. The library
+Planes through concave edges cut the solid one after the other, until every piece lies within a tolerance of the solid.
+Three planes through the deepest edge compete; the cut that leaves the least volume of convex hulls wins. The library
 manifold3d cuts.
 """
 
@@ -19,18 +19,18 @@ from continuum_grasp.base import Array, InputError
 _PER_PIECE = 1e-3
 """Volume of the solid [1] that a cut must save per piece, so that equal cuts are those into fewer pieces."""
 _FLAT = 1e-9
-"""Height of a neighbor's corner above a triangle, per size of the solid, up to which their edge is flat: rounding."""
+"""An edge is flat if a neighbor's corner is above a triangle by less than this per size of the solid [1]: rounding."""
 _SLIVER = 1e-9
-"""Volume of a piece, per that of the solid, below which it is rounding of a cut [1]."""
+"""Share of the solid's volume below which a piece is rounding of a cut [1]."""
 _MOST = 300
-"""Pieces at most: a blob with twenty hollows, of 20,000 triangles and 30 mm radius, is then within 0.07 mm."""
+"""Greatest number of pieces: a blob of 20,000 triangles and 30 mm radius with twenty hollows is then within 0.07 mm."""
 _SIMPLER = 0.25
-"""Share of the tolerance by which triangles of the solid may move when those that it does not need are joined."""
+"""Share of the tolerance by which the simplification of the mesh may move its triangles [1]."""
 
 
 @dataclass(frozen=True)
 class HollowEdges:
-    """Edges of a closed surface of triangles at which it is hollow."""
+    """Concave edges of a closed surface of triangles."""
 
     ends: Array  # (E, 2) corners
     normals: Array  # (E, 2, 3) of the triangles on both sides
@@ -38,7 +38,7 @@ class HollowEdges:
 
     @staticmethod
     def of(corners: Array, triangles: Array) -> HollowEdges:
-        """Hollow edges of corners (V, 3) and triangles (T, 3) of a closed surface."""
+        """Return the concave edges of a closed surface with corners (V, 3) and triangles (T, 3)."""
         places = corners[triangles]
         across = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
         doubled = np.linalg.norm(across, axis=1)
@@ -69,7 +69,7 @@ class HollowEdges:
 
     @property
     def deepest(self) -> float:
-        """Greatest depth of any edge within the convex hull [m]; zero of a convex solid."""
+        """Return the greatest depth of any edge within the convex hull [m]; zero for a convex solid."""
         return float(self.depth.max(initial=0.0))
 
     def planes(self, corners: Array) -> list[tuple[Array, float]]:
@@ -91,9 +91,9 @@ def _depth(points: Array, planes: Array) -> Array:
 
 
 def convex_pieces(corners: Array, triangles: Array, tolerance: float) -> list[Array]:
-    """Corners (N, 3) of convex bodies that together are the solid within closed triangles (T, 3).
+    """Return the corners (N, 3) of convex bodies whose union is the solid within closed triangles (T, 3).
 
-    Where the solid is convex within the tolerance [m], that is its convex hull.
+    If the solid is convex within the tolerance [m], the only body is its convex hull.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def convex_pieces(corners: Array, triangles: Array, tolerance: float) -> list[Ar
     whole = Manifold(Mesh64(np.array(corners, dtype=float), np.array(triangles, dtype=np.uint64)))
     whole = whole.simplify(_SIMPLER * tolerance)
     done: list[Array] = []
-    # The worst first: where there would be too many pieces, none is much worse than the others.
+    # Cut the worst piece first: at the greatest number of pieces none is then much worse than the others.
     waiting = [_Waiting(body) for body in whole.decompose()]
     while waiting:
         worst = heappop(waiting)
@@ -130,7 +130,7 @@ def convex_pieces(corners: Array, triangles: Array, tolerance: float) -> list[Ar
 
 
 class _Waiting:
-    """A body of manifold3d, and by how much its convex hull reaches out of it [m]."""
+    """Body of manifold3d, and the distance by which its convex hull exceeds the body [m]."""
 
     def __init__(self, body: Any) -> None:
         mesh = body.to_mesh64()
@@ -146,7 +146,8 @@ class _Waiting:
 
 
 def _overreach(edges: HollowEdges, hollow: float, area: float) -> float:
-    """By how much a convex hull of an area [m2] reaches out of its solid [m]; some of its volume is ``hollow`` [m3].
+    """Estimate the distance by which a convex hull of an area [m2] exceeds its solid [m]; ``hollow`` is the extra
+    volume [m3].
 
     Hollows between thin walls are deep, but their edges are near the hull: the volume shows them.
     """
@@ -154,7 +155,7 @@ def _overreach(edges: HollowEdges, hollow: float, area: float) -> float:
 
 
 def _best_cut(body: Any, planes: list[tuple[Array, float]], volume: float) -> list[Any]:
-    """Parts of a body cut by that one of some planes whose parts have the least convex hulls; none cuts it: none."""
+    """Cut a body by the plane that leaves the least volume of convex hulls; no parts if no plane cuts the body."""
     best, least = list[Any](), np.inf
     for normal, height in planes:
         parts = [part for half in body.split_by_plane(tuple(normal), height) for part in half.decompose()]

@@ -38,7 +38,7 @@ _FIRST_MODE = 3.516
 _THIN = 1e-4
 """Least radius of a capsule [m]."""
 _LIGHT = 1e-9
-"""Least mass of a link [kg]: steps of lighter ones are rounding."""
+"""Least mass of a link [kg]: the integration of lighter links is lost in rounding."""
 _AXES = ("bend", "0 0 1"), ("side", "1 0 0"), ("twist", "0 1 0")
 
 
@@ -53,17 +53,17 @@ class HandChain:
     hinges : int
         Links of each finger, with three hinges each.
     first_frequency : float
-        The lowest of the straight, unloaded fingers' [Hz].
+        Lowest natural frequency of the straight, unloaded fingers [Hz].
     timestep : float
-        Step that the model asks for [s].
+        Time step of the model [s].
     differences : tuple of str
-        What the model does otherwise than the scene.
+        Differences between the model and the scene, in words.
     object_difference : str
-        How the convex pieces that MuJoCo collides differ from the object; empty where they are exact.
+        Deviation of MuJoCo's convex pieces from the object, in words; empty if they are exact.
     commands : dict of str to float
-        Commands of the grasp by actuator: tensions [N], or where drives lock, cable that they have wound up [m].
+        Commands of the grasp by actuator: tensions [N], or wound-up cable of locked drives [m].
     files : tuple of pathlib.Path
-        What was written: the model, and the table by which the hand closes.
+        Written files: the model, and the table of commands that closes the hand.
     """
 
     text: str

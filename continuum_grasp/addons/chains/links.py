@@ -32,7 +32,7 @@ class Links:
     center: Array  # (N,) their centers of mass along the finger [m]
     across: Array  # (N,) and across it, on the +X side [m]
     inertia: Array  # (N,) about these [kg m2]
-    clamped: Array  # (4,) these four numbers of what lies before the first hinge
+    clamped: Array  # (4,) the same four numbers for the part before the first hinge
     stop: Array | None  # (N,) bend from which on a stop adds to the stiffness [rad], a magnitude; None: no stops
 
     @staticmethod
@@ -82,8 +82,8 @@ class Links:
         return Links(edges, at, stiffness, damping, rest, bounds[2:], mass, center, across, inertia, first_body, stop)
 
     def body(self, k: int) -> Array:
-        """Mass [kg], center of mass along the finger and across it [m], and inertia about it [kg m2] of a link; of the
-        clamped part, -1, too.
+        """Return mass [kg], center of mass along and across the finger [m], and inertia about the center [kg m2] of a
+        link (-1: the clamped part).
         """
         return self.clamped if k < 0 else np.array([self.mass[k], self.center[k], self.across[k], self.inertia[k]])
 

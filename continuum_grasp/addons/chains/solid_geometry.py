@@ -19,18 +19,19 @@ _FLAT = 1e-6
 _FINE = 65
 """Rows of the grid by which inertia is integrated: of a sphere it is then within 0.1 %."""
 _TOLERANCE = 1e-3
-"""Hollows per size of a solid [1] that its pieces may fill: of mugs, rings and vases pieces are then within 0.2 mm."""
+"""Depth of hollows that convex pieces may fill, per size of the solid [1]: mugs, rings and vases are then within 0.2
+mm."""
 _EXACT = 1e-6
-"""Distance [m] that MuJoCo computes no more exactly: the default of its ``ccd_tolerance``."""
+"""Distance [m] below which MuJoCo is not exact: the default of its ``ccd_tolerance``."""
 _PLACES = 400
-"""Places of a solid at which its pieces are measured."""
+"""Number of places on a solid at which the deviation of its pieces is measured."""
 _SHARE = 0.95
-"""Share of these places [1] that the stated angle of normals holds for: at edges, any displacement turns them."""
+"""Share of these places that satisfy the stated angle of normals [1]: at edges any displacement turns the normals."""
 
 
 @dataclass(frozen=True)
 class SolidGeometry:
-    """Geometries of MuJoCo that stand for a solid.
+    """Geometries of MuJoCo that represent a solid.
 
     Attributes
     ----------
@@ -39,10 +40,10 @@ class SolidGeometry:
     meshes : list of (str, str)
         Names and vertices of meshes.
     edge : float
-        Radius of edges that its geometries lack [m]. Boxes and cylinders of MuJoCo have sharp edges: theirs are as much
-        smaller as their edges are round, and fingers touch them from as much farther.
+        Edge radius that the geometries lack [m]. MuJoCo's boxes and cylinders have sharp edges: they are smaller by the
+        radius, and fingers touch them at a distance larger by the radius.
     difference : str
-        In words, how its pieces differ from it; empty for one that is exact or convex.
+        Deviation of the pieces from the solid, in words; empty for an exact or convex solid.
     """
 
     parts: list[dict[str, str]]
@@ -52,7 +53,7 @@ class SolidGeometry:
 
     @staticmethod
     def of(result: Any) -> SolidGeometry:
-        """Geometries of the object of a hand's grasp.
+        """Build the geometries of the object in a hand's grasp.
 
         Raises
         ------
@@ -71,7 +72,7 @@ class SolidGeometry:
         pieces = body.convex_parts or convex_pieces(corners, triangles, _TOLERANCE * solid.size)
         pieces = [part[ConvexHull(part).vertices] for part in pieces if _thick(part)]
         meshes = [(f"part_{k + 1}", numbers(*np.ravel(part))) for k, part in enumerate(pieces)]
-        # Places of meshes are those of their centers of mass, from which MuJoCo counts back.
+        # A mesh is placed by its center of mass: MuJoCo shifts the vertices accordingly.
         parts = [{"name": name, "type": "mesh", "mesh": name} for name, _ in meshes]
         reach = min(float(setup.finger.profile.half_thickness(0.0)) for setup in result.scene.setups)
         return SolidGeometry(parts, meshes, 0.0, _difference(result, corners[triangles], pieces, reach))
@@ -98,7 +99,7 @@ def _thick(part: Array) -> bool:
 
 
 def _difference(result: Any, places: Array, pieces: list[Array], reach: float) -> str:
-    """Deviation of pieces in words; empty where they are exact."""
+    """Describe the deviation of pieces in words; empty if they are exact."""
     off, angle = deviation(result, places, pieces, reach)
     if off < _EXACT and len(pieces) == 1:
         return ""
@@ -112,8 +113,8 @@ def _difference(result: Any, places: Array, pieces: list[Array], reach: float) -
 
 
 def deviation(result: Any, places: Array, pieces: list[Array], reach: float) -> tuple[float, float]:
-    """Greatest difference [m] between the distances of object and pieces from where fingers of a radius [m] may touch,
-    and angle [rad] that 95 % of the differences between their normals there are within.
+    """Measure object against pieces where fingers of a radius [m] may touch: greatest difference of their distances
+    [m], and the angle between their normals [rad] that 95 % of the places do not exceed.
 
     ``places`` are triangles (T, 3, 3) of the object, ``pieces`` corners of convex bodies, in the object's frame.
     """

@@ -24,7 +24,7 @@ OBJECT = {"contype": "2", "conaffinity": "1"}
 SUPPORT = {"contype": "0", "conaffinity": "2"}
 _FREE = {"contype": "0", "conaffinity": "0"}
 LEAST_INERTIA = 1e-15
-"""Least inertia that MuJoCo accepts of a moving body [kg m2] (mjMINVAL of its sources)."""
+"""Least inertia of a moving body that MuJoCo accepts [kg m2] (mjMINVAL in its sources)."""
 _CORNERS = 120
 """Corners of the polygon in place of a round outline: off by 3e-4 of its radius."""
 
@@ -213,10 +213,12 @@ def _link(
 
 
 def link_inertial(links: Links, k: int, radius: float, lightest: float = 0.0) -> dict[str, str]:
-    """Mass, center and inertia of a link, or of the clamped part, -1, in the axes of its body; y is along it.
+    """Return mass, center and inertia of a link (-1: the clamped part) in the axes of its body; y points along the
+    link.
 
-    Inertia about both axes across is that of the plane. About its own axis it is that of a round body of the radius
-    [m], but no more than across. A link lighter than ``lightest`` [kg] is as heavy as that, and uniform.
+        The inertia about both transverse axes equals the planar inertia. The inertia about y equals that of a round
+        body with the radius [m], at most the transverse inertia. A link lighter than ``lightest`` [kg] becomes uniform
+        with that mass.
     """
     mass, center, across, inertia = links.body(k).tolist()
     begin, end = links.span(k)

@@ -1,4 +1,4 @@
-"""A grasp of a hand tried in MuJoCo: held, turned, pushed by most of its promise, and closed; or only held."""
+"""Try a hand's grasp in MuJoCo: hold, turn, push by most of the promised push, and close; or only hold."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from continuum_grasp.base import Array, InputError
 HOLDS = 2.0
 """Time in which the object must stay [s]."""
 HOLDS_ONLY = 0.5
-"""Time in which it must stay when nothing else is tried [s]: an object that is not held falls by 1.2 m."""
+"""Duration of a trial that only holds the object [s]: a free object falls by 1.2 m in this time."""
 MOVES, TURNS = 1e-3, math.radians(1.0)
 """Displacement [m] and turn [rad] from which on an object is not held."""
 SHARE = 0.8
@@ -137,7 +137,7 @@ class HandInMujoco:
     def hold(self, seconds: float = HOLDS) -> tuple[Array, Array]:
         """Greatest displacement [m] and turn [rad] of the object at constant tensions (2,); mean normal forces (C,).
 
-        It ends when the object is lost: when it has moved by its own size. No force is left then.
+        The trial ends when the object is lost, after a displacement of its own size; the forces are then zero.
         """
         self.reset()
         worst = np.zeros(2)
@@ -202,10 +202,10 @@ class HandInMujoco:
 def try_in_mujoco(
     result: Any, progress: Callable[[str], None] | None = None, *, hold_only: bool = False
 ) -> dict[str, Any]:
-    """Try a hand's grasp in MuJoCo; returns plain data: whether it ``holds``, in words, and what was measured.
+    """Try a hand's grasp in MuJoCo; return plain data: ``holds``, the verdict in words, and the measured numbers.
 
-    With ``hold_only`` the object is held for `HOLDS_ONLY` seconds from the posture of the grasp, at its tensions; it is
-    neither turned nor pushed, and fingers do not close around it.
+    With ``hold_only`` the trial starts in the posture of the grasp and lasts `HOLDS_ONLY` seconds at constant tensions,
+    without turns, pushes or closing.
     """
     hand = HandInMujoco(result)
     say = progress or (lambda _: None)
@@ -230,7 +230,7 @@ def _tried(hand: HandInMujoco, say: Callable[[str], None], hold_only: bool) -> d
         "normal_force_error": off,
     }
     wrong = [] if (worst < limits).all() else [f"moves by {_words(worst)} within {seconds:g} s"]
-    words = [f"moved {_words(worst)} in {seconds:g} s", f"normal forces within {off:.1%} of the greatest planned one"]
+    words = [f"moved {_words(worst)} in {seconds:g} s", f"normal forces within {off:.1%} of the greatest planned force"]
     words += [hand.chain.object_difference] if hand.chain.object_difference else []
     if hold_only:
         words_said = f"{_verdict(wrong, hold_only)}: {'; '.join(wrong or words)}"
@@ -277,8 +277,8 @@ def _tried(hand: HandInMujoco, say: Callable[[str], None], hold_only: bool) -> d
 
 
 def _verdict(wrong: list[str], hold_only: bool) -> str:
-    """Whether it is held, and what else was not tried."""
-    untried = " (held alone, at the found tensions from the found posture; no push, turn or closing was tried)"
+    """Say whether the hand holds the object, and which parts of the trial were skipped."""
+    untried = " (only held, from the posture of the grasp at its tensions; pushes, turns and closing were not tried)"
     return f"{'not held' if wrong else 'held'} in MuJoCo{untried if hold_only else ''}"
 
 

@@ -54,7 +54,7 @@ def folder_of(scene: object) -> Path | None:
 
 
 def files_in(paths: Sequence[Path], sets: Sequence[DataSet]) -> Iterator[Path]:
-    """Files among paths, and those in folders among them that sets name; a folder that is a bag counts as a file."""
+    """Return the files among paths, and the files in folders that sets name; the folder of a bag counts as a file."""
     for path in paths:
         if DataTable.is_bag_folder(path) and not _names_files_in(path, sets):
             yield path

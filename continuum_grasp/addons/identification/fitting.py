@@ -219,8 +219,8 @@ def compare(
 class Task(NamedTuple):
     """Task of an estimation: the scene, the problem of all sets of data, and what results report of both.
 
-    ``reported`` has how the fidelity was chosen, and which columns of the files nothing reads; ``notes`` are warnings
-    about the data, ``lost`` those about so many lost readings that they explain misfits.
+    ``reported`` states the choice of the fidelity and the unused columns of the files; ``notes`` are warnings about the
+    data, ``lost`` the warnings about enough lost readings to explain misfits.
     """
 
     scene: Scene

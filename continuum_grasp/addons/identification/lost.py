@@ -1,7 +1,7 @@
-"""Readings that no finger has: markers that a camera lost and wrote as a number, and sensors that froze.
+"""Find readings that no finger produces: lost markers that a camera logged as a number, and frozen sensors.
 
-Readers of logs write 0, -1, 9999 or the last value where a sensor has none. Such a number counts as a measurement, so
-every reader of measurements names it.
+Loggers write 0, -1, 9999 or the last value if a sensor has no reading. Such a number would count as a measurement, so
+every reader of measurements warns of it.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from continuum_grasp.base import Array
 from continuum_grasp.scene import Scene
 
 _BEYOND = 3.0
-"""Jump off and back per greatest step of all other readings, from which it is no motion [1]: the peaks of a vibration
-stand out from their neighbors by less than one step."""
+"""A jump off and back of more than this times the greatest step between other readings is no motion [1]: the peak of a
+vibration differs from its neighbors by less than one step."""
 _RARE = 0.02
-"""Share of readings that may jump to a number of their own [1]: more are a fast motion in few samples."""
+"""Greatest share of lost readings with different numbers [1]: more jumps are a fast motion with few samples."""
 _LEAST = 8
-"""Readings below which nothing is suspected [1]: fewer have no usual step."""
+"""Fewest readings that show a usual step [1]; with fewer nothing is suspected."""
 FROZEN = 20
-"""Equal readings in a row of a sensor that is frozen [1]: noise does not repeat itself."""
+"""A frozen sensor has at least this many equal readings in a row [1]: noise does not repeat itself."""
 _MOVES = 0.2
-"""Part of its range by which something else moves meanwhile, from which a repeated reading is frozen [1]."""
+"""A repeated reading is frozen if another channel moves by at least this share of its range meanwhile [1]."""
 _CATCHES_UP = 5.0
-"""Jump at the end of equal readings per step behind it [1]: a sensor that was frozen catches up with all samples that
-it missed, a finger that stuck moves on as slowly as it began."""
+"""Least jump after equal readings, per following step [1]: a frozen sensor catches up with all missed samples, whereas
+a finger that stuck moves on slowly."""
 _LEVELS = 1000.0
-"""Levels of a sensor in the range of its readings, below which different shapes may well be read alike [1]."""
+"""With fewer levels of a sensor in the range of its readings, different shapes may give equal readings [1]."""
 
 
 class LoggedReading(NamedTuple):
-    """Readings (T,) of a quantity, NaN where there are none."""
+    """Readings (T,) of a quantity; NaN marks missing readings."""
 
     name: str
     unit: str
@@ -44,19 +44,19 @@ class LoggedReading(NamedTuple):
 
 
 class LostReadings(NamedTuple):
-    """Readings that were probably lost or frozen: a warning, and their share of all readings of the quantity [1]."""
+    """Warning about readings that were probably lost or frozen, with their share of the quantity's readings [1]."""
 
     text: str
     share: float
 
     @property
     def explain_misfits(self) -> bool:
-        """Whether they are so many that a model misses the data because of them."""
+        """Whether the share is large enough to explain a misfit of the model."""
         return self.share > _RARE
 
 
 def lost_of(data: Data) -> list[LostReadings]:
-    """Warnings about readings of the shape that were probably lost or frozen."""
+    """Warn of readings of the shape that were probably lost or frozen."""
     shape = [reading for reading in data.measured if reading.quantity in KIND_OF]
     channels = [
         LoggedReading(reading.what, UNIT_OF[reading.quantity], np.asarray(reading.values, dtype=float))
@@ -70,7 +70,7 @@ def lost_of(data: Data) -> list[LostReadings]:
 
 
 def lost_in(channels: Sequence[LoggedReading], moved: Sequence[Array] = ()) -> list[LostReadings]:
-    """Warnings about readings along a motion, by the commands (T,) that ``moved`` the finger meanwhile."""
+    """Warn of lost or frozen readings along a motion; commands (T,) ``moved`` the finger meanwhile."""
     found = list[LostReadings]()
     values = [channel.values for channel in channels]
     for k, channel in enumerate(channels):
@@ -80,10 +80,8 @@ def lost_in(channels: Sequence[LoggedReading], moved: Sequence[Array] = ()) -> l
         if rows.any():
             found.append(LostReadings(_words(channel, rows), float(np.mean(rows))))
         elif longest:
-            text = (
-                f"{channel.name}: {longest} readings in a row are the same while the finger moves, as where a sensor "
-            )
-            found.append(LostReadings(text + "freezes: leave their cells empty", longest / channel.values.size))
+            text = f"{channel.name}: {longest} readings in a row are the same while the finger moves, as if the sensor "
+            found.append(LostReadings(text + "froze: leave their cells empty", longest / channel.values.size))
     return found
 
 
@@ -92,15 +90,15 @@ def _words(channel: LoggedReading, rows: NDArray[np.bool_]) -> str:
     same = f" to {values[0]:.6g} {channel.unit}" if values.size == 1 else ""
     return (
         f"{channel.name}: {np.count_nonzero(rows)} of {np.count_nonzero(np.isfinite(channel.values))} readings jump "
-        f"off{same} and back, as where a marker is lost: leave their cells empty"
+        f"off{same} and back, as if a marker was lost: leave their cells empty"
     )
 
 
 def jumps(values: Array, others: Sequence[Array] = ()) -> NDArray[np.bool_]:
-    """Readings (T,) that jump off and back by far more than all others move from one to the next.
+    """Find readings (T,) that jump off and back by far more than the steps between all other readings.
 
-    They have one number again and again, or are rare. At the begin and the end of a motion, where a reading need not
-    come back, it counts where ``others`` have that number, too.
+    They repeat one number, or are rare. A reading at the start or end of a motion, which cannot jump back, counts if
+    ``others`` have that number too.
     """
     left = np.isfinite(values)
     numbers, counts = np.unique(values[left], return_counts=True)
@@ -118,11 +116,11 @@ def jumps(values: Array, others: Sequence[Array] = ()) -> NDArray[np.bool_]:
 
 
 def _farthest(values: Array, everywhere: NDArray[np.bool_]) -> float | None:
-    """Number that is farthest from its neighbors among readings (T,), where that is beyond the steps of all others.
+    """Find the number that differs most from its neighbors among readings (T,), by more than all other steps.
 
-    A motion may pass by a number that comes again and again, so the median of its distances counts.
+    A motion may pass a number repeatedly, so the median of the differences counts.
     """
-    begins = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)  # equal readings in a row are one level
+    begins = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)  # consecutive equal readings form one level
     levels = values[begins]
     if levels.size < _LEAST:
         return None
@@ -135,9 +133,9 @@ def _farthest(values: Array, everywhere: NDArray[np.bool_]) -> float | None:
 
 
 def _away(levels: Array, may_end: NDArray[np.bool_]) -> Array:
-    """Distance (L,) of each level from the middle two of its four neighbors; zero where it is between them.
+    """Return the distance (L,) of each level from the middle two of its four neighbors; zero between these.
 
-    Those at the ends, which have fewer neighbors, count where they ``may_end``.
+    Levels at the ends, with fewer neighbors, count if they ``may_end``.
     """
     padded = np.concatenate([levels[2:0:-1], levels, levels[-2:-4:-1]])
     neighbors = np.sort(np.stack([padded[k : k + levels.size] for k in (0, 1, 3, 4)]), axis=0)
@@ -147,7 +145,7 @@ def _away(levels: Array, may_end: NDArray[np.bool_]) -> Array:
 
 
 def frozen_rows(values: Array, others: Sequence[Array], moved: Sequence[Array] = ()) -> int:
-    """Length of the longest run of equal readings (T,) of a frozen sensor, while ``others`` or commands move; 0: none.
+    """Return the longest run of equal readings (T,) of a frozen sensor, while ``others`` or commands move; 0: none.
 
     A sensor that is slower than the log repeats every reading, which is no fault.
     """
@@ -177,7 +175,7 @@ def frozen_rows(values: Array, others: Sequence[Array], moved: Sequence[Array] =
 
 
 def _moves(values: Array, rows: NDArray[np.intp]) -> bool:
-    """Whether something moves in some rows by a good part of its range."""
+    """Whether a channel moves in some rows by a good part of its range."""
     inside = values[rows]
     inside = inside[np.isfinite(inside)]
     whole = values[np.isfinite(values)]
@@ -185,15 +183,15 @@ def _moves(values: Array, rows: NDArray[np.intp]) -> bool:
 
 
 def _commands(scene: Scene, t: Array) -> list[Array]:
-    """Commands (T,) of the scene that change with time."""
+    """Return the commands (T,) of the scene that vary in time."""
     commands = () if scene.actuation is None else scene.actuation.values
     return [np.interp(t, of.times, of.values) for of in commands if not isinstance(of, (int, float))]
 
 
 def _alike(channels: Sequence[LoggedReading], conditions: Mapping[str, ArrayLike]) -> Iterator[LostReadings]:
-    """Shapes at rest that are equal to the last digit under different conditions: lost markers, or a frozen camera.
+    """Find shapes at rest with equal digits under different conditions: lost markers, or a frozen camera.
 
-    One reading alone is often equal by chance.
+    A single reading is often equal by chance.
     """
     if len(channels) < 2 or not conditions:
         return
@@ -208,14 +206,16 @@ def _alike(channels: Sequence[LoggedReading], conditions: Mapping[str, ArrayLike
             listed = ", ".join(str(row + 1) for row in rows[:6]) + (", ..." if rows.size > 6 else "")
             values = ", ".join(f"{channel.name} {channel.values[rows[0]]:.6g} {channel.unit}" for channel in channels)
             text = (
-                f"rows {listed} have the very same readings under different conditions ({values}), as where a marker "
-                "is lost or a camera froze: leave their cells empty"
+                f"rows {listed} have equal readings under different conditions ({values}), as if a marker "
+                "was lost or a camera froze: leave their cells empty"
             )
             yield LostReadings(text, len(rows) / len(shapes))
 
 
 def _is_coarse(values: Array) -> bool:
-    """Whether readings are multiples of a power of ten so large that different shapes may well be read alike."""
+    """Whether the resolution of the readings, a power of ten, is so coarse that different shapes may give equal
+    readings.
+    """
     for digits in range(7):
         scaled = values * 10.0**digits
         if np.allclose(scaled, np.round(scaled), rtol=0.0, atol=1e-6):

@@ -296,10 +296,10 @@ def _step(slopes: Array, residuals: Array) -> tuple[Array, float]:
 
 
 class LogColumns(NamedTuple):
-    """Channels of a log by name and unit: instants [s], increasing, and values without gaps; none of what it lacks.
+    """Channels of a log by name and unit: increasing instants [s] and values without gaps.
 
-    ``repeated`` counts the rows that repeat the instant of the row before, which are left out; ``notes`` are warnings
-    of the reader, ``unread`` names columns that nothing reads.
+    ``repeated`` counts skipped rows, which repeat the instant of the row before; ``notes`` are warnings of the reader;
+    ``unread`` names the unused columns.
     """
 
     channels: dict[str, tuple[Array, Array]]

@@ -96,7 +96,7 @@ def _far(problem: FitProblem, solution: Solution) -> list[tuple[Unknown, float]]
 
 
 def judge(problem: FitProblem, solution: Solution, lost: Sequence[str] = ()) -> Plausibility:
-    """Judge whether the finger can have the measurements; readings that are ``lost`` explain what it misses."""
+    """Judge whether the finger can produce the measurements; ``lost`` readings explain misfits."""
     left = misfits(problem, solution.predictions)
     reason = too_far(problem, solution.values, solution.sigma)
     unexplained = [misfit for misfit in left if misfit.is_unexplained]

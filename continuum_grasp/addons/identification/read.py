@@ -82,7 +82,7 @@ def read_data(scene: Scene, paths: Sequence[Path] = (), *, beside: Path | None =
 
 
 class _ReadColumns:
-    """Columns of a table that sets read, and those that none reads."""
+    """Columns of a table that sets read, and unused columns."""
 
     def __init__(self, table: DataTable) -> None:
         self._table = table
@@ -94,7 +94,7 @@ class _ReadColumns:
 
     @property
     def unread(self) -> str:
-        """File and names of the columns that no set reads; empty where there are none, and of a bag."""
+        """Name the file and its unused columns; empty if all are used, and for bags."""
         names = [name for at, name in enumerate(self._table.headings) if at not in self._read]
         return f"{Path(self._table.file).name}: {', '.join(names)}" if names and not self._table.topics else ""
 

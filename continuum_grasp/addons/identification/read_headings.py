@@ -1,4 +1,4 @@
-"""Measurements of tables whose headings say what they are."""
+"""Measurements of tables whose headings name the quantities."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ _TIMES = ("t", "time")
 
 
 def by_headings(file: Path, scene: Scene) -> list[Data]:
-    """Measurements of a table whose headings say what they are, with their units in brackets or behind an underscore;
-    InputError if they do not.
+    """Read the measurements of a table whose headings name quantities, with units in brackets or behind an underscore;
+    InputError if headings do not.
     """
     table = DataTable.read(file)
     columns = {name: Column(column=heading, unit=unit) for name, (heading, unit) in table.named().items()}
@@ -50,7 +50,7 @@ def by_headings(file: Path, scene: Scene) -> list[Data]:
         for name, quantity in quantities
         if name in columns
     )
-    # Of the log of a controller the commands: what it measured of the drives has the names of inputs.
+    # In a controller's log use the commands: measured channels of the drives have the names of inputs.
     commands = {
         key.removeprefix(ControlLog.COMMANDED): of
         for key, of in columns.items()
@@ -79,7 +79,7 @@ def by_headings(file: Path, scene: Scene) -> list[Data]:
 
 
 def _refuse_measured(table: DataTable, unread: Mapping[str, Column], expected: Sequence[str]) -> None:
-    """Refuse columns that nothing reads, but for notes and the third coordinate: a load left out would be missing."""
+    """Refuse unused columns except notes and the third coordinate: an unused load would falsify the comparison."""
     for name, column in unread.items():
         if name == "z":
             continue

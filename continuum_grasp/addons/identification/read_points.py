@@ -1,4 +1,4 @@
-"""Readings of a table whose rows are poses or instants, or points of these."""
+"""Readings of a table with a row for each pose or instant, or for each point of one."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from continuum_grasp.scene import DataTable, Scene
 
 @dataclass(frozen=True)
 class Points:
-    """Readings of a table whose rows are poses or instants, or points of these: groups of rows (R,) each.
+    """Readings of a table with a row for each pose or instant, or for each point of one, in groups of rows (R,).
 
-    ``heading`` names the column that rows of a group share.
+    All rows of a group have the same cell in the column ``heading``.
     """
 
     of: StaticPoses | TipTrajectory
@@ -38,11 +38,11 @@ class Points:
 
     @property
     def first(self) -> NDArray[np.intp]:
-        """First row (R,) of each group."""
+        """Return the first row (R,) of each group."""
         return np.array([rows[0] for rows in self.groups])
 
     def same(self, values: Array, name: str) -> Array:
-        """Values (R,) of the groups, all of whose rows must have the same; NaN where all of them are empty."""
+        """Return the values (R,) of the groups, equal in all rows of a group; NaN if all cells are empty."""
         same = np.full(len(self.groups), np.nan)
         for k, rows in enumerate(self.groups):
             there = rows[np.isfinite(values[rows])]
@@ -54,7 +54,7 @@ class Points:
         return same
 
     def readings(self, m: ReadingColumn, key: str) -> Iterator[Reading]:
-        """Readings of a column, one for each place that it has, NaN where a group has none."""
+        """Return the readings of a column, one per place; NaN for groups without the place."""
         table = self.table
         data_set = self.of
         length = self.scene.finger.rod.length
@@ -69,7 +69,7 @@ class Points:
         origin = data_set.origin["xy".index(quantity)] if quantity in ("x", "y") else 0.0
         values = sign * read_column(table, m, UNIT_OF[quantity], gaps=True) + origin
         if quantity in ("x", "y") and m.sigma is not None and m.sigma > length:
-            message = f"{m.sigma:g} m is more than the finger is long: a deviation is in m, whatever the column is in"
+            message = f"{m.sigma:g} m is more than the finger's length: sigma is in m, whatever the unit of the column"
             raise InputError(message, key=f"{self.key}.{key}.sigma")
         offset = read_column(table, m.offset, "m", gaps=True) if isinstance(m.offset, Column) else m.offset
         places = read_column(table, m.at, "m") if isinstance(m.at, Column) else None
@@ -102,18 +102,20 @@ class Points:
             yield Reading(quantity, column, there, m.sigma, m.since, m.of, same)
 
     def _check_offsets(self, heading: str, offsets: Array, rows: NDArray[np.intp]) -> None:
-        """Refuse markers without an offset, or one in another unit, in the rows (R,) that have them."""
+        """Refuse missing offsets, or offsets in another unit, in the rows (R,) of the markers."""
         at = self.table.index(heading)
         length = self.scene.finger.rod.length
         for value, row in zip(offsets.tolist(), rows.tolist(), strict=True):
             if np.isnan(value):
                 raise self.table.empty(at, row)
             if abs(value) > length:
-                message = f"{value:g} m is farther from the backbone than the finger of {length:g} m is long"
+                message = f"{value:g} m from the backbone is more than the finger's length of {length:g} m"
                 raise self.table.error(message, at, row)
 
     def patterns(self, measured: Sequence[ReadingColumn]) -> Iterator[tuple[list[Reading], NDArray[np.bool_]]]:
-        """Readings that groups have, and which groups have just these; in the order of their first group."""
+        """Return each combination of readings with the groups that have exactly these, in the order of the first
+        group.
+        """
         each = [list(self.readings(m, f"measured[{k}]")) for k, m in enumerate(measured)]
         readings = [reading for of in each for reading in of]
         there = np.isfinite([np.asarray(reading.values) for reading in readings]).T
@@ -130,7 +132,7 @@ class Points:
 
 
 def read_column(table: DataTable, column: ColumnLike, si: str, *, gaps: bool = False) -> Array:
-    """Read a column in an SI unit, as its definition says: less its zero and another column, times its scale."""
+    """Read a column in an SI unit: subtract its zero and another column, and multiply by its scale."""
     definition = as_column(column)
     behind = table.unit_behind(definition.column, si)
     if definition.unit is None and behind is not None and abs(definition.scale) != 1.0:

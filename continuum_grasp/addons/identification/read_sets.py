@@ -1,4 +1,4 @@
-"""From the table of a set to its measurements."""
+"""Read the measurements of a set from its table."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def changed_at(scene: SomeScene, changes: Sequence[str], key: str) -> SomeScene:
 
 
 def read_set(data_set: DataSet, table: DataTable, scene: Scene, name: str, key: str) -> list[Data]:
-    """The measurements of a table: of shapes at rest a set for each choice of readings that some of its rows have."""
+    """Return the measurements of a table; shapes at rest give a set per combination of readings in a row."""
     fitted = data_set.use == "fit"
     if isinstance(data_set, StaticPoses):
         points = Points(data_set, table, scene, key, table.groups(data_set.pose), data_set.pose)
@@ -111,7 +111,7 @@ def read_set(data_set: DataSet, table: DataTable, scene: Scene, name: str, key: 
 
 
 def commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, key: str) -> Scene:
-    """The scene under commands that were logged, smooth between their instants."""
+    """Return the scene under logged commands, smooth between their instants."""
     names = [finger_input.name for finger_input in scene.finger.inputs]
     unknown = [name for name in commands if name not in names]
     if unknown:
@@ -148,10 +148,10 @@ def _ring_downs(
 
 
 def _conditions(points: Points, scene: Scene, key: str, *, held: bool, t: Array | None = None) -> dict[str, Array]:
-    """Loads, inputs and parameters (R,) of all groups of rows, by name; empty cells are errors unless ``held``.
+    """Return loads, inputs and parameters (R,) of all groups of rows by name; empty cells are errors unless ``held``.
 
-    A held input stays as it was in the group before. Before its first cell, at instants ``t`` (R,), it is as the
-    scene's ``actuation`` has it.
+    A held input keeps its value from the previous group; before its first value it follows the scene's ``actuation`` at
+    the instants ``t`` (R,).
     """
     table = points.table
     columns = dict[str, Array]()
@@ -178,7 +178,7 @@ def _conditions(points: Points, scene: Scene, key: str, *, held: bool, t: Array 
 
 
 def _scene_command(scene: Scene, name: str, t: Array) -> Array | None:
-    """Commands (K,) of an input by the scene's own ``actuation`` at instants; None where the scene has none."""
+    """Return the commands (K,) of an input in the scene's ``actuation`` at instants; None without actuation."""
     names = [finger_input.name for finger_input in scene.finger.inputs]
     if scene.actuation is None or name not in names:
         return None
@@ -202,10 +202,10 @@ def unit_of_entry(name: str, scene: Scene, key: str) -> str:
     return units[name]
 
 
-@lru_cache(maxsize=1)  # all conditions of a set ask for those of one scene
+@lru_cache(maxsize=1)  # cached, because all conditions of a set belong to one scene
 def entries_of(scene: Scene, *parameters: str) -> Mapping[str, str]:
     """Units of the inputs and forces of the model by name, or of ``parameters`` of it."""
-    # inputs are those of any model, so none is chosen by tolerance
+    # every model has the same inputs, so none is chosen by tolerance
     plain = scene.model_copy(update={"fidelity": scene.fidelity.model_copy(update={"tolerance": None})})
     model = FingerModel(plain, parameters=parameters, input_rates=False)
     return dict(split_unit(label) for label in (model.p_names if parameters else (*model.u_names, *model.w_names)))

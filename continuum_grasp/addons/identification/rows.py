@@ -116,7 +116,7 @@ class RestShapes:
         past = (history,) if start.history.size else ()
         missing = model.inverse_dynamics(q, still, still, u, w, p, *past)
         self._missing = Chained("missing", missing, q, z, history)
-        # What the next row finds: where friction has come to, less the sliding from the unloaded shape on.
+        # State of friction at the start of the next row, minus the sliding since the unloaded shape.
         carried = ca.SX(start.history.size, 1)
         if start.history.size:
             slid = model.sliding()(q, u, p)

@@ -44,7 +44,7 @@ _GROUPS = {
 
 
 _OLD = ("deg", "deg/s", "in", "gf", "kgf", "lbf")
-"""Units that are tried beside those that differ by powers of ten: software counts in degrees and inches, and load cells
+"""Units to try besides powers of ten: software counts in degrees and inches, and load cells
 show weights. Each costs predictions anew, so units that no software chooses by itself, such as feet, are not tried."""
 
 
@@ -131,7 +131,7 @@ def undone(slip: PossibleMistake, data: Data, scene: Scene) -> Pair | None:
         return None
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a slip that is tried, such as gravity that points up, is no one's scene
+            warnings.simplefilter("ignore")  # a tried slip, such as gravity that points up, is not the user's scene
             return _undone_data(slip, data), scene.changed(dict(_changes(slip, scene)))
     except InputError:
         return None

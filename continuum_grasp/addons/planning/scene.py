@@ -275,7 +275,7 @@ class PlanScene(CommandedScene):
 
     @property
     def angles_asked(self) -> list[tuple[str, Any]]:
-        """Angles that setpoints and the goal ask for, rows with names."""
+        """Return the angles that setpoints and the goal request, as rows by name."""
         return [*super().angles_asked, ("bending", self.goal.targets.get("bending"))]
 
     @property

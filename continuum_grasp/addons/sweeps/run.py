@@ -72,15 +72,15 @@ def sweep(
     workers : int, optional
         Processes on this machine; by default all cores. With an executor: how many of its workers to count on.
     executor : concurrent.futures.Executor, optional
-        Does the work in place of processes on this machine; it is not shut down.
+        Executor that replaces processes on this machine; it is not shut down.
     scheduler : str, optional
-        Address of a Dask scheduler, such as ``tcp://127.0.0.1:8786``, in place of an executor.
+        Address of a Dask scheduler, such as ``tcp://127.0.0.1:8786``, instead of an executor.
     keep : {"all", "failed", "none"}, optional
         Runs whose files to keep, in ``runs/``.
     evaluate : callable, optional
         From a scene to its result, such as a `GraspResult`, importable by name; by default `optimize_grasp`.
     progress : callable, optional
-        Called with the share that is done, 0 to 1, and rows so far by status in words.
+        Called with the finished share, 0 to 1, and a text that counts the finished rows by status.
     overrides : iterable of str, or mapping, optional
         Changes to the configuration, as in `load`.
 

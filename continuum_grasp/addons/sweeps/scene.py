@@ -41,7 +41,7 @@ _IN_UNIT = {
 
 
 def _in_si(given: Any) -> Any:
-    # Without the scene itself: a key has one unit in all shapes of objects, and in all kinds of scenes.
+    # This needs no scene: a key has the same unit for all shapes of objects and in all kinds of scenes.
     shapes = [Shape(kinds()[name].scene_class) for name in VARIED_KINDS]
     return {key: _way_in_si(key, way, shapes) for key, way in given.items()} if isinstance(given, dict) else given
 
@@ -268,8 +268,8 @@ class Sweep(Varied):
     sample: Sample | None = None
     """Random draws of keys; None: none."""
     record: Annotated[ListOf[str], Field(max_length=40)] = ()
-    """More columns of the table: numbers of the result, such as ``quality.epsilon_l1`` or ``statistics.iterations``;
-    of hands, ``certificate.push`` [N]."""
+    """Additional columns of the table: numbers of the result, such as ``quality.epsilon_l1`` or
+    ``statistics.iterations``; for hands also ``certificate.push`` [N]."""
     maps: ListOf[Map] = ()
     """Pictures of one quantity over two keys."""
     pareto: ListOf[Front] = ()

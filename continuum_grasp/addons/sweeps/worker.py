@@ -39,7 +39,7 @@ class Job:
     keep: Keep
     """Runs whose files are wanted."""
     evaluate: Callable[[Any], Any]
-    """From a scene to its result."""
+    """Function that computes the result of a scene."""
 
 
 @dataclass(frozen=True)

@@ -124,9 +124,9 @@ class Certificate(Summarized):
 
     @cached_property
     def push(self) -> float:
-        """Greatest push on the object that the grasp bears in every direction, to first order while tensions stay, or
-        with locked tendons where ``disturbances.tendons`` says so [N]; none where it is unstable and the scene does not
-        ignore that.
+        """Greatest push on the object that the grasp bears in every direction, to first order [N]: at constant
+        tensions, or with locked tendons if ``disturbances.tendons`` is ``locked``. Zero for an unstable grasp, unless
+        the scene ignores stability.
         """
         from continuum_grasp.grasp.quality.response import GraspResponse
 
@@ -134,7 +134,7 @@ class Certificate(Summarized):
 
     @property
     def _asked(self) -> float:
-        """Push that the scene asks for [N]; zero where it asks for none."""
+        """Push that the scene requires [N]; zero without one."""
         return 0.0 if self.grasp is None else self.grasp.scene.contacts.push or 0.0
 
     @cached_property

@@ -171,7 +171,7 @@ class StoredFinger:
         self.profile = setup.finger.profile
         self.shape = FingerShape(setup, arrays)
         self.tensions, self.base = (np.asarray(arrays[f"{self.name}.{k}"], dtype=float) for k in ("tensions", "base"))
-        # Of states that are stored, or of pulling from the unloaded finger on; None without friction.
+        # From stored states, or from pulling the unloaded finger; None without friction.
         self.friction, self.dry = friction_of(setup, self.shape, arrays.get(f"{self.name}.friction_states"))
         winds = setup.drive is not None
         self.wound = WoundTendons(setup, self.shape, self.tensions, self.friction) if winds else None

@@ -42,9 +42,9 @@ def cell_nodes(edges: Array, *breaks: Sequence[float]) -> tuple[Array, Array, ND
 
 
 class TendonFriction:
-    """The friction cells of a finger's tendons, between the ends of its elements.
+    """Friction cells of a finger's tendons, between the ends of its elements.
 
-    ``states`` (K,) belong to the cells; None: of tendons that slid from the unloaded finger on.
+    ``states`` (K,) belong to the cells; None: the tendons have slid since the finger was unloaded.
     """
 
     def __init__(self, setup: FingerSetup, shape: FingerShape, states: Array | None = None) -> None:
@@ -60,7 +60,7 @@ class TendonFriction:
 
     @cached_property
     def _drawn_in(self) -> Array:
-        """What bending from rest draws in of the tendons along the halves of each cell (K, 2), per base offset."""
+        """Tendon length that bending from rest draws in along the halves of each cell (K, 2), per base offset."""
         channel = self._shape.channels[0]
         profile = self._shape.profile
         ends = np.append(np.stack([self.edges[:-1], self.edges[:-1] + 0.5 * self._widths], axis=1), self.edges[-1])
@@ -69,9 +69,9 @@ class TendonFriction:
 
     @cached_property
     def _turned(self) -> Array:
-        """Turn (K,) of the finger without sign along each cell, where the tendons run [rad].
+        """Unsigned turn (K,) of the finger along each cell, where the tendons run [rad].
 
-        It is that of the law of the model that is verified: rounded off, of each part on which the finger is smooth.
+        It follows the law of the verified model: rounded off, summed over the parts on which the finger is smooth.
         """
         channel, profile = self._shape.channels[0], self._shape.profile
         inside = np.concatenate([self.edges, profile.breaks, channel.shape.breaks])
@@ -84,8 +84,8 @@ class TendonFriction:
 
     @cached_property
     def pulled(self) -> Array:
-        """States (K,) of tendons that slid from the unloaded finger on: by the length drawn in beyond the middle of
-        each cell.
+        """States (K,) of tendons that have slid since the finger was unloaded, from the length drawn in beyond the
+        middle of each cell.
         """
         early, late = self._drawn_in.T
         beyond = np.append(np.cumsum((early + late)[::-1])[::-1][1:], 0.0) + late

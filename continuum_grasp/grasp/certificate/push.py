@@ -1,4 +1,4 @@
-"""The greatest push on an object that its contacts bear in every direction, to first order, by numpy alone.
+"""Compute the greatest push on an object that its contacts bear in every direction, to first order, with numpy alone.
 
 Under a push p d, |d| <= 1, a contact bears f + p G d. With the normal n, S = (1 + mu^2) n n' - 1, it is within the
 cone of friction mu for every d if and only if n . f >= p |G' n| and some e >= 0 makes
@@ -11,7 +11,7 @@ doi:10.1137/S003614450444614X). With w the eigenvalues of G' S G and v = Q' G' S
 
     p^2 <= (f' S f - sum v^2 / (w + e)) / e,  e > max(0, -min w),
 
-whose greatest value over e is that of a concave function per linear one, so that it has one maximum.
+a ratio of a concave and a linear function of e, which has a single maximum.
 """
 
 from __future__ import annotations
@@ -24,23 +24,24 @@ from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.check import Check
 
 SHORT = 0.02
-"""Share of a push that may be missing [1]: grasps yield by few elements in the search, by many in the certificate."""
+"""Share of a push that may be missing [1]: the search computes the response with few elements, the certificate with
+many."""
 _STEPS = 120
 """Steps of the golden section over the logarithm of e, from 1e-12 to 1e12 of its scale: to 1e-15 of that range."""
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 def bears(force: Array, slope: Array, normal: Array, friction: float, most: float = math.inf) -> float:
-    """Greatest push [N] in every direction that a contact bears.
+    """Compute the greatest push that a contact bears in every direction [N].
 
     Parameters
     ----------
     force : ndarray, shape (m,)
         Load on the contact [N].
     slope : ndarray, shape (m, k)
-        Change of that per push along each of k axes [1].
+        Change of the load per push along each of k axes [1].
     normal : ndarray, shape (m,)
-        Unit normal along which it presses.
+        Unit normal of the pressing contact.
     friction : float
         Coefficient of friction [1].
     most : float, optional
@@ -80,5 +81,5 @@ def bears(force: Array, slope: Array, normal: Array, friction: float, most: floa
 
 
 def push_check(borne: float, wanted: float) -> Check:
-    """Whether a grasp bears a push in every direction [N]."""
+    """Check that a grasp bears a push in every direction [N]."""
     return Check.part("push in every direction", wanted - borne, wanted, "N", SHORT)

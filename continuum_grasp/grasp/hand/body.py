@@ -179,7 +179,9 @@ class BodySurface:
 
     @property
     def convex_parts(self) -> list[Array]:
-        """Corners (N, 3) of convex bodies that make it up, in its own frame [m]; none where no formula has them."""
+        """Corners (N, 3) of convex bodies whose union is the solid, in its own frame [m]; empty if no formula gives
+        them.
+        """
         return self._local.convex_parts() if hasattr(self._local, "convex_parts") else []
 
     def _along(self, directions: Array) -> Array:

@@ -132,8 +132,8 @@ class HandCertificate(Summarized):
 
     @cached_property
     def push(self) -> float:
-        """Greatest push that the grasp bears in every direction, to first order [N]; none where nothing holds, or
-        where it is unstable and the scene does not ignore that.
+        """Greatest push that the grasp bears in every direction, to first order [N]. Zero without a grasp, or for an
+        unstable one unless the scene ignores stability.
         """
         if self.hand is None or not (self.hand.scene.stability == "ignore" or self.stability.eigenvalue > 0.0):
             return 0.0

@@ -1,8 +1,8 @@
-"""Grasps of a hand whose contacts press more than one weight asks: for a weight of any direction, or for pushes.
+"""Raise the contact forces of a hand's grasp, to hold a weight in any direction or to bear pushes.
 
-From a grasp with a weight along one direction, the object is held by normal forces whose sum rises step by step, with
-the least friction; at each step the contacts' needs follow to first order. More is not always safer: fingers curl past
-the object.
+The search starts from a grasp of a weight in one direction and raises the sum of the normal forces step by step, with
+the least friction; at each step the required friction follows to first order. Larger forces are not always safer:
+fingers curl past the object.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from continuum_grasp.grasp.hand.search import HandSearch, HandTried
 from continuum_grasp.scene import HandScene
 
 STEP = 1.15
-"""Ratio of the sums of normal forces of a step and the one before."""
+"""Ratio of the sums of normal forces of successive steps."""
 STEPS = 18
-"""Steps at most: twelve times the normal forces of the first."""
+"""Greatest number of steps: up to twelve times the normal forces of the first."""
 PUSH_STEP, PUSH_STEPS = 1.5, 14
-"""The same where a push is sought: up to two hundred times the normal forces of the first, which bears next to none."""
+"""Greatest number of steps for a push: up to 200 times the normal forces of the first, which bears almost no push."""
 REFINED, NEAR_PUSH = 4, 0.05
-"""Steps toward the least normal forces that bear a push, and the share by which it may be more, which ends them."""
+"""Greatest number of steps to the least normal forces that bear a push, and the excess of push that ends them [1]."""
 
 
 @dataclass(frozen=True)
 class GrippedGrasp:
-    """A grasp whose normal forces have a sum that was asked for."""
+    """Grasp with a given sum of normal forces."""
 
     scene: HandScene
     tried: HandTried
@@ -40,23 +40,27 @@ class GrippedGrasp:
 
     @property
     def friction(self) -> float:
-        """Coefficient of friction that a weight of any direction needs, per one that is there less the reserve."""
+        """Friction coefficient that a weight in any direction needs, per available coefficient after the reserve
+        [1].
+        """
         return max((c.friction / c.held for c in self.certificate.turned), default=float("inf"))
 
     @property
     def yielding(self) -> float:
-        """Motion of the object per what is allowed, the greater of displacement and turn."""
+        """Motion of the object per allowed motion [1], the greater of displacement and turn."""
         moved = zip(self.certificate.turned_motion, self.scene.most_motion, strict=True)
         return max(motion / most for motion, most in moved)
 
     @property
     def push(self) -> float:
-        """Push that it bears in every direction [N]; none where it is not a grasp as the scene asks."""
+        """Push that the grasp bears in every direction [N]; zero if the grasp violates the scene's limits."""
         return self.certificate.push if self.certificate.acceptable else 0.0
 
 
 def turned_grasps(scene: HandScene, held: HandTried, search: HandSearch) -> list[GrippedGrasp]:
-    """Grasps with rising forces next to one with a weight along -z, up to the first that holds every direction."""
+    """Yield grasps with rising forces near one with a weight along -z, up to the first that holds in every
+    direction.
+    """
     found = list[GrippedGrasp]()
     for grasp in _rising(scene, held, search, STEP, STEPS):
         if grasp.certificate.passed_at_rest:
@@ -69,8 +73,8 @@ def turned_grasps(scene: HandScene, held: HandTried, search: HandSearch) -> list
 
 
 def pushed_grasps(scene: HandScene, held: HandTried, search: HandSearch, enough: float) -> list[GrippedGrasp]:
-    """Grasps with rising forces next to one that bear a push in every direction, up to the first that bears enough
-    [N]; with an infinite push all that there are.
+    """Yield grasps with rising forces near one, up to the first that bears a push in every direction [N]; an infinite
+    push gives all.
     """
     found = list[GrippedGrasp]()
     for grasp in _rising(scene, held, search, PUSH_STEP, PUSH_STEPS):
@@ -83,8 +87,8 @@ def pushed_grasps(scene: HandScene, held: HandTried, search: HandSearch, enough:
 
 
 def least_pushed(grasps: list[GrippedGrasp], search: HandSearch, enough: float) -> GrippedGrasp | None:
-    """The grasp with the least normal forces that bears a push [N], between those of rising forces; None where none
-    does.
+    """Return the grasp with the least normal forces that bears a push [N], between grasps of rising forces; None
+    without one.
     """
     bearing = next((k for k, grasp in enumerate(grasps) if grasp.push >= enough), None)
     if bearing is None:
@@ -94,7 +98,7 @@ def least_pushed(grasps: list[GrippedGrasp], search: HandSearch, enough: float) 
     for _ in range(REFINED):
         if best.push <= (1.0 + NEAR_PUSH) * enough or search.budget.over:
             break
-        # A push rises about as the forces do; half way at most, where that is below what does not bear it.
+        # The push rises about as the forces do; the step goes at most half way to the forces that do not bear it.
         grip = max(best.grip * enough / best.push, 0.5 * (low + best.grip))
         grasp = _gripped(best.scene, best.tried, search, grip)
         if grasp is not None and grasp.push >= enough:
@@ -105,7 +109,7 @@ def least_pushed(grasps: list[GrippedGrasp], search: HandSearch, enough: float) 
 
 
 def _rising(scene: HandScene, held: HandTried, search: HandSearch, step: float, steps: int) -> Iterator[GrippedGrasp]:
-    """Grasps next to one, with normal forces whose sum rises by a ratio, as long as there are some."""
+    """Yield grasps near one, with a sum of normal forces that rises by a ratio, as long as grasps exist."""
     grip = float((held.arrays["contact_forces"] * held.arrays["contact_normals"]).sum())
     last = held
     for _ in range(steps):
@@ -118,7 +122,7 @@ def _rising(scene: HandScene, held: HandTried, search: HandSearch, step: float, 
 
 
 def _gripped(scene: HandScene, near: HandTried, search: HandSearch, grip: float) -> GrippedGrasp | None:
-    """The grasp next to one whose normal forces have a sum [N]."""
+    """Return the grasp near one with a given sum of normal forces [N]."""
     spec = HandSpec.of(scene, near.on)
     problem = hand_problem(replace(spec, pairs=near.problem.spec.pairs, aims=Aims(gripped=True)))
     tried = search.next_to(near, problem, {"grip": np.array([grip / search.units.force])})

@@ -112,7 +112,7 @@ class MeshSurface:
         return beyond, np.asarray((np.abs(beyond - own) > 1e-9).any(axis=(2, 3)))
 
     def edge_distance(self, points: Array) -> Array:
-        """Distance (N,) of points (N, 3) from the nearest convex crease [m]; infinite where there is none."""
+        """Distance (N,) of points (N, 3) from the nearest convex crease [m]; infinite without a crease."""
         triangle, k = np.nonzero(self.creased)
         other = self.neighbor[triangle, k]
         start, end = (self.places[triangle, (k + j) % 3] for j in (1, 2))

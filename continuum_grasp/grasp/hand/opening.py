@@ -1,4 +1,4 @@
-"""How the fingers of a hand are opened, so that grasps are reached whose fingers at rest are in the object's way."""
+"""Open the fingers of a hand that would block the object at rest, so that they can reach the grasp."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from continuum_grasp.grasp.hand.frames import PlaneFrame
 from continuum_grasp.scene import FingerSetup, HandScene
 
 STEPS = 48
-"""Steps of the difference of the tensions to its limit: of a finger that curls by two turns, 15 degrees each."""
+"""Number of steps of the tension difference up to its limit: 15 degrees each for a finger that curls by two turns."""
 
 
 def in_the_way(scene: HandScene) -> tuple[RestOverlap, ...]:
-    """Fingers that pass through the object at rest, where pulling alone would not bring them to a grasp."""
+    """Fingers that pass through the object at rest, and so cannot reach a grasp by pulling alone."""
     return tuple(overlap for overlap in overlaps_at_rest(scene) if overlap.body == "object")
 
 
@@ -30,20 +30,20 @@ def way_words(overlaps: Sequence[RestOverlap]) -> str:
 
 
 def opening_words(found: Mapping[str, float]) -> str:
-    """Say how fingers are opened that do not leave the object as they are released, by differences of tensions [N]."""
+    """Say how to open fingers that stay at the object when released, by differences of tensions [N]."""
     each = [
         f"{name} by {amount_text(abs(pull), 'N', '.3g')} on the {'bending' if pull > 0.0 else 'back'} tendon"
         for name, pull in found.items()
     ]
-    return f"open {', '.join(each)} before the object is there"
+    return f"open {', '.join(each)} before the object arrives"
 
 
 def openings(scene: HandScene, arrays: Mapping[str, Array]) -> dict[str, float]:
-    """Difference of the tensions [N] that takes each finger off the object which does not leave it as it is released.
+    """Return the tension difference [N] that opens each finger that stays at the object when released.
 
-    Such a finger at rest is in the object or on its other side: it is opened before the object is there, then closed.
-    Positive where it is opened by bending it further. Without the object, a finger follows its tendons alone; NaN where
-    no difference within the limits of its tendons clears the object on the side on which it touches.
+    At rest such a finger is inside the object or on its other side: it must open before the object arrives, and then
+    close. A positive difference opens it by bending it further. NaN: no difference within the limits of the tendons
+    clears the object on the side that the finger touches.
     """
     body = BodySurface(scene)
     frames = PlaneFrame.each(scene)
@@ -67,10 +67,10 @@ def openings(scene: HandScene, arrays: Mapping[str, Array]) -> dict[str, float]:
 
 
 def _side(setup: FingerSetup, frame: PlaneFrame, arrays: Mapping[str, Array], touching: Sequence[int]) -> float:
-    """Sign of the change of the difference of the tensions that moves the places which touch off the object."""
+    """Return the sign of the change of the tension difference that moves the contacts off the object."""
     line = arrays[f"{setup.name}.backbone"]
     stations, points = line[:, 0], line[:, 1:3]
-    # How much the section at each place turns per bending moment.
+    # Turn of the section at each place per bending moment.
     gives = np.gradient(stations) / setup.finger.profile.bending_stiffness(stations)
     moved = 0.0
     for k in touching:
@@ -82,7 +82,7 @@ def _side(setup: FingerSetup, frame: PlaneFrame, arrays: Mapping[str, Array], to
 
 
 def _is_clear(body: BodySurface, setup: FingerSetup, frame: PlaneFrame, difference: float) -> bool:
-    """Whether a finger pulled by a difference of its tensions [N], which nothing touches, is clear of the object."""
+    """Whether a finger without contacts, under a difference of its tensions [N], is clear of the object."""
     stations, line = free_line(setup.finger, (max(difference, 0.0), max(-difference, 0.0)))
     points = frame.world(np.column_stack([line, np.zeros(len(line))]))
     gaps = body.distance(points)[0] - setup.finger.profile.half_thickness(stations)

@@ -47,8 +47,8 @@ STORED = (
 
 
 _EDGE = 0.25
-"""Distance of a contact from an edge, per radius of the finger [1], from which on the edge is named: a finger of 6 mm
-that shifts by 1.5 mm, which grasps that turn may allow (``shift_max``), is then on the edge."""
+"""The result names an edge nearer to a contact than this distance per radius of the finger [1]: a finger of 6 mm radius
+that shifts by 1.5 mm, as turned grasps may allow (``shift_max``), then reaches the edge."""
 
 
 @dataclass(frozen=True)
@@ -255,7 +255,7 @@ class HandResult(AnyGrasp):
         return tuple(found)
 
     def _near_edges(self) -> list[str]:
-        """Contacts of fingers that sharp edges of a mesh are near, with their distances."""
+        """Contacts of fingers near sharp edges of a mesh, with their distances."""
         halves = {s.name: s.finger.profile.half_thickness for s in self.scene.setups}
         contacts = [c for c in self.contacts if c.name.rpartition(".")[0] in halves]
         distances = self.body.edge_distance(np.array([c.position for c in contacts]).reshape(-1, 3))
@@ -344,7 +344,7 @@ class HandResult(AnyGrasp):
         return Summarized.aligned(rows, {0, 1})
 
     def _margin(self, contact: FingerTouch) -> float:
-        """Share of the friction cone of a contact that is free; NaN where nothing presses."""
+        """Free share of a contact's friction cone; NaN without a normal force."""
         friction = self.friction_of(contact.name)
         across = contact.friction_force
         if contact.moment:

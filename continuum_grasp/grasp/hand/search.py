@@ -91,7 +91,7 @@ class HandSearch:
         self.units = self.points.units
         self._solver = settings_of(scene).solver()
         self._met = dict[HandSpec, list[Array]]()  # solutions of first runs by structure
-        self._begun = set[tuple[frozenset[str], tuple[TouchingPosture, ...]]]()  # starts that were solved
+        self._begun = set[tuple[frozenset[str], tuple[TouchingPosture, ...]]]()  # solved starts
         self.held = False  # whether a grasp was found that is as the scene asks
         # Fingers that touch the object in no posture, by set of contacts.
         self.untouched = dict[frozenset[str], list[str]]()
@@ -116,17 +116,17 @@ class HandSearch:
     def run(self, *, further: bool = True) -> Iterator[HandTried]:
         """Solve the likeliest start of each set of contacts, then the next of each, until ``held`` is set.
 
-        Where none of a normal search holds, ``further`` likely ones, which a thorough one would try.
+        If no start of a normal search gives a grasp, solve ``further`` likely starts of a thorough search.
         """
         effort = self.scene.solver.effort
         yield from self._run(effort)
         if effort == "normal" and further and not self.held:
-            self.budget.tell("no grasp yet; more starts are tried")
+            self.budget.tell("no grasp yet; trying more starts")
             yield from self._run("thorough", LEFT)
 
     @property
     def agreed(self) -> bool:
-        """Whether a search of the greatest effort came to its end."""
+        """Whether a search of the greatest effort is complete."""
         return self.scene.solver.effort != "quick" and not self.budget.cut
 
     def _run(self, effort: str, most: float = np.inf) -> Iterator[HandTried]:

@@ -27,18 +27,18 @@ _SLIGHT = 1e-3
 """Push, per weight, below which none is promised."""
 _NO_RESERVE = "; a contact is at the edge of friction, so a slight push may make it slip: give contacts.reserve, as 0.2"
 _PROBED = 0.01
-"""Weight that stands for a push where grasps are sought without one, per sum of the forces that the tendons can exert
-at tips [1]: a tenth of the push that is then asked of strong grasps."""
+"""Weight that replaces a missing weight in a search for grasps that bear a push, per sum of the tip forces that the
+tendons can exert [1]: a tenth of the push that strong grasps must then bear."""
 _FAINT = 1e-3
-"""Gravity of that weight where there is none [m/s2]."""
+"""Gravity of that weight in a scene without gravity [m/s2]."""
 _PUSHED = 3
-"""Grasps from which forces rise to bear a push, those with the least tension."""
+"""Number of grasps, by least tension, whose forces the search raises to bear a push."""
 _STEADIED = 2
 """Unstable grasps next to which stable ones are sought, the most stable."""
 
 
 def hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> HandResult:
-    """The best grasp of a hand, or why there is none; fingers that are in the object's way at rest can be opened."""
+    """Find the best grasp of a hand, or why none exists; the search opens fingers that block the object at rest."""
     way = in_the_way(scene)
     result = _held(scene, progress)
     opened = openings(scene, result.arrays) if result.solved else {}
@@ -48,7 +48,7 @@ def hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> Han
 
 
 def _held(scene: HandScene, progress: Callable[[str], None] | None) -> HandResult:
-    """The best grasp for what loads the object."""
+    """Find the best grasp for the loads of the object."""
     if scene.contacts.push or scene.unloaded:
         return _pushed(scene, progress)
     if not scene.turned:
@@ -61,7 +61,7 @@ def _held(scene: HandScene, progress: Callable[[str], None] | None) -> HandResul
 
 
 def _pushed(scene: HandScene, progress: Callable[[str], None] | None) -> HandResult:
-    """The grasp with the least normal forces that bears a push in every direction."""
+    """Find the grasp with the least normal forces that bears a push in every direction."""
     asked = scene.contacts.push
     plain = scene.replaced(contacts=scene.contacts.replaced(push=None))
     weight = _PROBED * sum(setup.tip_force for setup in scene.setups)
@@ -70,12 +70,12 @@ def _pushed(scene: HandScene, progress: Callable[[str], None] | None) -> HandRes
         if not plain.unloaded:
             return replace(result, scene=scene)
         stands_for = amount_text(weight, "N", ".2g")
-        message = f"no grasp was found that bears a push of {stands_for} on the object, which has no weight to speak of"
+        message = f"no grasp was found that bears a push of {stands_for} on the object, whose weight is negligible"
         return replace(
             result,
             scene=scene,
             status=result.status if result.status is GraspStatus.UNSTABLE else GraspStatus.NOT_SOLVED,
-            message=f"{message}; with a weight of {stands_for} in place of the push: {result.message}",
+            message=f"{message}; with a weight of {stands_for} instead of the push: {result.message}",
             certificate=None,
         )
     search = HandSearch(plain, Budget.of(scene.solver, progress))
@@ -85,7 +85,7 @@ def _pushed(scene: HandScene, progress: Callable[[str], None] | None) -> HandRes
     greatest = 0.0 if strongest is None else strongest.push
     push = PUSH_SHARE * greatest if asked is None else asked
     if asked is None and greatest <= NEAR * max(setup.tip_force for setup in scene.setups):
-        push = 0.0  # as little as a weight that is none
+        push = 0.0  # as small as a negligible weight
     bearing = [grasp for each in found if (grasp := least_pushed(each, search, push)) is not None] if push else []
     if not bearing:
         return _gives_way(scene, strongest, statistics)
@@ -106,9 +106,9 @@ def _pushed(scene: HandScene, progress: Callable[[str], None] | None) -> HandRes
 
 
 def _gives_way(scene: HandScene, strongest: GrippedGrasp | None, statistics: dict[str, Any]) -> HandResult:
-    """The verdict where no grasp bears the push, with the one that bears the greatest."""
+    """Give the verdict if no grasp bears the push, with the grasp that bears the greatest push."""
     if strongest is None:
-        message = "no grasp was found whose contacts press more than the weight asks"
+        message = "no grasp was found whose contacts press harder than the weight requires"
         advice = "Use stronger tendons, more friction, or a palm."
         return HandResult(scene, GraspStatus.NOT_SOLVED, message, advice=advice, statistics=statistics)
     certificate = strongest.certificate
@@ -116,7 +116,7 @@ def _gives_way(scene: HandScene, strongest: GrippedGrasp | None, statistics: dic
     if strongest.push:
         message = f"the grasp bears a push of {amount_text(strongest.push, 'N', '.3g')} in every direction, "
         asked = scene.contacts.push
-        message += f"less than contacts.push asks, {amount_text(asked, 'N', '.3g')}" if asked else "next to none"
+        message += f"less than contacts.push, {amount_text(asked, 'N', '.3g')}" if asked else "which is negligible"
         advice = "Use stronger tendons, more friction, more fingers, or a smaller contacts.push."
     elif certificate.passed:
         status = GraspStatus.UNSTABLE
@@ -138,10 +138,10 @@ def _gives_way(scene: HandScene, strongest: GrippedGrasp | None, statistics: dic
 
 
 def _weighing(scene: HandScene, weight: float) -> HandScene:
-    """The scene of an object with some weight [N] along gravity, or along -z where there is none."""
+    """Return the scene with a given weight of the object [N] along gravity, or along -z without gravity."""
     gravity = scene.acceleration
     if not any(gravity):
-        # So little that the fingers' own weight does not matter.
+        # So small that the fingers' own weight does not matter.
         gravity = (0.0, 0.0, -_FAINT)
     mass = weight / math.hypot(*gravity)
     return scene.replaced(object=scene.object.replaced(mass=mass, density=None), gravity=gravity)
@@ -193,7 +193,7 @@ def _turned(scene: HandScene, down: HandResult, held: HandTried, progress: Calla
         return HandResult(
             scene, GraspStatus.NOT_SOLVED, message, arrays, certificate, advice=advice, statistics=statistics
         )
-    # One grasp was turned; another may hold every direction.
+    # Only one grasp was turned; another may hold in every direction.
     needed = beyond_needed(max(c.friction / c.held for c in certificate.turned) * scene.contacts.friction, 1.0)
     limit = next(limit for limit in LIMITS if limit.name == "friction")
     other = certify_hand(limit.changed(scene, needed), arrays)
@@ -206,7 +206,7 @@ def _turned(scene: HandScene, down: HandResult, held: HandTried, progress: Calla
 
 
 def _tension_text(scene: HandScene, tried: HandTried) -> str:
-    """The sum of the tensions of a grasp; none where it is what a solver leaves of zero."""
+    """Return the sum of the tensions of a grasp; zero if it is within the solver's tolerance."""
     most = sum(setup.max_tension for setup in scene.setups)
     return amount_text(tried.tension if tried.tension > SATISFIED * most else 0.0, "N", ".4g")
 
@@ -218,8 +218,8 @@ def _motion_text(shift: float, turn: float) -> str:
 
 
 def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tuple[HandResult, list[HandTried]]:
-    """The best grasp under gravity of one direction, or why there is none; all that are as the scene asks, the best
-    first.
+    """Find the best grasp under gravity in one direction, or why none exists, and all grasps that satisfy the scene,
+    the best first.
     """
     began = time.monotonic()
     budget = Budget.of(scene.solver, progress)
@@ -229,7 +229,7 @@ def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tu
     way = in_the_way(scene)
     if way:
         budget.tell(way_words(way))
-    # Where every finger is in the way, it is the place of the object, whatever else may be changed.
+    # If every finger blocks the object, its position is the reason, whatever else may change.
     misplaced = len(way) == len(scene.setups)
 
     def look(one: HandTried) -> None:
@@ -282,7 +282,7 @@ def _hold(scene: HandScene, progress: Callable[[str], None] | None = None) -> tu
         result = HandResult(scene, GraspStatus.FEASIBLE, message, best.arrays, certificate, statistics=statistics)
         return result, [one for one, _ in ranked]
     if misplaced:
-        message = f"{way_words(way)}, and no grasp was found to which their tendons open and close them"
+        message = f"{way_words(way)}, and no grasp was found that they reach by opening and closing"
         advice = "Move the object or the bases, or give the fingers a rest_curvature that clears the object."
         arrays = min(tried, key=lambda one: one.attempt.violation).arrays if tried else {}
         return HandResult(scene, GraspStatus.NOT_SOLVED, message, arrays, advice=advice, statistics=statistics), []
@@ -310,7 +310,7 @@ def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], stati
         tries = f"the search tried {len(tried)} starting postures, a sample of all postures"
         status, message = GraspStatus.INFEASIBLE, f"{reasons[0].text}; {tries}"
         if not search.agreed:
-            # A greater effort may hold it as it is.
+            # A search of greater effort may find a grasp without a change.
             status = GraspStatus.NOT_SOLVED
             message = f"no grasp found; nearest to one: {message}{_more(scene, search)}"
         arrays = dict(reasons[0].arrays)
@@ -337,7 +337,7 @@ def _without(scene: HandScene, search: HandSearch, tried: list[HandTried], stati
 
 
 def _more(scene: HandScene, search: HandSearch) -> str:
-    """Say what would let a search try more."""
+    """Say how to let a search try more starts."""
     if search.budget.stopped:
         return f" (the clock stopped it after {scene.solver.time_limit:g} s: solver.time_limit)"
     if search.budget.cut:

@@ -120,7 +120,7 @@ class SuperquadricSurface:
         return height, normal, 0.5 * (hessian + hessian.transpose(0, 2, 1))
 
     def convex_parts(self) -> list[Array]:
-        """Points of its surface (N, 3), which is convex, in its own frame [m]."""
+        """Points (N, 3) of the convex surface, in its own frame [m]."""
         return [self.samples]
 
     def triangles(self) -> tuple[Array, Array]:

@@ -20,7 +20,7 @@ FEW = 64
 TURNS = 97
 """Points around a circle, for pictures."""
 ROUNDED = 32
-"""Points around the edge of a convex part: chords are 0.5 % of its radius off."""
+"""Number of points around the edge of a convex part: chords deviate by 0.5 % of its radius."""
 
 
 class PlaneDistance(NamedTuple):
@@ -214,7 +214,9 @@ class ExtrudedSurface:
         return of_grid(self._grid(ring, outward))
 
     def convex_parts(self) -> list[Array]:
-        """Corners (N, 3) of convex bodies that make it up, in its own frame [m]: the pieces of its core, grown."""
+        """Corners (N, 3) of convex bodies whose union is the solid, in its own frame [m]: the grown pieces of the
+        core.
+        """
         turn = np.linspace(0.0, 2.0 * np.pi, ROUNDED + 1)[:-1]
         around = np.column_stack([np.cos(turn), np.sin(turn)])
         rings = [PlaneBoundary(piece).ring()[0] for piece in self._pieces]

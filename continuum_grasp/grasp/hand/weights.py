@@ -85,7 +85,9 @@ def promised_wrench(hand: RecomputedHand, response: HandResponse, along: Array) 
 
 
 def borne_push(hand: RecomputedHand, response: HandResponse) -> float:
-    """Greatest push on the object that it bears in every direction [N], to first order at constant tensions."""
+    """Return the greatest push on the object that the grasp bears in every direction [N], to first order at constant
+    tensions.
+    """
     slopes = zip(response.forces[..., :3], response.moments[:, :3], strict=True)
     return min(
         bears(*_with_moment(contact, slope, twist), contact.friction, contact.normal_force_max)

@@ -12,10 +12,10 @@ that has yielded; its derivative at the grasp, times the changes d( ) per wrench
     limits    forces + changes within their cones, tensions + changes within their limits
 
 Retensioned tendons change their tension freely; locked ones have a fixed length, so the tip's angle stays and the
-tension reacts, shared equally where both tendons are there; of constant ones neither reacts.
+tension reacts, shared equally between two tendons; with constant tensions neither reacts.
 
 A push p d of any direction d in the plane changes forces by p (F_x, F_y) d, from the answers to pushes along x and y. A
-limit c . f >= 0 that is linear holds for all of them where c . f >= p |c' (F_x, F_y)|.
+linear limit c . f >= 0 holds for all directions if c . f >= p |c' (F_x, F_y)|.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ LEAST = 0.02
 point would run along the finger without bound as it rolls; a finger that fits the object counts as wrapped."""
 
 CORNERS = 16
-"""Corners of the polygon around all pushes that stands for them where a friction cone is not linear: 2 % more."""
+"""Number of corners of the polygon around all pushes, for friction cones that are not linear: it overestimates by 2
+%."""
 
 _Row = tuple[str, ca.SX, str, str]
 """Name, expression, unit and key of what must stay zero."""
@@ -50,7 +51,9 @@ def add_disturbances(problem: PlanarPart, wrenches: ca.SX) -> None:
 
 
 def add_push(problem: PlanarPart, push: ca.SX) -> None:
-    """Add unknowns and constraints of a part for a push on it in any direction; zero where it acts on another part."""
+    """Add unknowns and constraints of a part for a push in any direction on it; zero if the push acts on another
+    part.
+    """
     tendons = "locked" if problem.spec.locked else "constant"
     along = _changes(problem, ca.vertcat(push * ca.SX.eye(2), ca.SX(1, 2)), tendons, ["push x", "push y"])
     number = problem.numbers
@@ -59,7 +62,7 @@ def add_push(problem: PlanarPart, push: ca.SX) -> None:
         force = contact.force[: problem.spec.dimensions]
         changes = ca.horzcat(*(change[f"change of force, {name}"] for change in along))
         friction = number(f"{name}.friction")
-        # 1e-24 keeps the root differentiable where nothing changes.
+        # 1e-24 keeps the root differentiable if nothing changes.
         more = ca.sqrt(ca.sumsqr(changes[0, :]) + 1e-24)
         spare = ca.vertcat(force[0] - more, number(f"{name}.normal_force_max") - force[0] - more)
         problem.rows.require(f"pushed normal force, {name}", spare, "N", "contacts.normal_force_max", upper=ca.inf)
@@ -77,7 +80,7 @@ def add_push(problem: PlanarPart, push: ca.SX) -> None:
 
 
 def _changes(problem: PlanarPart, wrenches: ca.SX, tendons: str, cases: Sequence[str]) -> list[dict[str, ca.SX]]:
-    """Unknown changes of a part under wrenches (3, W), one of each case, by name, and the rows that they satisfy."""
+    """Add the unknown changes of a part under wrenches (3, W) by name, one per case, and their constraints."""
     changes = Columns()
     rows = list(_yielded(problem, changes, tendons))
     z = changes.symbol

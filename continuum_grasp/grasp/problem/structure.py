@@ -174,7 +174,7 @@ class ProblemSpec:
     aims: tuple[str, ...]  # objectives with a weight
     wrenches: int  # disturbances, where they are an aim
     locked: bool  # whether tendons are locked under disturbances and pushes
-    pushed: bool = False  # whether a push of any direction is borne
+    pushed: bool = False  # whether the grasp bears a push in any direction
     steadied: bool = False  # whether there is a bound on what the least eigenvalue is to first order
     yielding: bool = False  # whether the object yields to tips that stay where they met it
 

@@ -145,7 +145,7 @@ def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str,
     high: Values = dict(low)
     low["greatest normal force"] = 0.0
     low["friction margin"], high["friction margin"] = 0.0, 1.0
-    # A push that is sought is no less than one that is asked for, nor than what is none to the fingers.
+    # The lower bound of the push is the required push, or a push that is negligible to the fingers.
     low["borne push"] = max(scene.contacts.push or 0.0, NEAR * units.force) / units.force
     for setup in scene.setups:
         name = setup.name
@@ -161,7 +161,7 @@ def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str,
         low[f"{name}.base"], high[f"{name}.base"] = map(units.pose, zip(*finger.base_bounds, strict=True))
     low["object pose"], high["object pose"] = map(units.pose, zip(*scene.object.pose_bounds, strict=True))
     steady = bool({"greatest_disturbance", "greatest_friction_margin", "greatest_push"} & set(problem.spec.aims))
-    # Where slipping, disturbances or pushes are an aim, each contact presses.
+    # If the objective has slip, disturbances or pushes, each contact presses.
     least = NEAR * max(scene.weight / units.force, 1.0) if steady else 0.0
     if "reserve" in problem.x.at:  # which says whether contacts press
         least = -np.inf

@@ -122,10 +122,10 @@ class GraspResponse:
 
     @cached_property
     def push(self) -> float:
-        """Greatest push that it bears in every direction [N]: at constant tensions, or with locked tendons where the
-        scene's disturbances have these; none where it is unstable, unless something else steadies it as the scene says.
+        """Greatest push that the grasp bears in every direction [N]: at constant tensions, or with locked tendons if
+        the scene's disturbances have these. Zero for an unstable grasp, unless the scene ignores stability.
         """
-        # Tensions that are not chosen anew are constant.
+        # Without new tensions the tensions are constant.
         tendons: Tendons = self._scene.disturbances.tendons
         ignored = self._scene.stability == "ignore"
         if not self.contacts.count or not (ignored or self.stable(tendons)):

@@ -151,10 +151,10 @@ def out_of_reach(scene: GraspScene) -> Reason | None:
 
 
 def push_reason(scene: GraspScene, strongest: Tried) -> Reason:
-    """The push is greater than the greatest that was found."""
+    """Return the reason that the required push exceeds the greatest push found."""
     asked = scene.contacts.push or 0.0
     borne = beyond_needed(strongest.certificate.push, -1.0)
-    text = f"the push is too great: {amount_text(asked, 'N', '.3g')}, {amount_text(borne, 'N', '.3g')} can be borne"
+    text = f"the push is too great: {amount_text(asked, 'N', '.3g')}; a grasp bears {amount_text(borne, 'N', '.3g')}"
     repair = f"contacts.push = {amount_text(borne, 'N', '.3g')}"
     return Reason("push", "contacts.push", "N", asked, borne, text, repair, arrays=strongest.arrays)
 

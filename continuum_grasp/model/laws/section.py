@@ -120,7 +120,7 @@ class SectionLaw(ABC):
         return []
 
     def travel(self, bend: Bend) -> list[Scalar]:
-        """Travel of each friction state from the unloaded shape on, per the travel at which it slides [1]."""
+        """Travel of each friction state since the unloaded shape, per its sliding travel [1]."""
         return []
 
     def energy(self, bend: Bend) -> Scalar:
@@ -199,7 +199,7 @@ class SectionForces:
 
     @property
     def travel(self) -> list[Scalar]:
-        """Travel of all friction states from the unloaded shape on, per the travel at which each slides [1]."""
+        """Travel of all friction states since the unloaded shape, per the sliding travel of each [1]."""
         return [way for law, _, bend in self._acting for way in law.travel(bend)]
 
     @property

@@ -59,11 +59,11 @@ class OutlineFile(MaybeDrawn):
     shape: Literal["outline"]
     """The outer closed curve in a file; it becomes a polygon whose frame has its origin at the centroid, y up."""
     file: Annotated[str, Field(examples=["bottle.png"])]
-    """SVG (what one sees of its shapes), DXF (entities of the model space; those that meet are joined), CSV (columns x
+    """SVG (the visible shape), DXF (entities of the model space; those that meet are joined), CSV (columns x
     and y, with units in their headings or without headings), PNG (a dark silhouette on a light ground, or an opaque one
     on a transparent ground), or the closed surface of an STL, OBJ, PLY or 3MF, cut to a section by ``cut``."""
     path: str | None = None
-    """Curve to take of several: ``id`` of an SVG element or of a group around it; layer, block or handle of DXF, or
+    """Curve to choose from several: ``id`` of an SVG element or of a group around it; layer, block or handle of DXF, or
     ``INSERT 33[2]``, the second instance of an array; ``silhouette 2`` of PNG, the second largest. An error that lists
     several curves has a name of each."""
     scale: Annotated[Extent, Field(examples=["1 mm"])] | None = None
@@ -105,7 +105,9 @@ class OutlineFile(MaybeDrawn):
         return drawing.scaled(scale).outline(name, self.path)
 
     def level(self, normals: Iterable[PlanePoint]) -> Self:
-        """The outline that lies flat, within the error of a measured one, on supports it meets along some normals."""
+        """Return the outline with sides that lie flat, within the error of a measured one, on supports along some
+        normals.
+        """
         copy = self.model_copy()
         of_curve = ("curve", "vertices", "drawn", "parts")
         for key in of_curve:

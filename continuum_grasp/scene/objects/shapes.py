@@ -59,7 +59,7 @@ class MaybeDrawn(Value):
         return 0.0
 
     def redrawn(self) -> Self:
-        """A copy whose polygons are nearer to the drawings that they stand for, and larger by their `outline_error`."""
+        """Return a copy with polygons nearer to the drawings, and larger by their `outline_error`."""
         return self
 
 
@@ -238,8 +238,9 @@ class OutlineCurve(Value):
     error: Distance = 0.0
     """Greatest distance of the curve from the true one that the noise of its measured points explains [m]."""
     vertices: Annotated[ListOf[Position], Field(min_length=3, max_length=1024)]
-    """Corners of a polygon that is nearer to the curve, and larger by its error on all sides, by which reports measure
-    what both change [m]."""
+    """Corners of a polygon nearer to the curve, and larger by its error on all sides; reports measure the effect of
+    both [m].
+    """
 
     @property
     def off(self) -> float:

@@ -39,7 +39,7 @@ def deviation(curve: Sequence[PlanePoint], corners: Sequence[PlanePoint]) -> flo
 
 
 def grown(corners: Sequence[PlanePoint], by: float) -> tuple[PlanePoint, ...]:
-    """Corners of a polygon whose sides are farther out by a distance [m]."""
+    """Return the corners of a polygon with sides farther out by a distance [m]."""
     import shapely
 
     if by == 0.0:

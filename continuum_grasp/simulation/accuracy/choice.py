@@ -141,7 +141,7 @@ def _marks(scene: Scene) -> tuple[float, ...]:
 
 
 def _bending_range(scene: Scene, truth: Truth, lengths: tuple[float, ...]) -> float | None:
-    """Range that covers what the elements do with a margin; None where none does."""
+    """Return a range that covers the bends of the elements with a margin; None if no range does."""
     bending_range = scene.fidelity.bending_range
     if bending_range is not None:
         return bending_range
@@ -155,7 +155,7 @@ def _bending_range(scene: Scene, truth: Truth, lengths: tuple[float, ...]) -> fl
         limit = float(scene.finger.curvature_limit_at(np.linspace(start, start + h, 9)).max())
         wanted = max(wanted, h * min(reach, limit))
         start += h
-    # Beyond one turn more elements are cheaper, where their number is open.
+    # Beyond one turn, more elements are cheaper if their number is open.
     further = wanted if scene.fidelity.elements is not None and wanted <= Fidelity.WIDEST else None
     return next((r for r in RANGES if r >= wanted), further)
 

@@ -1,4 +1,4 @@
-"""Elements of a finger's models: numbers that are tried, a scene in more elements, shapes in other elements.
+"""Elements of a finger's models: the numbers to try, a scene in more elements, shapes in other elements.
 
 One mechanism for motions, equilibria and modes of every finger: lengths, bending coordinates and damping per element
 are translated, everything else of the scene stays.
@@ -21,12 +21,12 @@ COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16)
 """Numbers of elements that are tried: each of the few, then in steps of a quarter or so, which bound the excess
 cost."""
 MOST = max(COUNTS)
-"""Elements up to which an error is pursued [1]: forward dynamics of twice as many take four times as long."""
+"""Greatest number of elements that a search tries: forward dynamics of twice as many take four times as long."""
 PLACES = np.linspace(0.0, 1.0, 21)
-"""Places along the finger that are compared, per length [1]."""
+"""Compared places along the finger, per length [1]."""
 _PANEL = 1 / 40
-"""Longest panel on which a shape is integrated, per length [1]: five nodes on each are exact to 1e-9 of the length
-where the panel bends by a radian."""
+"""Longest panel of the integration of a shape, per length [1]: five nodes are exact to 1e-9 of the length if the panel
+bends by a radian."""
 
 _HALVED = Consumer("accuracy in space", {"initial.friction_states": "belongs to these elements"})
 
@@ -34,9 +34,9 @@ Curve = Callable[[Array], Array]
 
 
 def refined(scene: Scene, model: FingerModel, lengths: tuple[float, ...] = ()) -> Scene:
-    """The scene with elements of other lengths [m] than its model's, by default with every element halved.
+    """Return the scene with elements of other lengths [m] than the model's, by default with every element halved.
 
-    InputError where the scene is one of that model alone.
+    InputError if the scene fits that model alone.
     """
     _HALVED.check(scene)
     growth = len(lengths) / len(model.lengths) if lengths else 2.0
@@ -62,7 +62,7 @@ def refined(scene: Scene, model: FingerModel, lengths: tuple[float, ...] = ()) -
 
 
 def _halved(model: FingerModel) -> tuple[float, ...]:
-    """Lengths of the halves of all elements."""
+    """Return the lengths after halving all elements."""
     # 0.25: length of an element per the mean up to which it is not halved. Short ones enclose couples, 2 % of the
     # length among two to eight others; their half would be the stiffest by far. Those of a taper of 1:16 differ less
     short = 0.25 * model.finger.rod.length / len(model.lengths)
@@ -90,24 +90,24 @@ class ModelShape:
         return curvature
 
     def angle(self, s: Array) -> Array:
-        """World angles (M,) [rad] of the sections at places (M,) [m]."""
+        """Return the world angles (M,) of the sections at places (M,) [m], in rad."""
         return self._rod.at(self._nodal, s)[1]
 
     def position(self, s: Array) -> Array:
-        """World positions (M, 2) [m] of places (M,) [m]."""
+        """Return the world positions (M, 2) [m] of places (M,) [m]."""
         return self._rod.at(self._nodal, s)[0]
 
 
 def translated(model: FingerModel, q: Array, u: Array, finer: FingerModel) -> Array:
-    """Coordinates (n,) of a finer model near the shape q of a model under an input u."""
+    """Return coordinates (n,) of a finer model near the shape q of a model under an input u."""
     shape = ModelShape(model, q, u)
     return coordinates_near(finer, shape.angle, shape.curvature)
 
 
 def coordinates_near(model: FingerModel, angle: Curve, curvature: Curve) -> Array:
-    """Coordinates (n,) of a model near a shape, given by its angle [rad] and curvature [1/m] at places (s,) [m].
+    """Return coordinates (n,) of a model near a shape with known angle [rad] and curvature [1/m] at places (s,) [m].
 
-    The curvature, which may jump where elements end, is taken inside of them.
+    The curvature may jump at ends of elements, so it is taken inside the elements.
     """
     edges = np.concatenate([[0.0], np.cumsum(model.lengths)])
     edges[-1] = model.finger.rod.length  # the sum may be beyond the tip by rounding, where there is no shape
@@ -126,7 +126,7 @@ def whole_error(model: FingerModel) -> float:
 
 
 def left_by_halves(model: FingerModel) -> float:
-    """Share of its error that a model has with elements of half the length [1]."""
-    # 0.5: share of a family's order of convergence that is believed: few elements, tapers and friction reach no more.
-    # Of random scenes (``benchmarks.bench_space_error``) the whole order covers the true error of 55 to 86 % only
+    """Return the share of a model's error that remains with elements of half the length [1]."""
+    # 0.5: credited share of a family's order of convergence: few elements, tapers and friction reach no more. In random
+    # scenes (``benchmarks.bench_space_error``) the whole order covers the true error of 55 to 86 % only
     return float(2.0 ** (-0.5 * model.structure.family.order))

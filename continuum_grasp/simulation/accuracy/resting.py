@@ -1,10 +1,10 @@
-"""Shapes at rest in as many elements as they need.
+"""Find shapes at rest with a sufficient number of elements.
 
-1. Solve in the elements that the scene has.
-2. Measure the error: against the exact rod near the shape, in a twentieth of the time of 1; where the exact rod does
-   not know the scene, against the shape in twice as many elements.
-3. While that is too large, or the stability is open: twice as many elements. Stated elements are retained, and the
-   number that would do is reported.
+1. Solve with the elements of the scene.
+2. Measure the error: against the exact rod near the shape, in a twentieth of the time of step 1; if the exact rod
+   does not cover the scene, against the shape with twice as many elements.
+3. Double the elements while the error is too large or the stability is open. Stated elements are retained; a warning
+   names a number that suffices.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from continuum_grasp.simulation.static_shape import Equilibrium
 from continuum_grasp.simulation.vibration import frequencies_of, relative_errors
 
 _FEW = 4
-"""Stated elements up to which the error is measured unasked by twice as many [1]: halves of four clothoids take 0.6 s
-of processor time, of eight 12 s."""
+"""Greatest number of stated elements whose error is measured by default with twice as many: doubling four clothoids
+takes 0.6 s of processor time, doubling eight 12 s."""
 _ROD = 1e-6
 """Tolerance of the exact rod, per length [1]: far below the limit, and no slower than a coarser one."""
 _BEYOND = "beyond the bending range"
-"""Status of a search that leaves the bending range, where more elements may succeed."""
+"""Status of a search that leaves the bending range; more elements may succeed."""
 
 Search = Callable[[Scene, FingerModel, Array | None], RestingShape]
 
@@ -50,19 +50,19 @@ Search = Callable[[Scene, FingerModel, Array | None], RestingShape]
 class RestCase:
     """A load case of a scene at rest."""
 
-    exact: Scene  # whose loads and inputs at time zero are those of the case
+    exact: Scene  # scene whose loads and inputs at time zero are those in the case
     search: Search  # of the shape, from a guess
     loads: Sequence[Load] = ()  # besides those of the scene
 
 
 class Level:
-    """The shapes at rest of a scene in one number of elements; None where there is none."""
+    """Shapes at rest of a scene with one number of elements; None marks a missing shape."""
 
     def __init__(
         self, scene: Scene, model: FingerModel, cases: Sequence[RestCase], coarser: Level | None = None
     ) -> None:
         self.scene, self.model, self.cases = scene, model, cases
-        # Places at which elements end in every level.
+        # Ends of elements in every level.
         self.marks: tuple[float, ...] = tuple(accumulate(model.lengths))[:-1] if coarser is None else coarser.marks
         self.count = len(model.lengths)
         self.rests: list[RestingShape | None] = []
@@ -76,14 +76,14 @@ class Level:
                 self.errors.append(error)
 
     def guess(self, case: int, finer: FingerModel) -> Array | None:
-        """Coordinates of a finer model near the shape of a case."""
+        """Return coordinates of a finer model near the shape of a case."""
         rest = self.rests[case]
         return None if rest is None else translated(self.model, rest.q, rest.u, finer)
 
     @cached_property
     def finer(self) -> Level | None:
-        """The shapes in twice as many elements; None where the scene is one of this model alone."""
-        # A number that the user stated is placed as a greater one would be.
+        """Find the shapes with twice as many elements; None if the scene fits this model alone."""
+        # A number of elements from the user is distributed like a greater one.
         marks = self.scene.contacts if isinstance(self.scene.fidelity.elements, int) else self.marks
         lengths = element_lengths(self.model.finger.profile, marks, 2 * self.count)
         try:
@@ -97,14 +97,14 @@ class Level:
 
 
 def resolution_of(equilibrium: Equilibrium, *, vibrates: bool = False) -> Resolution:
-    """Errors that the elements of an equilibrium leave, whose elements are retained."""
+    """Measure the errors of an equilibrium whose elements are retained."""
     scene = equilibrium.scene
     unknown = Resolution(len(equilibrium.model.lengths), counted=OF_MODES if vibrates else 0)
     return unknown if scene is None else _measured(level_of(equilibrium, scene), unknown, [])
 
 
 def level_of(equilibrium: Equilibrium, scene: Scene) -> Level:
-    """The level of an equilibrium that is known."""
+    """Return the level of a known equilibrium."""
 
     def search(finer_scene: Scene, model: FingerModel, guess: Array | None) -> RestingShape:
         if model is equilibrium.model:
@@ -116,10 +116,10 @@ def level_of(equilibrium: Equilibrium, scene: Scene) -> Level:
 
 
 def resolved(first: Level, *, limit: float | None, stated: bool, frequencies: int = 0) -> tuple[Level, Resolution]:
-    """The level whose elements suffice, or the last that is tried; of stated elements the first.
+    """Find the level with a sufficient number of elements, or return the last one tried; for stated elements the first.
 
-    So many ``frequencies``, from the first on, have to keep the limit too. Raises the SolverError of the first level
-    where that has no shape, and finer ones, if these are open, have none.
+    The first ``frequencies`` natural frequencies must satisfy the limit too. Raises the SolverError of the first level
+    if neither this level nor a finer one, where the number is open, has a shape.
     """
     asked = Resolution(0, limit=ENOUGH if limit is None else limit, stated=stated, counted=frequencies)
     steps: list[tuple[Level, Resolution]] = []
@@ -137,7 +137,7 @@ def resolved(first: Level, *, limit: float | None, stated: bool, frequencies: in
     if stated:
         if last is start or not at_last.suffices:
             return start, replace(at_first, tried=last.count)
-        # More elements settle what the exact rod leaves open, where loads have no potential.
+        # Without a potential of the loads the exact rod leaves the stability open; more elements settle it.
         verdict = at_first.stable
         if verdict is None and not at_first.settled:
             verdict = all(rest.stable for rest in last.rests if rest is not None)
@@ -146,7 +146,7 @@ def resolved(first: Level, *, limit: float | None, stated: bool, frequencies: in
 
 
 def _measured(level: Level, asked: Resolution, before: Sequence[tuple[Level, Resolution]]) -> Resolution:
-    """Errors of a level, the worst over its cases."""
+    """Return the errors of a level, the worst over its cases."""
     total = replace(asked, elements=level.count)
     parts = [_of_case(level, k, total, before) for k, rest in enumerate(level.rests) if rest is not None]
     return reduce(Resolution.joined, parts) if parts else replace(total, error=np.inf)
@@ -158,7 +158,7 @@ def _of_case(level: Level, case: int, asked: Resolution, before: Sequence[tuple[
     if by_rod is not None:
         if by_rod.suffices or coarser is None or not by_rod.settled or _falls(coarser[1], by_rod):
             return by_rod
-        # Elements that converge elsewhere: another equilibrium than that of the exact rod, or another friction.
+        # The elements converge to another equilibrium than the exact rod, or to another friction state.
         own = _by_halves(coarser[0], level, case, asked, finer=True)
         return replace(own, from_rod=by_rod.error) if own.suffices else by_rod
     if not asked.stated or level.count <= _FEW:
@@ -170,16 +170,16 @@ def _of_case(level: Level, case: int, asked: Resolution, before: Sequence[tuple[
 
 
 def _falls(before: Resolution, now: Resolution) -> bool:
-    """Whether twice as many elements left less than half of the greatest error."""
+    """Whether doubling the elements has more than halved the greatest error."""
     greatest = [max(each.error, *each.counting, 0.0) for each in (before, now)]
     return bool(greatest[1] < 0.5 * greatest[0])
 
 
 def _by_rod(level: Level, case: int, asked: Resolution) -> Resolution | None:
-    """Errors against the exact rod near a shape; None where it does not know the scene, or is not found."""
+    """Measure errors against the exact rod near a shape; None if the exact rod does not cover the scene or fails."""
     exact, rest = level.cases[case].exact, level.rests[case]
     motors = any(isinstance(drive, MotorDrive) for drive in exact.finger.winches)
-    # The exact rod knows no motors at given angles, and its motors turn where those of modes are held.
+    # The exact rod has no motors at given angles, and its motors turn although those of modes are held.
     if rest is None or exact.initial.motor_angles is not None or (asked.counted and motors):
         return None
     shape = ModelShape(rest.model, rest.q, rest.u, rest.p)
@@ -197,20 +197,22 @@ def _by_rod(level: Level, case: int, asked: Resolution) -> Resolution | None:
         own = frequencies_of(rest)
         frequencies = relative_errors(own, natural_frequencies(exact.finger, rod, len(own)))
     if stable is None:
-        # Near flutter the first two frequencies are about to become one, and small errors move them far.
+        # Near flutter the first two frequencies almost coincide, and small errors move them far.
         settled = not np.any(frequencies[:OF_MODES] > asked.limit)
     return replace(asked, error=float(error), frequencies=frequencies, stable=stable, settled=settled)
 
 
 def _stability(rod: Elastica) -> bool | None:
-    """Whether an exact rod is stable; None where loads have no potential, and the motion decides."""
+    """Whether an exact rod is stable; None for loads without a potential, because the motion decides."""
     if rod.stable is not None:
         return rod.stable
     return True if rod.margin > 0.0 and not rod.equations.problem.following else None
 
 
 def _by_halves(coarse: Level, fine: Level, case: int, asked: Resolution, *, finer: bool = False) -> Resolution:
-    """Errors of a level, or with ``finer`` of the level of twice as many elements, by the difference of the two."""
+    """Estimate the errors of a level from the level with twice as many elements; with ``finer``, the errors of the
+    latter.
+    """
     first, second = coarse.rests[case], fine.rests[case]
     if first is None or second is None:
         return replace(asked, error=np.inf)
@@ -222,7 +224,7 @@ def _by_halves(coarse: Level, fine: Level, case: int, asked: Resolution, *, fine
     if asked.counted:
         own, true = frequencies_of(first), frequencies_of(second)
         frequencies = relative_errors(own, true[: len(own)], factor)
-    # A sign that is open: the least stiffness is smaller than its error with more elements. Without a potential the
+    # The sign is open if the least stiffness is smaller than its error with more elements. Without a potential the
     # motion decides, and the least stiffness may have any sign.
     open_sign = (second.margin > 0.0) == second.stable and abs(second.margin) <= share * abs(
         first.margin - second.margin

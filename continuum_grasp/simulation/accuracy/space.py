@@ -1,4 +1,4 @@
-"""Motions in as many elements as suffice at rest, or in motion: the same scene once more with every element halved."""
+"""Simulate motions with a number of elements that suffices at rest, or in motion by comparison with halved elements."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ _LOG = logging.getLogger(__name__)
 
 
 def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[float], None] | None = None) -> Trajectory:
-    """The motion of a scene in as many elements as suffice.
+    """Simulate the motion of a scene with a sufficient number of elements.
 
-    These are found at rest, under the first and the last inputs, or, with a tolerance or ``time.space_error``, in
-    motion: a finer motion that was compared with is the next one that is checked. Where no number of elements keeps the
-    limit, or the finer motion is not found, the status and a warning say so. Ctrl-C raises Interrupted with the motion.
+    The number follows from shapes at rest under the first and last inputs or, with a tolerance or ``time.space_error``,
+    from motions: each finer motion is a reference first and the next candidate. If no number satisfies the limit, or
+    the finer motion fails, the status and a warning say so. Ctrl-C raises Interrupted with the motion.
     """
     if scene.time is None or not (scene.time.space_error or tolerance):
         return _resolved_at_rest(scene, progress)
@@ -52,7 +52,9 @@ def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[flo
 
 
 def _resolved_at_rest(scene: Scene, progress: Callable[[float], None] | None) -> Trajectory:
-    """The motion in elements that suffice at rest, with its ``static_error`` and remarks on shapes at rest."""
+    """Return the motion with a number of elements that suffices at rest, with ``static_error`` and notes on these
+    shapes.
+    """
     began = perf_counter()
     model = None if scene.time is None else FingerModel(scene)
     rests, resolution = ({}, None) if model is None else at_both_ends(scene, model)
@@ -72,7 +74,9 @@ def _resolved_at_rest(scene: Scene, progress: Callable[[float], None] | None) ->
 
 
 def _resolved_in_motion(scene: Scene, tolerance: float | None, progress: Callable[[float], None] | None) -> Trajectory:
-    """The motion in elements that suffice in motion, with its ``space_error``; see ``motion_within``."""
+    """Return the motion with a number of elements that suffices in motion, with ``space_error``; see
+    ``motion_within``.
+    """
     limit = ENOUGH if tolerance is None else tolerance
     pursued = tolerance is not None or scene.fidelity.elements is None
     started = perf_counter()
@@ -108,7 +112,7 @@ def _resolved_in_motion(scene: Scene, tolerance: float | None, progress: Callabl
         motion = finer
     resolution = Resolution(count, error, limit=limit, stated=not pursued, tried=count, raised=reached.rstrip(": "))
     if finer is not None and not pursued and error > limit:
-        # By the order of convergence that is believed.
+        # From the credited order of convergence.
         halvings = math.ceil(math.log(error / limit) / -math.log(left_by_halves(motion.model)))
         resolution = replace(resolution, enough=count * 2**halvings)
     said = (trouble,) if trouble else ()
@@ -116,10 +120,10 @@ def _resolved_in_motion(scene: Scene, tolerance: float | None, progress: Callabl
 
 
 def at_both_ends(scene: Scene, model: FingerModel) -> tuple[dict[str, RestingShape | None], Resolution | None]:
-    """Shapes at rest, in elements that suffice, under the first, the last and the held inputs and loads of a motion.
+    """Find shapes at rest, with a sufficient number of elements, under the first, last and held inputs of a motion.
 
-    Equilibria and small motions about them in place of a second motion. Unknown with an object, whose contact forces
-    are not forces of a finger that moves alone, and where states of friction belong to these elements alone.
+    Equilibria and small motions about them replace a second motion. They are unknown with an object, because a finger
+    alone has no contact forces, and if friction states belong to these elements alone.
     """
     reached_by = (scene.initial.reached_by or "pulling") if model.friction_names else None
     if scene.object is not None or scene.time is None or reached_by == "state":
@@ -144,7 +148,7 @@ def at_both_ends(scene: Scene, model: FingerModel) -> tuple[dict[str, RestingSha
 
 
 def _at_rest(case: Scene, _: Scene, model: FingerModel, guess: Array | None) -> RestingShape:
-    """The shape at rest of a model under the inputs and loads of a load case."""
+    """Find the shape at rest of a model under the inputs and loads of a load case."""
     signals = Signals(case, model, case.loads)
     friction = model.structure.friction_of(case.initial)
     return rest_under(model, signals.u(0.0)[0], signals.w(0.0)[0], guess=guess, **friction)

@@ -129,7 +129,7 @@ def _extremes(value: Samples | VectorSamples) -> set[float]:
 
 
 def frozen(scene: Scene, t: float, held: bool = False) -> Scene:
-    """The scene with inputs and loads as at an instant [s], without its object; see `load_cases`."""
+    """Return the scene with the inputs and loads of an instant [s], without its object; see `load_cases`."""
     loads = [_with_value(load, _at(load.value, t)) for load in scene.loads]
     for load in scene.initial.held_by:
         nothing = (0.0, 0.0) if isinstance(load, ForceLoad) else 0.0

@@ -310,10 +310,10 @@ class ChainSystem(Model):
     # -- the start ----------------------------------------------------------------------------------------------------
 
     def start(self, finger: Array, u: Array) -> Array:
-        """State at rest in the shape and with the friction that ``finger_model`` has in a state ``finger`` (nx,)."""
+        """Return the state at rest with the shape and friction of ``finger_model`` in its state ``finger`` (nx,)."""
         model, x = self.finger_model, np.zeros(self.nx)
         groups, winches = model.structure.states, sum(winch.states for winch in self.winches)
-        # Lags of the finger's drives are no states of the chain.
+        # The chain has no states for the lags of the finger's drives.
         bends, rates, _, drives, _ = np.split(finger, np.cumsum([self.n, self.n, len(groups["lag"]), winches]))
         # The model's bends count from the shape at rest.
         q = bends + self.links.rest

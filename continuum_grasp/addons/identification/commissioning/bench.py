@@ -37,9 +37,9 @@ _FRICTION = 0.01
 
 
 class Log(NamedTuple):
-    """Commands (K, nu) held from instants t (K,) on, and readings (T, ny) by names with units at instants (T,).
+    """Commands (K, nu), each held from its instant t (K,), and readings (T, ny) at instants (T,) by name and unit.
 
-    ``notes`` are warnings of the reader, ``unread`` names columns that nothing reads.
+    ``notes`` are warnings of the reader; ``unread`` names the unused columns.
     """
 
     t: Array

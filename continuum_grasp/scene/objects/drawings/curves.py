@@ -1,4 +1,4 @@
-"""Curves of a drawing, and loops of those that meet."""
+"""Curves of a drawing, and loops of curves that meet."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ class DrawnCurve:
     Attributes
     ----------
     label : str
-        What a message calls it: kind, name, layer.
+        Name in messages: kind, name, layer.
     names : tuple of str
-        By which the key ``path`` chooses it, the most particular first.
+        Names by which the key ``path`` chooses the curve, the most specific first.
     points : tuple of (float, float)
         Corners (n, 2), y up, each once [unit of the file].
     closed : bool
         Whether the last point is joined to the first.
     group : Hashable
-        Layer, block or group in which it stands: curves inside one of the same group are its holes.
+        Layer, block or group of the curve: curves inside one in the same group are holes.
     source : Hashable
-        Path that it belongs to; parts of one path inside each other are holes.
+        Path that the curve belongs to; parts of one path inside each other are holes.
     filled : bool
-        Whether the area inside belongs to the object, whatever is drawn there by other paths.
+        Whether the area inside belongs to the object, whatever other paths draw there.
     aside : str
-        Why it is the object only where its name is given, in words: ``white`` as the paper, ``dashed``; empty where it
+        Reason why the curve is the object only if ``path`` names it: ``white`` like the paper, ``dashed``; empty if it
         may be the object.
     width : float
-        Width of the line that draws it [unit of the file]; 0 for the thinnest.
+        Width of the drawn line [unit of the file]; 0 for the thinnest.
     flaw : str
-        Why it cannot be an outline, in words; empty where it can.
+        Reason why the curve cannot be an outline; empty if it can.
     """
 
     label: str
@@ -72,7 +72,7 @@ class DrawnCurve:
 
     @cached_property
     def drawn(self) -> Any:
-        """What one sees of it: the area inside, or the line; shapely's."""
+        """Visible shape: the area inside, or the line; a shapely geometry."""
         import shapely
 
         return self.solid if self.closed else shapely.LineString(self.points)

@@ -1,4 +1,4 @@
-"""A drawing: its curves, and the one of them that is the outline of an object."""
+"""A drawing: its curves, and the curve that is the outline of an object."""
 
 from __future__ import annotations
 
@@ -18,15 +18,13 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.objects.measured.fit import FittedCurve
 
 _PEN = 0.05
-"""Width of a line as a part of the size of the outline [1], above which it is an area rather than a line: ISO 128 has
-lines of up to 2 mm, which is 0.05 of an object of 40 mm."""
+"""A line wider than this share of the outline's size is an area [1]: ISO 128 has lines of up to 2 mm, 0.05 of an object
+of 40 mm."""
 
 
 @dataclass(frozen=True)
 class DrawnOutline:
-    """The outline in a drawing, in words what of the drawing is not part of it, and the lines and arcs of the outline
-    where its points were measured.
-    """
+    """Outline in a drawing, the parts left out in words, and for measured points the lines and arcs of the outline."""
 
     curve: DrawnCurve
     left_out: tuple[str, ...]
@@ -38,7 +36,9 @@ class DrawnOutline:
         return 0.0 if self.fit is None else self.fit.error
 
     def level(self, normals: Iterable[PlanePoint]) -> DrawnOutline:
-        """The outline with flat sides, within its error, across its outermost points along each normal."""
+        """Return the outline with sides that are flat, within its error, across its outermost points along each
+        normal.
+        """
         if self.fit is None:
             return self
         fit = self.fit.level(normals)
@@ -52,16 +52,16 @@ class Drawing:
     Attributes
     ----------
     unit : float or None
-        Length of a unit [m]; None where the file does not say it.
+        Length of a unit [m]; None if the file does not state it.
     curves : list of DrawnCurve
     ignored : Counter of str
-        What else it has and is not read, in words, and how often.
+        Other contents that are not read, in words, with counts.
     advice : str
-        How one of several curves is chosen.
+        How to choose one of several curves.
     page : (float, float, float, float) or None
-        Left, lower, right and upper edge of the part that one sees [unit of the curves]; None where that is everything.
+        Left, lower, right and upper edge of the visible part [unit of the curves]; None if everything is visible.
     sampling : Sampling or None
-        What is known of the points where they were measured, in the unit of the points; None of drawn curves.
+        Sampling of measured points, in their unit; None for drawn curves.
     """
 
     unit: float | None
@@ -72,14 +72,14 @@ class Drawing:
     sampling: Sampling | None = None
 
     def scaled(self, factor: float) -> Drawing:
-        """The drawing with a unit of another length."""
+        """Return the drawing with a unit of another length."""
         left, lower, right, upper = (factor * edge for edge in self.page or (0.0, 0.0, 0.0, 0.0))
         page = (left, lower, right, upper) if self.page else None
         sampling = None if self.sampling is None else self.sampling.scaled(factor)
         return replace(self, curves=[curve.scaled(factor) for curve in self.curves], page=page, sampling=sampling)
 
     def outline(self, file: str, path: str | None) -> DrawnOutline:
-        """The only outer curve, or the outer curve with one name, whose points are in m; `ValueError` otherwise."""
+        """Return the only outer curve, or the outer curve with one name, with points in m; `ValueError` otherwise."""
         chosen = [curve for curve in self.curves if path in curve.names or (path is None and not curve.aside)]
         aside = [curve for curve in self.curves if curve.aside and path is None]
         paper = [curve for curve in aside if curve.aside == "white" and curve.closed]
@@ -110,7 +110,7 @@ class Drawing:
         return fitted(ring.points, sampling)
 
     def _edge(self, outer: DrawnCurve, file: str) -> list[str]:
-        """Describe the line that draws an outline; `ValueError` where one sees another shape than the outline."""
+        """Describe the line that draws an outline; `ValueError` if the visible shape differs from the outline."""
         import shapely
 
         size = max(outer.size)
@@ -126,7 +126,7 @@ class Drawing:
 
 
 def _paper(outer: DrawnCurve, paper: list[DrawnCurve], file: str) -> list[str]:
-    """Describe areas in the color of the paper beside an outline; `ValueError` where one covers a part."""
+    """Describe areas in the color of the paper near an outline; `ValueError` if one covers a part of it."""
     texts = []
     for curve in paper:
         if outer.solid.covers(curve.solid):
@@ -139,7 +139,7 @@ def _paper(outer: DrawnCurve, paper: list[DrawnCurve], file: str) -> list[str]:
 
 
 def _once_each(rings: list[DrawnCurve]) -> list[DrawnCurve]:
-    """Rings without those that are drawn twice, each with its widest line."""
+    """Return the rings without duplicates, each with its widest line."""
     unique: list[DrawnCurve] = []
     for ring in rings:
         least = WRITTEN * ring.solid.area
@@ -153,7 +153,7 @@ def _once_each(rings: list[DrawnCurve]) -> list[DrawnCurve]:
 
 
 def _nested(rings: list[DrawnCurve]) -> tuple[list[DrawnCurve], list[DrawnCurve]]:
-    """Rings that are in no other, and those that are, the largest first."""
+    """Return the outer rings and the inner ones, each the largest first."""
     ordered = sorted(rings, key=lambda ring: -ring.solid.area)
     outer: list[DrawnCurve] = []
     inner: list[DrawnCurve] = []
@@ -177,7 +177,7 @@ def _check_holes(outer: DrawnCurve, inner: list[DrawnCurve], drawing: Drawing, f
 
 
 def _choice(curves: list[DrawnCurve], drawing: Drawing) -> str:
-    """Curves with their sizes, and the name that chooses each."""
+    """List curves with their sizes, and the name that chooses each."""
     counts = Counter(name for curve in curves for name in set(curve.names))
     texts = []
     for curve in curves[:8]:
@@ -188,7 +188,7 @@ def _choice(curves: list[DrawnCurve], drawing: Drawing) -> str:
 
 
 def _quoted(name: str) -> str:
-    """A name as a file of YAML has it: in quotes where it would be a number or the like."""
+    """Write a name for YAML: in quotes if it would otherwise be a number or the like."""
     import yaml
 
     try:
@@ -199,7 +199,7 @@ def _quoted(name: str) -> str:
 
 
 def _nothing(drawing: Drawing, file: str, path: str | None, left_out: list[str]) -> str:
-    """Why there is no outline."""
+    """Say why there is no outline."""
     if path is not None and not any(path in curve.names for curve in drawing.curves):
         known = list(dict.fromkeys(name for curve in drawing.curves for name in curve.names))
         return f"path: no curve {path!r} in {file}, which has {', '.join(known[:20]) or 'none'}"

@@ -56,7 +56,7 @@ def read_dxf(given: OutlineFile) -> Drawing:
 
 @dataclass(frozen=True)
 class _Instance:
-    """Where an entity stands: in the model space, or in an instance of a block that is inserted.
+    """Place of an entity: in the model space, or in an instance of an inserted block.
 
     Attributes
     ----------
@@ -65,9 +65,9 @@ class _Instance:
     blocks : tuple of str
         Blocks around it, the outermost first.
     handles : tuple of str
-        Handle of each reference to them; with the number of the instance where it is an array: ``2F[3]``.
+        Handle of each reference to the blocks, with the number of the instance in an array: ``2F[3]``.
     clips : tuple of (str, ClippingPath)
-        What cuts it, in words, and where.
+        Clipping boundaries, in words and as paths.
     """
 
     layer: str = "0"
@@ -76,7 +76,7 @@ class _Instance:
     clips: tuple[tuple[str, Any], ...] = ()
 
     def names(self, kind: str, handle: str, layer: str) -> tuple[str, ...]:
-        """Names of an entity, and those of all instances around it."""
+        """Return the names of an entity and of all instances around it."""
         around: list[str] = []
         for depth in range(len(self.blocks), 0, -1):
             reference = self.handles[depth - 1].partition("[")[0]
@@ -108,7 +108,7 @@ def _visible(
 
 
 def _expanded(document: Any, insert: Any, ignored: Counter[str], at: _Instance) -> Iterator[tuple[Any, _Instance]]:
-    """Entities of each instance of a block."""
+    """Yield the entities of each instance of a block."""
     from ezdxf.xclip import XClip
 
     name = str(insert.dxf.name)
@@ -131,7 +131,7 @@ def _expanded(document: Any, insert: Any, ignored: Counter[str], at: _Instance) 
 
 
 def _clipped(curve: DrawnCurve, at: _Instance) -> list[DrawnCurve]:
-    """The curve as the boundaries of blocks leave it: whole, none, or with a flaw."""
+    """Return the curve within the boundaries of blocks: whole, None, or with a flaw."""
     import shapely
 
     for by, boundary in at.clips:
@@ -190,7 +190,7 @@ def _curve(entity: Any, at: _Instance, ignored: Counter[str]) -> DrawnCurve | No
 
 
 def _width(entity: Any) -> float:
-    """Greatest width of a polyline, which is a part of the drawing; line weights are of the paper alone."""
+    """Return the greatest width of a polyline in the drawing; line weights only affect the paper."""
     if entity.dxftype() == "LWPOLYLINE":
         widths = [width for point in entity.get_points("se") for width in point]
         return float(max([*widths, entity.dxf.get("const_width", 0.0)]))

@@ -19,21 +19,21 @@ if TYPE_CHECKING:
 
 _ADVICE = "erase everything but the object, change the threshold, or choose one by path"
 _BETWEEN = 0.0624
-"""Root mean square of what a line between two pixels is off the place of a clear edge, where one of them is partly
-covered [pixels]: of (1/2 - a) a / (1 - a) over coverages a from 0 to 1/2."""
+"""RMS error of an interpolated sharp edge between two pixels, one partly covered [pixels]: of (1/2 - a) a / (1 - a)
+over coverages a from 0 to 1/2."""
 _CLEARLY = 4.0
-"""Differences of two neighbors, in medians, beyond which one is clearly darker [1]: three standard deviations of two
-pixels."""
+"""A pixel is clearly darker if it differs from its neighbor by more than this many median differences [1]: three
+standard deviations of two pixels."""
 _SPECK = 9.0
-"""Area below which a silhouette is dust or noise [pixels]: three by three show no shape."""
+"""A smaller silhouette is dust or noise [pixels]: three by three pixels show no shape."""
 _CLEAR = 4.0
-"""Distance from an edge at which darkness is that of the side, in standard deviations of its blur [1]."""
+"""Distance from an edge beyond which the blur does not matter, in standard deviations of the blur [1]."""
 _TRIMMED = 3.0
-"""Median deviations beyond which a pixel is not of its side, but a highlight, a label or a shadow [1]."""
+"""A pixel farther from its side's darkness, in median deviations [1], is a highlight, a label or a shadow."""
 
 
 class _Edge(NamedTuple):
-    """How a picture shows the edge of a silhouette [pixels].
+    """Edge of a silhouette in a picture [pixels].
 
     Attributes
     ----------
@@ -79,13 +79,13 @@ def read_png(given: OutlineFile) -> Drawing:
 
 
 def _area(line: Array) -> float:
-    """Area inside a closed line, negative where it runs clockwise [pixels]."""
+    """Return the area inside a closed line, negative if clockwise [pixels]."""
     x, y = line.T
     return 0.5 * float(x[:-1] @ y[1:] - x[1:] @ y[:-1])
 
 
 def _without_impulses(dark: Array, noise: float) -> Array:
-    """A picture with the median of their neighbors at pixels that are clearly darker or lighter than all of these."""
+    """Replace pixels that are clearly darker or lighter than all their neighbors by the median of these."""
     import numpy as np
 
     across, down = (np.abs(np.diff(dark, axis=axis)) > noise for axis in (1, 0))
@@ -122,7 +122,7 @@ def _edge(dark: Array, line: Array, level: float, noise: float) -> _Edge:
     from scipy.special import erfinv
 
     points = line[:-1]
-    # Over three neighbors: a pixel that is wrong turns its own sides about.
+    # Over three neighbors: a wrong pixel swaps its own sides.
     along = np.roll(points, -3, axis=0) - np.roll(points, 3, axis=0)
     along /= np.maximum(np.linalg.norm(along, axis=1), 1e-9)[:, None]
     outward = np.column_stack([along[:, 1], -along[:, 0]]) * math.copysign(1.0, _area(line))
@@ -146,7 +146,7 @@ def _edge(dark: Array, line: Array, level: float, noise: float) -> _Edge:
 
 
 def _plane(dark: Array, samples: Array, at: Array) -> Array:
-    """Darkness at places, by the plane through that of pixels at other places, but for those far from it."""
+    """Estimate darkness at places by a plane through pixels at other places, without outliers."""
     import numpy as np
 
     rounded = np.rint(samples).astype(int)

@@ -1,6 +1,6 @@
-"""Curves of SVG drawings: every shape as one sees it, in the unit of the document.
+"""Read curves of SVG drawings: every visible shape, in the unit of the document.
 
-What changes the shape that one sees is either applied here, or named: left out, or a flaw of the shapes around it.
+The reader applies every effect that changes the visible shape, or names it: as left out, or as a flaw of nearby shapes.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _NOT_DRAWN = (
     "clipPath", "defs", "desc", "filter", "linearGradient", "marker", "mask", "metadata", "pattern", "radialGradient",
     "style", "symbol", "title", "view",
 )  # fmt: skip
-"""Elements that are not drawn where they stand."""
+"""Elements that are not drawn in place."""
 _SPACE = "{http://www.w3.org/2000/svg}"
 _Edges = tuple[float, float, float, float]
 _MOST = 100_000
@@ -76,7 +76,7 @@ class _Document:
         self.effects = Effects(root, self.target, self.styles, self._alone)
 
     def drawing(self) -> Drawing:
-        """Everything that the document shows."""
+        """Yield everything that the document shows."""
         style = self.styles.of(self.root, {})
         matrix, viewport, page = self._page(style)
         place = ElementPlace(matrix, viewport, style, (self.root,), fraction(style.get("opacity", "1")))
@@ -92,11 +92,11 @@ class _Document:
         return replace(drawing, page=page)
 
     def target(self, reference: str) -> Any:
-        """The element that a reference means; None where the file does not have it."""
+        """Return the element of a reference; None if the file lacks it."""
         return self.targets.get(reference.strip().removeprefix("#")) if reference.strip().startswith("#") else None
 
     def _page(self, style: dict[str, str]) -> tuple[Any, PlanePoint, _Edges | None]:
-        """Transform and lengths of the outermost viewport, and the page, y up; None where the file has none."""
+        """Return transform and lengths of the outermost viewport, and the page, y up; None without a page."""
         check({"viewBox": self.root.get("viewBox", "")}, named(self.root))
         view = self.root.get("viewBox", "").replace(",", " ").split()
         inner = (float(view[2]), float(view[3])) if len(view) == 4 else (0.0, 0.0)
@@ -109,7 +109,7 @@ class _Document:
         return matrix, viewport, page
 
     def _side(self, style: dict[str, str], key: str) -> float:
-        """Width or height of the page [px]; 0 where it is left to the viewer."""
+        """Return the width or height of the page [px]; 0 if the viewer decides."""
         for text in (style.get(key), self.root.get(key)):
             check({} if text is None else {key: text}, named(self.root))
             if text is not None and text != "auto" and not text.endswith("%"):
@@ -117,7 +117,7 @@ class _Document:
         return 0.0
 
     def _drawn(self, element: Any, place: ElementPlace) -> list[DrawnShape]:
-        """Everything that an element shows."""
+        """Yield everything that an element shows."""
         if not isinstance(element.tag, str) or "}" in element.tag or not _wanted(element):
             return []
         inside = self._inside(element, place)
@@ -130,20 +130,20 @@ class _Document:
         return self.effects.seen(element, inside, draw(element, inside))
 
     def _drawing_of(self, tag: str) -> Callable[[Any, ElementPlace], list[DrawnShape]] | None:
-        """The method that draws elements of a kind; None where there is none."""
+        """Return the method that draws elements of a kind; None without one."""
         if tag in SHAPES:
             return self._shape
         return self._used if tag == "use" else self._group if tag in _GROUPS else None
 
     def _inside(self, element: Any, place: ElementPlace) -> ElementPlace:
-        """The place with the properties of an element, which is not displayed inside of one that is not."""
+        """Return the place with an element's properties; an element in a hidden one is hidden, too."""
         style = self.styles.of(element, place.style)
         if place.style.get("display") == "none":
             style["display"] = "none"
         return replace(place, style=style, opacity=place.opacity * fraction(style.get("opacity", "1")))
 
     def _turned(self, element: Any, place: ElementPlace) -> ElementPlace:
-        """The place of an element with its own transform, of which x and y of a use are a part."""
+        """Return the place with an element's transform, which includes x and y of a use."""
         place = place.turned(named(element))
         if element.tag != "use":
             return place
@@ -151,7 +151,7 @@ class _Document:
         return replace(place, matrix=fitted({}, "", (x, y, 0.0, 0.0))[0] * place.matrix)
 
     def _group(self, element: Any, place: ElementPlace, sized: dict[str, str] | None = None) -> list[DrawnShape]:
-        """The children of a group; ``sized`` has the size of a viewport, which a use may state."""
+        """Yield the children of a group; ``sized`` is the size of a viewport, which a use may state."""
         place = replace(place, within=(*place.within, element))
         edge = None
         if element.tag in _VIEWPORTS:
@@ -215,13 +215,13 @@ class _Document:
         return [self._marked(element, style, shape)]
 
     def _width(self, style: dict[str, str], place: ElementPlace) -> float:
-        """Width of a stroke on the page [px]."""
+        """Return the width of a stroke on the page [px]."""
         width = length(style.get("stroke-width", "1"), math.hypot(*place.viewport) / math.sqrt(2.0))
         fixed = style.get("vector-effect") == "non-scaling-stroke"
         return width * (1.0 if fixed else math.sqrt(abs(place.matrix.determinant)))
 
     def _marked(self, element: Any, style: dict[str, str], shape: DrawnShape) -> DrawnShape:
-        """A shape with what its stroke has: gaps, and markers, which are left out or a flaw."""
+        """Return a shape with the gaps and markers of its stroke, which are left out or a flaw."""
         marks = {style.get(key, "none") for key in ("marker-start", "marker-mid", "marker-end")} - {"none"}
         if marks and element.tag in ("path", "line", "polyline", "polygon"):
             if any(closed or (shape.fill and len(points) > 2) for points, closed in shape.pieces):
@@ -230,9 +230,9 @@ class _Document:
         return replace(shape, dashed=bool(re.search("[1-9]", style.get("stroke-dasharray", "none"))))
 
     def _alone(self, children: list[Any], place: ElementPlace) -> list[DrawnShape]:
-        """Draw the shapes of a clip path or a mask; `ValueError` where it has anything else.
+        """Draw the shapes of a clip path or a mask; `ValueError` for other contents.
 
-        They do not count in the names of other shapes.
+        The shapes do not count in the names of other shapes.
         """
         before, kinds = self.ignored, self._kinds
         self.ignored, self._kinds = Counter(), Counter()
@@ -246,7 +246,7 @@ class _Document:
 
 
 def _wanted(element: Any) -> bool:
-    """Whether the conditions of an element hold: a viewer in English without extensions."""
+    """Whether the conditions of an element hold, for a viewer in English without extensions."""
     languages = element.get("systemLanguage")
     english = languages is None or any(one.strip().lower().startswith("en") for one in languages.split(","))
     return english and element.get("requiredExtensions") is None

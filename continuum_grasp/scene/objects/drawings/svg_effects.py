@@ -1,4 +1,4 @@
-"""What clip paths, masks and other effects of SVG leave of the shapes of an element."""
+"""Apply clip paths, masks and other effects of SVG to the shapes of an element."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ _EFFECTS = {
     "transform-box": ("view-box",),
     "zoom": ("1", "normal"),
 }
-"""Properties that change the shape that one sees and that this reader does not apply, with their harmless values."""
+"""Unsupported properties that change the visible shape, with their harmless values."""
 _BOX = "objectBoundingBox"
 
 
 @dataclass(frozen=True)
 class ElementPlace:
-    """Where an element is drawn.
+    """Place where an element is drawn.
 
     Attributes
     ----------
     matrix : svgelements.Matrix
         From user units to the page.
     viewport : (float, float)
-        Lengths that are 100 % [user units].
+        Lengths of 100 % [user units].
     style : dict
         Properties of the element around it.
     within : tuple of Element
-        Elements around it, with those that use it.
+        Elements around it, including the elements that use it.
     opacity : float
         Opacity of the elements around it.
     clips : bool
-        Whether it is a part of a clip path, which has areas without paint.
+        Whether it is part of a clip path, which has areas without paint.
     """
 
     matrix: Any
@@ -53,7 +53,7 @@ class ElementPlace:
     clips: bool = False
 
     def turned(self, label: str) -> ElementPlace:
-        """The place with the transform of the element that has its properties."""
+        """Return the place with the transform of the element."""
         check(self.style, label)
         return replace(self, matrix=transform(self.style, self.viewport) * self.matrix)
 
@@ -64,11 +64,11 @@ class Effects:
     Attributes
     ----------
     target : callable
-        From a reference to the element that it means, or None.
+        Function from a reference to its element, or None.
     styles : Styles
     draw : callable
-        From the children of a clip path or a mask, and their place, to their shapes; `ValueError` where they are not
-        shapes alone.
+        Function from the children of a clip path or a mask, and their place, to their shapes; `ValueError` for other
+        contents.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class Effects:
         self._boxed = any(element.tag == "mask" or _BOX in element.attrib.values() for element in root.iter())
 
     def seen(self, element: Any, place: ElementPlace, shapes: list[DrawnShape]) -> list[DrawnShape]:
-        """The shapes of an element as its clip path, its mask and its effects leave them."""
+        """Return the shapes of an element after its clip path, mask and effects."""
         style = place.style
         if self._boxed:
             shapes = _boxed(shapes, place.matrix)
@@ -108,7 +108,7 @@ class Effects:
         return [replace(shape, flaw=shape.flaw or flaw) for shape in shapes]
 
     def _region(self, key: str, text: str, place: ElementPlace, shapes: list[DrawnShape]) -> Any:
-        """The region that a clip path or a mask leaves visible."""
+        """Return the region that a clip path or a mask leaves visible."""
         match = re.fullmatch(r"url\(\s*[\"']?([^)\"']*)[\"']?\s*\)", text)
         target = self.target(match[1]) if match else None
         if target is None or target.tag != {"clip-path": "clipPath", "mask": "mask"}[key]:
@@ -129,7 +129,7 @@ class Effects:
         return region
 
     def _clip(self, target: Any, place: ElementPlace) -> Any:
-        """The region of a clip path, which has shapes and uses of shapes alone."""
+        """Return the region of a clip path, which contains only shapes and uses of shapes."""
         import shapely
 
         inner = place.turned(named(target))
@@ -140,7 +140,7 @@ class Effects:
         return shapely.union_all([shape.area for shape in shapes if shape.fill])
 
     def _mask(self, target: Any, inner: ElementPlace, whole: Any, outer: ElementPlace) -> Any:
-        """The region of a mask, within the rectangle that it states."""
+        """Return the region of a mask, within its rectangle."""
         shapes = self.draw(list(target), inner)
         in_box = target.get("maskUnits", _BOX) == _BOX
         default = {"x": "-10%", "y": "-10%", "width": "120%", "height": "120%"}
@@ -151,7 +151,7 @@ class Effects:
 
 
 def _boxed(shapes: list[DrawnShape], matrix: Any) -> list[DrawnShape]:
-    """Shapes with the box around all of them, along the axes of the element that they are."""
+    """Return shapes with the box around all of them, along the element's axes."""
     import numpy as np
 
     whole = rectangle(_box(shapes, matrix) * matrix, 0.0, 0.0, 1.0, 1.0)
@@ -160,7 +160,7 @@ def _boxed(shapes: list[DrawnShape], matrix: Any) -> list[DrawnShape]:
 
 
 def _box(shapes: list[DrawnShape], matrix: Any) -> Any:
-    """The transform from the unit square to the box around shapes in user units."""
+    """Return the transform from the unit square to the box around shapes in user units."""
     import numpy as np
     import svgelements
 

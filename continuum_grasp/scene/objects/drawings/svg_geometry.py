@@ -1,4 +1,4 @@
-"""Where elements of SVG are: lengths, transforms and viewports; and the points of their shapes."""
+"""Geometry of SVG elements: lengths, transforms and viewports, and the points of their shapes."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ _GRAMMAR = {
     "stroke-width": _LENGTH,
     **dict.fromkeys((*_ACROSS, *_DOWN, "r"), rf"{_LENGTH}|auto"),
 }
-"""Properties that say where something is, and what may stand in them: svgelements passes over all else in silence."""
+"""Properties of position and size, with their syntax: svgelements silently ignores everything else."""
 
 
 def names(element: Any) -> list[str]:
-    """Names of an element in the file: its own, and what Inkscape shows, which calls layers so."""
+    """Return the names of an element: its id, and the label that Inkscape shows for layers."""
     return [name for name in (element.get("id"), element.get(_LABEL)) if name]
 
 
@@ -48,7 +48,7 @@ def named(element: Any) -> str:
 
 
 def check(style: Mapping[str, str], label: str) -> None:
-    """Refuse what svgelements would pass over in silence, by `ValueError`."""
+    """Refuse what svgelements would silently ignore, by `ValueError`."""
     for key, pattern in _GRAMMAR.items():
         text = style.get(key)
         if text is not None and not re.fullmatch(pattern, text):
@@ -84,7 +84,7 @@ def _origin(text: str, viewport: PlanePoint) -> PlanePoint:
 
 
 def box(style: Mapping[str, str], outer: PlanePoint, sized: Mapping[str, str]) -> tuple[float, float, float, float]:
-    """Left, top, width and height of a viewport; ``sized`` may have another size for it."""
+    """Return left, top, width and height of a viewport; ``sized`` may state another size."""
     wholes = {"x": outer[0], "y": outer[1], "width": outer[0], "height": outer[1]}
     sides = {"x": style.get("x", "0"), "y": style.get("y", "0")}
     for key in ("width", "height"):
@@ -95,7 +95,7 @@ def box(style: Mapping[str, str], outer: PlanePoint, sized: Mapping[str, str]) -
 
 
 def fitted(element: Any, label: str, place: tuple[float, float, float, float]) -> tuple[Any, PlanePoint]:
-    """The transform from the user units inside a viewport to those around it, and its size in those inside."""
+    """Return the transform from user units inside a viewport to units outside, and its size in units inside."""
     import svgelements
 
     x, y, width, height = place
@@ -196,7 +196,7 @@ def _flattened(path: Any) -> list[tuple[Array, bool]]:
         if isinstance(segment, Move):
             parts.append(([[segment.end]], False))
             continue
-        if not parts or parts[-1][1]:  # what follows a close starts where the subpath started
+        if not parts or parts[-1][1]:  # after a close the next segment starts at the start of the subpath
             parts.append(([[segment.start]], False))
         points, _ = parts[-1]
         if isinstance(segment, Close):
@@ -207,7 +207,9 @@ def _flattened(path: Any) -> list[tuple[Array, bool]]:
 
 
 def _curved(segment: Any, size: float) -> Array:
-    """Points of a curved segment behind its start, whose chords are as near to it as chords of one of a given size."""
+    """Return points of a curved segment after its start; chords deviate like the chords of a segment of a given
+    size.
+    """
     import numpy as np
 
     rough = segment.npoint(np.linspace(0.0, 1.0, 9))

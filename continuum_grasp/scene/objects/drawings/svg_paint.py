@@ -1,4 +1,4 @@
-"""Colors of SVG: how light, how transparent, and whether they show the area that they fill."""
+"""Colors of SVG: lightness, opacity, and whether they show the filled area."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _LINK = re.compile(r"url\(\s*[\"']?([^)\"']*)[\"']?\s*\)\s*(.*)", re.DOTALL)
 
 @dataclass(frozen=True)
 class Paint:
-    """Color of an area or of a stroke, not transparent.
+    """Visible color of an area or a stroke.
 
     Attributes
     ----------
@@ -22,9 +22,9 @@ class Paint:
     alpha : float
         Opacity, above 0.
     flaw : str
-        Why the paint does not show the area that it fills; empty where it does.
+        Reason why the paint does not show the filled area; empty if it does.
     even : bool
-        Whether it is the same everywhere.
+        Whether the color is uniform.
     """
 
     light: float
@@ -41,7 +41,7 @@ class Paints:
         self._style = style
 
     def of(self, style: Mapping[str, str], key: str, opacity: float) -> Paint | None:
-        """``fill`` or ``stroke`` of an element; None where it paints nothing."""
+        """Return ``fill`` or ``stroke`` of an element; None if it paints nothing."""
         text = style.get(key, "black" if key == "fill" else "none")
         share = opacity * fraction(style.get(f"{key}-opacity", "1"))
         paint = self._paint(text, style.get("color", "black"))
@@ -62,7 +62,7 @@ class Paints:
         return color(link[2] or "none", current)
 
     def _gradient(self, server: Any, name: str) -> Paint | None:
-        """The darkest and least transparent stop of a gradient; its stops may be those of another."""
+        """Return the darkest and least transparent stop of a gradient, which may take its stops from another one."""
         stops = [paint for stop in self._stops(server) if (paint := self._stop(stop))]
         if not stops:
             return None
@@ -89,7 +89,7 @@ class Paints:
 
 
 def color(text: str, current: str) -> Paint | None:
-    """A color of CSS; None where it is none or clear."""
+    """Return a color of CSS; None for ``none`` or a transparent one."""
     from tinycss2.color4 import parse_color
 
     if text == "none":

@@ -1,4 +1,4 @@
-"""Shapes of SVG as they are painted: what each fills, and what clip paths, masks and viewports leave of it."""
+"""Painted shapes of SVG: the filled area, and the part that clip paths, masks and viewports leave."""
 
 from __future__ import annotations
 
@@ -23,22 +23,21 @@ class DrawnShape:
     Attributes
     ----------
     label, names, group, source
-        As those of `DrawnCurve`.
+        As in `DrawnCurve`.
     pieces : tuple of Piece
-        Subpaths that are seen, on the page, y down [px].
+        Visible subpaths, on the page, y down [px].
     whole : Array
-        Points (n, 2) of all subpaths, also of those that a clip path cuts off; or the corners of the box around the
-        group that the shape is in [px].
+        Points (n, 2) of all subpaths, including clipped ones, or the corners of the box around the shape's group [px].
     rule : str
         ``evenodd`` or ``nonzero``.
     fill, stroke : Paint or None
-        None where nothing is painted.
+        None if nothing is painted.
     width : float
         Width of the stroke [px].
     dashed : bool
         Whether the stroke has gaps.
     flaw : str
-        Why the pieces are not what one sees; empty where they are.
+        Reason why the pieces differ from the visible shape; empty if they do not.
     """
 
     label: str
@@ -56,7 +55,7 @@ class DrawnShape:
 
     @cached_property
     def area(self) -> Any:
-        """The area that is filled; shapely's."""
+        """Filled area; a shapely geometry."""
         return filled([points for points, _ in self.pieces if len(points) > 2], self.rule)
 
     @property
@@ -65,7 +64,7 @@ class DrawnShape:
         return float((self.whole.max(axis=0) - self.whole.min(axis=0)).max()) if len(self.whole) else 0.0
 
     def cut(self, region: Any) -> DrawnShape:
-        """The part of the shape that is in a region."""
+        """Return the part of the shape inside a region."""
         import shapely
 
         lines = [shapely.LineString([*points, *points[:1]] if closed else points) for points, closed in self.pieces]
@@ -80,7 +79,7 @@ class DrawnShape:
         return replace(self, pieces=pieces, rule="evenodd", stroke=None if self.fill else self.stroke)
 
     def curves(self) -> Iterator[DrawnCurve]:
-        """Yield each subpath that is seen, y up."""
+        """Yield each visible subpath, y up."""
         fill, stroke = (_shade(paint) for paint in (self.fill, self.stroke))
         if not (fill or stroke):
             return
@@ -174,7 +173,7 @@ def _lines(drawn: Any) -> list[Any]:
 
 
 def _shade(paint: Paint | None) -> str:
-    """``dark``, ``white`` as the paper, or empty where nothing is painted."""
+    """``dark``, ``white`` like the paper, or empty without paint."""
     if paint is None:
         return ""
     return "white" if paint.light == 1.0 else "dark"

@@ -11,21 +11,21 @@ _INHERITED = (
     "clip-rule", "color", "fill", "fill-opacity", "fill-rule", "marker-end", "marker-mid", "marker-start", "stroke",
     "stroke-dasharray", "stroke-opacity", "stroke-width", "visibility",
 )  # fmt: skip
-"""Properties that children take over and that change the shape that one sees."""
+"""Inherited properties that change the visible shape."""
 _SCREEN, _ELSEWHERE = ("", "all", "screen", "only screen"), ("print", "speech", "not screen", "not all")
-"""Media of a style sheet that hold, and that do not hold, on every screen."""
+"""Media of a style sheet that apply, and that do not apply, on every screen."""
 _HARMLESS = ("charset", "font-face", "keyframes", "namespace", "page")
-"""Rules of style sheets that change no shape by themselves."""
+"""Rules of style sheets that do not change shapes by themselves."""
 _NO_ATTRIBUTES = (
     "animation", "animation-name", "class", "id", "mask-image", "mix-blend-mode", "offset-path", "perspective",
     "rotate", "scale", "style", "translate", "zoom",
 )  # fmt: skip
-"""Attributes that are no properties, though some have the name of one."""
+"""Attributes that are not properties, although some share the name of one."""
 _LONG = {"marker": ("marker-start", "marker-mid", "marker-end")}
 """Properties that set several others."""
 _VARIABLE = re.compile(r"var\(\s*(--[\w-]+)\s*(?:,((?:[^()]|\([^()]*\))*))?\)")
 _DEEPEST = 10
-"""Greatest number of variables that refer to each other in a row: variables may refer to themselves."""
+"""Greatest depth of references between variables: a variable may refer to itself."""
 
 
 class Styles:
@@ -45,9 +45,9 @@ class Styles:
                 self._read(root, "".join(sheet.itertext()))
 
     def of(self, element: Any, around: dict[str, str]) -> dict[str, str]:
-        """Properties and attributes of an element inside one whose properties are known.
+        """Return properties and attributes of an element inside one with known properties.
 
-        Geometry is among them, since style sheets may set it, too.
+        They include geometry, since style sheets may set it, too.
         """
         style = {key: value for key, value in around.items() if key in _INHERITED or key.startswith("--")}
         rules = [*self._rules.get(element, ()), *_own(element)]
@@ -66,7 +66,7 @@ class Styles:
         return style
 
     def in_place(self, element: Any) -> dict[str, str]:
-        """Properties of an element inside those around it in the document."""
+        """Return the properties of an element within the elements around it."""
         outer = element.getparent()
         return self.of(element, {} if outer is None else self.in_place(outer))
 
@@ -113,7 +113,7 @@ class Styles:
 
 
 def _own(element: Any) -> Iterator[tuple[tuple[Any, ...], str, str]]:
-    """Declarations of the attribute ``style``, which go before sheets of the same importance."""
+    """Return the declarations of the attribute ``style``, which override sheets of the same importance."""
     import tinycss2
 
     text = element.get("style", "")
@@ -137,7 +137,7 @@ def _declarations(content: list[Any], parsed: bool = False) -> Iterator[tuple[bo
 
 
 def _substituted(value: str, variables: dict[str, str]) -> str:
-    """A value with the variables of CSS in it; empty where one has no value."""
+    """Return a value with its CSS variables replaced; empty if one has no value."""
     for _ in range(_DEEPEST):
         match = _VARIABLE.search(value)
         if match is None:
@@ -150,7 +150,7 @@ def _substituted(value: str, variables: dict[str, str]) -> str:
 
 
 def _holds(media: str) -> bool:
-    """Whether rules for some media hold; `ValueError` where that depends on the viewer."""
+    """Whether rules for some media apply; `ValueError` if that depends on the viewer."""
     kinds = [" ".join(kind.lower().split()) for kind in media.split(",")]
     if any(kind in _SCREEN for kind in kinds):
         return True

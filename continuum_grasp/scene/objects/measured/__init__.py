@@ -1,4 +1,4 @@
-"""Measured curves, of pictures and digitized points, as lines and arcs within their noise."""
+"""Fit lines and arcs to measured curves, from pictures or digitized points, within their noise."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 
 class Sampling(NamedTuple):
-    """How a picture shows an edge, in the unit of its points.
+    """Sampling of an edge by a picture, in the unit of its points.
 
     Attributes
     ----------
     variance : float
-        Variance of a point that the distance of the pixels leaves, however clear the picture.
+        Variance of a point from the pixel spacing, even in a noise-free picture.
     blur : float
         Standard deviation of the blur across the edge.
     """
@@ -20,5 +20,5 @@ class Sampling(NamedTuple):
     blur: float = 0.0
 
     def scaled(self, factor: float) -> Sampling:
-        """The same in a unit of another length."""
+        """Return the sampling in a unit of another length."""
         return Sampling(factor**2 * self.variance, factor * self.blur)

@@ -1,4 +1,4 @@
-"""A closed chain of lines and arcs: joints, bulges, and how both move it."""
+"""A closed chain of lines and arcs: joints, bulges, and derivatives by both."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from continuum_grasp.scene.objects.measured.noise import frames
 from continuum_grasp.scene.value import SAME
 
 _STEP = 1e-6
-"""Difference, per length of a piece, by which residuals are differentiated [1]: near the cube root of rounding."""
+"""Step of the differences that differentiate residuals, per length of a piece [1]: near the cube root of rounding."""
 
 
 @dataclass(frozen=True)
@@ -22,11 +22,11 @@ class LineArcChain:
     Attributes
     ----------
     joints : Array
-        Where piece k begins (k, 2).
+        Start of each piece (k, 2).
     bulges : Array
         Height of each arc over half its chord, positive to the left of it (k,) [1]; zero of lines.
     is_arc : Array
-        Which pieces are arcs (k,).
+        Whether each piece is an arc (k,).
     smooth : Array
         Joints at which the direction does not change (k,).
     """
@@ -62,8 +62,8 @@ class LineArcChain:
         return _distances(self.joints, self.chords, self.bulges, points, owner)
 
     def drawn(self, turn: float, parts: int) -> tuple[Array, Array]:
-        """Points of the chain, and which of them are its joints or divide an arc by a turn at most [rad]; ``parts`` are
-        between these.
+        """Return points of the chain, and whether each is a joint or divides an arc by the greatest turn [rad];
+        ``parts`` lie between these.
         """
         rows, knots = [], []
         for start, chord, bulge in zip(self.joints, self.chords, self.bulges, strict=True):

@@ -1,4 +1,4 @@
-"""From points that were measured to the curve that they stand for."""
+"""Fit a curve to measured points."""
 
 from __future__ import annotations
 
@@ -19,24 +19,23 @@ from continuum_grasp.scene.polygons import PlanePoint
 from continuum_grasp.scene.value import SAME
 
 _MOST_NODES = 400
-"""Places at which pieces may end: the search for them takes a time that grows with the square, 0.1 s for so many."""
+"""Greatest number of possible ends of pieces: the time of their search grows with the square, 0.1 s for this number."""
 _GREATEST = 0.01
-"""Noise, per longer side of a curve, beyond which points are corners that someone meant [1]: who measures is better."""
+"""With more noise than this, per longer side of a curve, points are intended corners [1]: measurements are better."""
 _TURN, _PARTS = 0.95 * BLUNT, 4
-"""Turn between corners of an arc [rad], so that parts of an object have an arc there, and chords between them: these
-are within 7e-5 of its radius."""
+"""Turn between corners of an arc [rad]: an object has arcs between them, and chords within 7e-5 of the radius."""
 _AROUND = 4.0
-"""Length of a curve about a corner that blur has rounded, per standard deviation of the blur [1]: two to either side,
-where the half level is 0.03 of it off the line."""
+"""Length of a corner that blur has rounded, per standard deviation of the blur [1]: two to either side, where the half
+level is within 0.03 standard deviations of the line."""
 _NEWTON = 5
-"""Steps for a circle, from the mean of its points."""
+"""Newton steps for a circle, from the mean of its points."""
 _FARTHEST = 6.0
-"""Distance of a point from the curve, per scatter, beyond which the curve is not fitted [1], blur added."""
+"""A curve with points farther away than this, per scatter and beyond blur, does not fit [1]."""
 _TOGETHER = 10
-"""Neighbors that are all so far from a curve that is not fitted: a wrong pixel at the edge moves fewer."""
+"""Number of consecutive far points that reject a curve: a wrong pixel at the edge moves fewer."""
 _SURE = 3.0
-"""Standard deviations from which on something is seen, and by which an error is stated [1]: 99.7 % of normal noise are
-within. By G. Schwarz's information, 40 to 4000 points see a bend from 1.9 to 2.9 on: one flat side in ten is round.
+"""Standard deviations of a significant difference, and of a stated error [1]: 99.7 % of normal noise are within. By G.
+Schwarz's information, 40 to 4000 points see a bend from 1.9 to 2.9 on: one flat side in ten is round.
 """
 
 
@@ -52,7 +51,7 @@ class FittedCurve(NamedTuple):
     knots : frozenset of int
         Indices of the points that are ends of lines, or corners of an arc.
     chain : ChainFit or None
-        The lines and arcs; None of a circle.
+        Lines and arcs; None for a circle.
     """
 
     points: tuple[PlanePoint, ...]
@@ -61,8 +60,8 @@ class FittedCurve(NamedTuple):
     chain: ChainFit | None = None
 
     def level(self, normals: Iterable[PlanePoint]) -> FittedCurve:
-        """The curve whose outermost points along each normal, as far as they may be level, are level: within its error
-        a flat side lies flat.
+        """Return the curve with its outermost points along each normal made level, if its error allows that: a flat
+        side then lies flat.
         """
         chain = self.chain
         if chain is None:
@@ -73,14 +72,14 @@ class FittedCurve(NamedTuple):
 
 
 def fitted(ring: Sequence[PlanePoint], sampling: Sampling) -> FittedCurve | None:
-    """Fit lines and arcs to the points of a closed curve; None where these show no noise: they are exact.
+    """Fit lines and arcs to the points of a closed curve; None for exact points, which show no noise.
 
     Parameters
     ----------
     ring : sequence of (float, float)
         Points, each once.
     sampling : Sampling
-        What is known of the points beforehand.
+        Known sampling of the points.
     """
     import shapely
 
@@ -116,7 +115,7 @@ def fitted(ring: Sequence[PlanePoint], sampling: Sampling) -> FittedCurve | None
             and not np.lib.stride_tricks.sliding_window_view(far, min(_TOGETHER, len(far))).all(1).any()
         ):
             return fit
-    # Lines and arcs are not what this is: the points as they are, with their noise.
+    # Lines and arcs do not fit: retain the points with their noise.
     return FittedCurve(tuple(ring), _SURE * noise.scatter)
 
 
@@ -130,7 +129,7 @@ def _listed(points: Array) -> tuple[PlanePoint, ...]:
 
 
 def _circle(points: Array, noise: Noise, spare: float, most: float) -> FittedCurve | None:
-    """The circle through points, where its information is at most so much."""
+    """Fit a circle to points; None if its information exceeds a limit."""
     center = points.mean(axis=0)
     radius = 0.0
     for _ in range(_NEWTON):
@@ -142,20 +141,22 @@ def _circle(points: Array, noise: Noise, spare: float, most: float) -> FittedCur
     rest = np.linalg.norm(points - center, axis=1) - radius
     if not spare and is_pattern(rest):
         return None
-    # A wrong pixel counts no more than as far as points may be.
+    # The weight of a wrong pixel ends at the greatest plausible distance.
     squares = np.minimum(rest**2, (_FARTHEST * noise.scatter) ** 2)
     if max(float(squares.sum()) - spare * len(points), 0.0) / noise.density > most:
         return None
     count = _PARTS * math.ceil(2.0 * math.pi / _TURN)
     angles = np.arange(count) * 2.0 * np.pi / count
     drawn = center + radius * np.column_stack([np.cos(angles), np.sin(angles)])
-    # Of three parameters that n points settle: 1/n of the radius, 2/n of each coordinate of the center.
+    # n points settle three parameters: variance 1/n of the radius, 2/n of each coordinate of the center.
     off = (3.0 * noise.density / len(points)) ** 0.5
     return FittedCurve(_listed(drawn), _SURE * off + (3.0 * spare) ** 0.5, frozenset(range(0, count, _PARTS)))
 
 
 def _nodes(points: Array, scatter: float) -> NDArray[np.int_]:
-    """Indices of points at which pieces may end: corners of a polygon within the noise, and points between them."""
+    """Return the indices of points at which pieces may end: corners of a polygon within the noise, and points
+    between.
+    """
     import shapely
 
     if len(points) <= _MOST_NODES:

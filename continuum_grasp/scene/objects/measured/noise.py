@@ -1,4 +1,4 @@
-"""Noise of measured points along a closed curve: estimated from the points alone, whatever the shape."""
+"""Estimate the noise of measured points along a closed curve from the points alone, for any shape."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from continuum_grasp.base import Array
 
 _WINDOW = 5
-"""Neighbors through which a parabola is laid: the fewest that leave two residuals; few windows hold a corner."""
+"""Points of a parabola: the fewest that leave two residuals; few windows contain a corner."""
 _QUARTILE = 0.28768
 """First quartile of the mean of two squared residuals, per variance: -ln(3/4), of a chi-square of two degrees. Up to
 three windows in four may hold corners."""
@@ -18,17 +18,17 @@ _BETWEEN = 4.0
 """Ratio of the variances of means over twice as many neighbors [1] between that of noise, 1/2, and that of a smooth
 curve, whose third derivative leaves residuals that grow with the cube of the scale: 64. Few windows scatter much."""
 _SMOOTH = 0.7
-"""Share of third differences with the sign of the next one [1] between that of noise and that of smooth curves."""
+"""Threshold between noise and smooth curves: share of third differences with the sign of the next one [1]."""
 _LAGS, _ALIKE = 16, 0.5
-"""Points of a tooth at most, and correlation of its points with those of the next one at least [1]: noise of 40 points
-has one of 0.16."""
+"""Greatest number of points of a tooth, and least correlation of its points with the next tooth [1]: 40 points of noise
+have 0.16."""
 _BESIDE = range(4, 10)
-"""Neighbors to either side of a point that show whether it is far from the curve: a pixel that is wrong at the edge
-moves up to seven points."""
+"""Neighbors on each side that show whether a point is an outlier: a wrong pixel at the edge moves up to seven
+points."""
 _EVEN, _FAR = 2.0, 4.0
-"""Scatter of these neighbors, at most, and distance of the point, at least, per scatter of all points [1]."""
+"""Greatest scatter of these neighbors, and least distance of an outlier, per scatter of all points [1]."""
 _SECTION, _SECTIONS = 100, 8
-"""Points of a section of the curve at least, so that its noise is known to 15 %, and number of sections at most."""
+"""Least number of points per section of the curve (noise known to 15 %), and greatest number of sections."""
 
 
 class Noise(NamedTuple):
@@ -53,11 +53,11 @@ class Noise(NamedTuple):
 
 
 def noise_of(points: Array) -> Noise | None:
-    """Estimate the noise of the points (n, 2) of a closed curve where it is greatest; None where they show none.
+    """Estimate the noise of the points (n, 2) of a closed curve at its greatest; None for exact points.
 
     Noise differs from shape by scale: the mean over twice as many neighbors scatters less, whereas the bends of a
-    shape stand out more. So the means over 1, 2, 4 ... neighbors are compared with parabolas through five of them, and
-    the noise is measured on the first scales on which the scatter falls.
+    shape stand out more. So the function compares means over 1, 2, 4 ... neighbors with parabolas through five of
+    them, and measures the noise on the first scales with falling scatter.
     """
     # Light and focus differ from side to side.
     sections = np.array_split(points, max(min(len(points) // _SECTION, _SECTIONS), 1))
@@ -66,13 +66,13 @@ def noise_of(points: Array) -> Noise | None:
 
 
 def _of_section(points: Array) -> Noise | None:
-    """Noise of points along a curve that is not closed."""
+    """Estimate the noise of points along an open curve."""
     counts = [2**k for k in range(16) if len(points) >> k >= 2 * _WINDOW]
     variances = [_variance(_means(points, count)) for count in counts]
     if len(variances) < 2:
         return None
     if len(points) < _SECTION:
-        # Windows of means would all hold corners.
+        # All windows of means would contain corners.
         return None if _is_smooth(points) else Noise(variances[0] ** 0.5, 1.0)
     steps = enumerate(pairwise(variances))
     first = next((k for k, (a, b) in steps if b < (_BETWEEN if k == 0 else 1.0) * a), None)
@@ -87,8 +87,8 @@ def _of_section(points: Array) -> Noise | None:
 
 
 def is_pattern(rest: Array) -> bool:
-    """Whether residuals of points along a curve repeat, as teeth do and noise does not: they are like those some points
-    later, and unlike those between.
+    """Whether residuals along a curve repeat, as on teeth, unlike noise: they resemble the residuals some points later,
+    but not the ones between.
     """
     rest = rest - rest.mean()
     lags = np.arange(1, min(_LAGS, len(rest) // 4) + 1)
@@ -110,8 +110,8 @@ def _variance(points: Array) -> float:
 
 
 def without_outliers(points: Array, scatter: float) -> Array:
-    """Points of a closed curve but for those that are far from it, where their neighbors on both sides are on one
-    parabola: what a grain of dust or a wrong pixel leaves, and no corner.
+    """Remove outliers from a closed curve: points whose neighbors on both sides lie on one parabola, such as dust or a
+    wrong pixel, but no corner.
     """
     if len(points) < 4 * _BESIDE[-1]:
         return points
@@ -123,8 +123,8 @@ def without_outliers(points: Array, scatter: float) -> Array:
 
 
 def _is_smooth(points: Array) -> bool:
-    """Whether third differences have the signs of their neighbors: on a smooth curve almost all have, and of noise, for
-    which those of neighbors have a correlation of -0.4, 37 %.
+    """Whether third differences have the sign of their neighbors: almost all on a smooth curve, 37 % for noise, whose
+    neighboring differences have a correlation of -0.4.
     """
     rest, _ = _beside_parabolas(_windows(points), points[: 1 - _WINDOW, None])
     third = rest @ [-1.0, 2.0, 0.0, -2.0, 1.0]
@@ -132,12 +132,12 @@ def _is_smooth(points: Array) -> bool:
 
 
 def _windows(points: Array) -> Array:
-    """Each point with those after it (n, 5, 2), as far as there are any."""
+    """Return each point with the following ones (n, 5, 2)."""
     return np.asarray(points[np.arange(len(points) - _WINDOW + 1)[:, None] + np.arange(_WINDOW)])
 
 
 def _beside_parabolas(around: Array, others: Array) -> tuple[Array, Array]:
-    """Residuals of neighbors (n, k, 2) from a parabola through them, and those of other points beside it (n, m, 2)."""
+    """Return residuals of points (n, k, 2) from their parabola, and of other points (n, m, 2) near it."""
     chord = around[:, -1] - around[:, 0]
     length = np.maximum(np.linalg.norm(chord, axis=1), np.finfo(float).tiny)[:, None]
     middle = around.mean(axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Runs of measured points that are straight or round within their noise: the fewest that the points call for."""
+"""Divide measured points into the fewest runs that are straight or round within the noise."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from continuum_grasp.base import Array
 from continuum_grasp.scene.objects.measured.noise import Noise
 
 _STEPS = 12
-"""Newton steps for the circles; they start at zero, below the root, and converge monotonically."""
+"""Newton steps for circles; they start at zero, below the root, and converge monotonically."""
 _LEAST = 5
-"""Points of an arc at least: two more than a circle needs."""
+"""Least number of points of an arc: two more than a circle needs."""
 _WIDEST = 0.75 * np.pi
 """Half the greatest turn of an arc [rad]: chords of longer arcs say little of their places."""
 
@@ -25,16 +25,16 @@ class PointRun(NamedTuple):
     last: int
     is_arc: bool
     is_blur: bool = False
-    """Whether the points are those of a corner that blur has rounded, and say nothing of the lines beside it."""
+    """Whether the points belong to a corner that blur has rounded, which says nothing about the adjacent lines."""
 
 
 def pieces_of(
     points: Array, nodes: NDArray[np.int_], noise: Noise, spare: float, worth: float, blurred: float = 0.0
 ) -> tuple[list[PointRun], float]:
-    """Divide a closed curve at some of its ``nodes`` into lines and arcs, so that the information is least.
+    """Divide a closed curve at some of its ``nodes`` into lines and arcs with the least information.
 
-    The information is the sum of squared residuals over the noise's density, but for a ``spare`` variance that is free,
-    plus what each parameter is ``worth``: three of a line, four of an arc, the place where it ends among them.
+    The information is the sum of squared residuals over the noise's density, without a free ``spare`` variance, plus
+    the ``worth`` of each parameter: three for a line, four for an arc, including the place of its end.
     Dynamic programming finds the least (H. Akaike, "A new look at the statistical model identification", IEEE
     Transactions on Automatic Control, 1974).
 
@@ -48,9 +48,9 @@ def pieces_of(
     spare : float
         Variance of the points by which any curve may be off.
     worth : float
-        Squares of residuals, per variance, that a parameter explains at least [1].
+        Least sum of squared residuals, per variance, that a parameter must explain [1].
     blurred : float, optional
-        Length of the curve about a corner that blur has rounded: so much of it is a corner for one parameter.
+        Length of a corner that blur has rounded: such a corner costs one parameter.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def pieces_of(
     of_arc = np.maximum(arc - free, 0.0) / variance + 4.0 * worth
     of_arc[(sums[0] < _LEAST) | (_turned(scaled, nodes) > 2.0 * _WIDEST)] = np.inf
     costs, is_arc = np.minimum(of_line, of_arc), of_arc < of_line
-    # Points of a corner count as noise does: they are worth as much on any curve.
+    # Points of a corner count like noise, the same for any curve.
     of_blur = np.where(_lengths(points, nodes) <= blurred, sums[0] / noise.share + worth, np.inf)
     start = 0
     found: list[tuple[int, int, bool]] = []
@@ -87,9 +87,9 @@ def pieces_of(
 
 
 def _least(costs: Array, of_blur: Array, start: int) -> tuple[list[tuple[int, int, bool]], float]:
-    """Runs from node to node, once around from ``start``, whose costs are least in sum, and that sum.
+    """Find the runs from node to node, once around from ``start``, with the least total cost, and this cost.
 
-    Nodes count on beyond the end. A run may be a blurred corner where one that is not comes before it.
+    Node numbers continue beyond the end. A run may be a blurred corner if the run before it is not one.
     """
     count = len(costs)
     best = np.full((2, count + 1), np.inf)

@@ -1,4 +1,4 @@
-"""The chain of lines and arcs that is nearest to measured points, by least squares, and its uncertainty."""
+"""Fit a chain of lines and arcs to measured points by least squares, with its uncertainty."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from continuum_grasp.scene.objects.measured.noise import Noise, frames
 from continuum_grasp.scene.objects.measured.pieces import PointRun
 
 _STEPS = 20
-"""Steps of Gauss and Newton at most; a chain next to its points takes three to six."""
+"""Greatest number of Gauss-Newton steps; a chain near its points takes three to six."""
 _MEANS = 800
-"""Points, or means of them, that settle a chain."""
+"""Greatest number of points, or means of points, that settle a chain."""
 _STIFF = 1e3
-"""How many times stiffer than the points a joint is that is smooth or level [1]: off by a thousandth of the noise."""
+"""Stiffness of a smooth or level joint, per stiffness of the points [1]: its error is a thousandth of the noise."""
 _HUBER = 2.0
-"""Residual, per scatter, beyond which points pull no stronger [1]: 95 % of normal noise are within."""
+"""Residual, per scatter, beyond which the pull of a point is constant [1]: 95 % of normal noise are within."""
 _Entry = TypeVar("_Entry")
 
 
@@ -34,12 +34,12 @@ class ChainFit:
     ----------
     chain : LineArcChain
     points : Array
-        Points that settle it (n, 2), in the order of the curve; blurred corners are not among them.
+        Points that settle the chain (n, 2), in the order of the curve, without blurred corners.
     owner : Array
         PointRun of each point (n,), increasing.
     noise : Noise
     covariance : Array
-        Of joints and bulges (3k, 3k).
+        Covariance of joints and bulges (3k, 3k).
     """
 
     chain: LineArcChain
@@ -50,10 +50,10 @@ class ChainFit:
 
     @classmethod
     def through(cls, points: Array, pieces: Sequence[PointRun], noise: Noise, worth: float, near: float) -> ChainFit:
-        """Fit a chain to points (n, 2) that are divided into pieces; corners are ``near`` to some of the points.
+        """Fit a chain to points (n, 2) that are divided into pieces; corners are ``near`` some of the points.
 
-        Joints at which the direction changes no more than noise explains are smooth: by the criterion by which pieces
-        are chosen, a parameter less against a greater sum of squares.
+        A joint is smooth if noise explains its change of direction, by the same criterion as for pieces: one parameter
+        less against a greater sum of squares.
         """
         runs: list[Array] = [points[np.arange(p.first, p.last) % len(points)] for p in pieces if not p.is_blur]
         kinds = [piece.is_arc for piece in pieces if not piece.is_blur]
@@ -78,10 +78,10 @@ class ChainFit:
 
     @classmethod
     def _of(cls, runs: Sequence[Array], kinds: Sequence[bool], noise: Noise) -> ChainFit:
-        """The chain with corners wherever a run of points ends."""
+        """Return the chain with corners at all ends of runs."""
         joints = np.array([0.5 * (before[-1] + run[0]) for before, run in zip([runs[-1], *runs], runs, strict=False)])
         bulges = np.array([_bulge(run) if is_arc else 0.0 for run, is_arc in zip(runs, kinds, strict=True)])
-        # Means of neighbors say as much of the pieces as the points, at less cost.
+        # Means of neighbors determine the pieces as well as the points do, at less cost.
         count = max(sum(map(len, runs)) // _MEANS, 1)
         means = [
             run[: len(run) // count * count].reshape(-1, count, 2).mean(axis=1) if len(run) > 4 * count else run
@@ -93,7 +93,7 @@ class ChainFit:
         return cls(chain, np.concatenate(means), owner, noise, np.zeros((0, 0)))._settled()
 
     def _spurious(self, runs: Sequence[Array], near: float) -> Array:
-        """Pieces that have no place between the pieces beside them, or lead to a corner where no point is (k,)."""
+        """Pieces (k,) without space between their neighbors, or with a corner far from all points."""
         along = np.array([run[-1] - run[0] for run in runs])
         spurious = np.asarray((self.chain.chords * along).sum(axis=1) < 0.0)
         for k, joint in enumerate(self.chain.joints):
@@ -105,7 +105,7 @@ class ChainFit:
 
     @property
     def spread(self) -> float:
-        """Standard deviation of the chain's distance from the curve where it is greatest."""
+        """Greatest standard deviation of the chain's distance from the curve."""
         slopes = slopes_of(self.chain, self.points, self.owner)
         count = len(self.chain.joints)
         begin, end = 3 * self.owner, 3 * ((self.owner + 1) % count)
@@ -114,7 +114,9 @@ class ChainFit:
         return float(np.sqrt(np.einsum("ni,nij,nj->n", slopes, around, slopes).max()))
 
     def level(self, normal: tuple[float, float], within: float) -> ChainFit:
-        """The chain whose joints within a distance of the outermost one along a normal are as far out as that one."""
+        """Return the chain with all joints within a distance of the outermost one along a normal moved level with
+        it.
+        """
         heights = self.chain.joints @ normal
         outer = np.flatnonzero(heights >= heights.max() - within)
         if len(outer) < 2:
@@ -126,7 +128,7 @@ class ChainFit:
         fit = self._settled(ties)
         joints = fit.chain.joints.copy()
         heights = joints[outer] @ normal
-        # But for the stiffness of the ties they are level already.
+        # They are level already, up to the stiffness of the ties.
         joints[outer] += (heights.mean() - heights)[:, None] * np.asarray(normal)
         return replace(fit, chain=replace(fit.chain, joints=joints))
 
@@ -184,10 +186,10 @@ class ChainFit:
         return cost, gram, slope
 
     def _beside(self, chain: LineArcChain, ties: Array | None) -> list[tuple[Array, Array]]:
-        """Further residuals and their derivatives, beside the distances of the points."""
+        """Return additional residuals and their derivatives, besides the distances of the points."""
         start, reach = self.chain, self.chain.reach
         places = np.eye(3 * len(reach)).reshape(len(reach), 3, -1)[:, :2]
-        # Where a joint slides along both its pieces, it stays within the length of the shorter one.
+        # A joint that slides along both its pieces stays within the length of the shorter one.
         stays = (places / reach[:, None, None]).reshape(2 * len(reach), -1)
         beside = [(stays, ((chain.joints - start.joints) / reach[:, None]).ravel())]
         if chain.smooth.any():
@@ -204,7 +206,7 @@ def _without(every: list[_Entry], chosen: Array) -> list[_Entry]:
 
 
 def _apart(chosen: Array) -> Array:
-    """Pieces that are chosen, but for those after one that is."""
+    """Return the chosen pieces without direct successors of chosen pieces."""
     apart = chosen.copy()
     for k in range(len(apart)):
         apart[k] &= not apart[k - 1]
