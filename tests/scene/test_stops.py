@@ -103,7 +103,7 @@ def test_a_spirob_that_curls_up_at_once_meets_its_stops_before_its_bending_range
         initial={"pose": "straight"},
         time={"duration": 0.3, "step": 0.002, "method": "rk4"},
     )
-    with pytest.raises(cg.NumericalError, match="element 2 is about to bend beyond 40 rad.*take more elements"):
+    with pytest.raises(cg.NumericalError, match=r"element 2 is about to bend beyond 40 rad.*take more elements"):
         cg.simulate(scene.changed({"fidelity.elements": 2}))
     motion = cg.simulate(scene)
     assert motion.status == "finished"
