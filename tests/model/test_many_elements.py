@@ -263,13 +263,13 @@ def test_energy_of_thirty_two_elements_is_conserved():
     ("family", "count"), [("arc", 1), ("arc", 2), ("clothoid", 2), ("arc", 4), ("arc", 16), ("arc", 40)]
 )
 def test_elements_are_evaluated_beyond_where_their_links_touch(family, count):
-    """1.5 times curvature times length where that is more than the share of the whole finger, up to 20 rad."""
+    """1.5 times curvature times length where that is more than the share of the whole finger, up to 40 rad."""
     finger = Finger(
         rod=Rod(length=0.2, linear_density=0.02, bending_stiffness=0.01),
         stops=Stops(curvature=80.0, stiffness_ratio=9.0),
     )
     usual = min(2 * np.pi / 3, 8 * np.pi / 3 / count)
-    wanted = max(usual, min(1.5 * 80.0 * 0.2 / count, 20.0))
+    wanted = max(usual, min(1.5 * 80.0 * 0.2 / count, 40.0))
     assert FingerModel(finger, family=family, elements=count).ranges == pytest.approx((wanted,) * count)
 
 
