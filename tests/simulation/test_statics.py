@@ -303,7 +303,7 @@ def test_a_stated_range_changes_no_equilibrium(family):
     free = equilibrium(pushed(5.0, family, fidelity={"accuracy": 1e-13}))
     for stated in (0.1, 0.5):
         found = equilibrium(pushed(5.0, family, fidelity={"accuracy": 1e-13, "bending_range": stated}))
-        assert found.warnings == ()
+        assert not any("range" in warning for warning in found.warnings)
         assert found.tip == pytest.approx(free.tip, abs=1e-10)
 
 

@@ -178,7 +178,7 @@ def test_quadratic_damping_at_rest_is_met(quadratic):
 def test_a_motion_that_is_not_finite_is_advised_another_method(method):
     held = {"pose": "equilibrium", "held_by": [{"kind": "moment", "at": 0.6, "moment": 0.2}]}
     scene = released("arc", 2, 0.05, 0.05, method, initial=held, finger={"damping": {"quadratic": 1.0}})
-    with pytest.raises(NumericalError, match=r"time\.method: auto;"):
+    with pytest.raises(NumericalError, match=r"time\.method: auto$"):
         integrate(scene)
 
 
