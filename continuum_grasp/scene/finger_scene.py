@@ -116,7 +116,7 @@ class Initial(Value):
 
     @property
     def without_history(self) -> Self:
-        """The same posture for a finger without friction, or another finger."""
+        """Initial pose without the history of friction: for a finger without friction, or another finger."""
         return self.replaced(reached_by=None, friction_states=None, path=())
 
     def _check(self) -> None:
