@@ -65,16 +65,6 @@ def overlaps_at_rest(scene: GraspScene | HandScene | Scene) -> tuple[RestOverlap
     -------
     tuple of RestOverlap
         In the order of the fingers, for each the object first; empty if all fingers are clear.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp.grasp.at_rest import overlaps_at_rest
-    >>> overlaps_at_rest(cg.load("configs/hand/ball.yaml"))
-    ()
-    >>> low = {"object.position": [0.045, 0.0, -0.09]}  # m: the ball is below the first finger
-    >>> [overlap.finger for overlap in overlaps_at_rest(cg.load("configs/hand/ball.yaml").changed(low))]
-    ['finger_1']
     """
     lines = _in_space(scene) if isinstance(scene, HandScene) else _in_plane(scene)
     found = list[RestOverlap]()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.base import Array, check_arguments
+from continuum_grasp.base import Array, CheckedArgument, check_arguments
 from continuum_grasp.rod.dimensionless import bodies
 from continuum_grasp.rod.elastica import Elastica
 from continuum_grasp.rod.equations import RodEquations
@@ -35,6 +35,11 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
         Increasing [Hz]; zero where the equilibrium is unstable. Under following loads or tendon friction, where two
         modes flutter, their common frequency comes twice.
 
+    Raises
+    ------
+    InputError
+        ``count`` is not between 1 and 1000.
+
     Examples
     --------
     A straight cantilever has 3.516 sqrt(EI / (rho A L^4)) / (2 pi) = 1.5852 Hz:
@@ -48,6 +53,8 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
     >>> natural_frequencies(scene.finger, solve_elastica(scene), 1).round(3)
     array([1.585])
     """
+    # 1000: for more, the matrices of 4,000 nodes take gigabytes.
+    CheckedArgument("count", count).whole(1, 1000)
     equations, curvature = about.equations, about.nodal_curvature
     # 4: nodes per frequency: each shape has half a wave more than the previous one
     while equations.mesh.size < 4 * count:

@@ -32,15 +32,6 @@ def bends_of(scene: Scene, model: FingerModel) -> list[float]:
     list of float
         Greatest bend of each element [rad]: at the start, and at rest under the inputs and loads of every instant at
         which they take a sampled value; at least the model's ``ranges``.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp.simulation import bends_of
-    >>> scene = cg.load("configs/simulate/hanging.yaml")
-    >>> model = cg.FingerModel(scene)
-    >>> bends_of(scene, model) == list(model.ranges)
-    True
     """
     shares = [np.zeros(len(model.ranges)), *_shares(scene, model)]
     # 1.25: range per bend beyond the range, because a motion continues from there
