@@ -10,6 +10,11 @@ from typing import Any
 import pytest
 
 
+ROUNDING = pytest.mark.xfail(
+    reason="whether the search of a few elements converges depends on the rounding of the processor", strict=False
+)
+
+
 def few(cases: Iterable[Any], count: int) -> list[Any]:
     """The first ``count`` cases as they are, the others marked deep; a tuple is a value per name."""
     every = list(cases)

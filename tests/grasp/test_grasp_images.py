@@ -18,7 +18,7 @@ from continuum_grasp.grasp.starts.supports import object_poses
 from continuum_grasp.grasp.values import tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import GraspScene
-from tests.marks import few
+from tests.marks import ROUNDING, few
 
 SCENES = [("one", 5), ("one", 7), ("one", 1), ("one", 2), ("one", 6), ("one", 11)]
 MORE = [
@@ -88,7 +88,7 @@ def test_poses_that_are_tried_have_their_mirror_images():
     assert sorted(-own[:5]) == pytest.approx(sorted(other[:5]), abs=1e-12)
 
 
-@pytest.mark.parametrize(("seed", "where"), few([(s, w) for s in (5, 7, 100, 3, 4) for w in ("y", "angle", "base")], 2))
+@pytest.mark.parametrize(("seed", "where"), few([(s, w) for s in (7, 5, 100, 3, 4) for w in ("y", "angle", "base")], 2))
 def test_an_object_or_a_base_that_may_move_takes_no_more_than_one_that_is_fixed(seed, where):
     data = drawn("one", seed)
     fixed = least(scene_of(data, 4))

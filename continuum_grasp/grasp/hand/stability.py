@@ -183,7 +183,8 @@ class HandSystem(SpatialSystem):
         shift = vector[-6:-3]
         turn = vector[-3:]
         axis = int(np.argmax(np.abs(turn)))
-        if float(turn @ turn) < float(shift @ shift):
+        # 1e-6: rounding does not decide where a roll turns as much as it shifts
+        if float(turn @ turn) < (1.0 - 1e-6) * float(shift @ shift):
             return f"shifts along {'xyz'[int(np.argmax(np.abs(shift)))]}"
         return "turns about the hand's axis" if axis == 2 else f"tilts about {'xy'[axis]}"
 
