@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-
 ROUNDING = pytest.mark.xfail(
     reason="whether the search of a few elements converges depends on the rounding of the processor", strict=False
 )
