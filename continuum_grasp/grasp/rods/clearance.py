@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.rods.problem import NearPair, GraspRods, StagePlace
+from continuum_grasp.grasp.rods.problem import GraspRods, NearPair, StagePlace
 from continuum_grasp.grasp.rods.rod import between, crossed, polynomial
 
 DEEP = 3e-6

@@ -15,7 +15,7 @@ from continuum_grasp.grasp.finger_map.balance import ObjectBalance, Settled
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places
 from continuum_grasp.grasp.rods.numbers import SceneNumbers, table_of
-from continuum_grasp.grasp.rods.problem import NearPair, GraspRods, StagePlace
+from continuum_grasp.grasp.rods.problem import GraspRods, NearPair, StagePlace
 from continuum_grasp.grasp.rods.table import DistanceTable
 from continuum_grasp.nlp import Attempt, Budget, Settings, Solver
 from continuum_grasp.scene import GraspScene
