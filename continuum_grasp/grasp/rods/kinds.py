@@ -211,6 +211,14 @@ def difference_kind() -> BlockKind:
 
 
 @cache
+def share_kind() -> BlockKind:
+    """Row: an unknown times a number."""
+    parts = _Parts()
+    unknown, factor = parts.unknown("unknown"), parts.datum("factor")
+    return parts.kind("share", [factor * unknown])
+
+
+@cache
 def chord_kind() -> BlockKind:
     """Row: a node is apart from the chord between two nodes of another finger: (d^2 - r^2) / (2 r), d the distance."""
     parts = _Parts()

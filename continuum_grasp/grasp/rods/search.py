@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,6 +12,7 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.finger_map import Place, SceneMaps, places_of
 from continuum_grasp.grasp.finger_map.balance import ObjectBalance, Settled
+from continuum_grasp.grasp.finger_map.fill import FingerMap
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places
 from continuum_grasp.grasp.rods.numbers import SceneNumbers, table_of
@@ -82,15 +83,30 @@ class Case:
 
     def __init__(self, search: RodSearch, on: frozenset[str], place: Place) -> None:
         self.search, self.on, self.place = search, on, place
-        pose, bases = place
-        pairs = zip(search.scene.setups, bases, strict=True)
-        self._maps = [search.maps.map_of(setup.name, base, pose, on, exact=True) for setup, base in pairs]
-        self.balance = ObjectBalance(search.scene, on, [one.finger for one in self._maps], pose)
+        self._scene = search.scene
+
+    def changed(self, scene: GraspScene, place: Place) -> Case:
+        """The case in a scene with other limits at another place, with the same starts."""
+        made = Case(self.search, self.on, place)
+        made._scene, made.balance = scene, self.balance
+        return made
+
+    @cached_property
+    def _maps(self) -> list[FingerMap]:
+        """Maps of the fingers."""
+        pose, bases = self.place
+        pairs = zip(self.search.scene.setups, bases, strict=True)
+        return [self.search.maps.map_of(setup.name, base, pose, self.on, exact=True) for setup, base in pairs]
+
+    @cached_property
+    def balance(self) -> ObjectBalance:
+        """The balance of the object, as samples of the maps are combined."""
+        return ObjectBalance(self.search.scene, self.on, [one.finger for one in self._maps], self.place[0])
 
     @cached_property
     def numbers(self) -> SceneNumbers:
         """The scene in plain numbers."""
-        return SceneNumbers.of(self.search.scene, self.on, self.place, self.balance.force, self.search.table)
+        return SceneNumbers.of(self._scene, self.on, self.place, self.balance.force, self.search.table)
 
     @property
     def starts(self) -> list[RodStart]:
@@ -181,12 +197,17 @@ class RodSearch:
         yield from best
         yield from others[: most - len(best)]
 
-    def solved(self, start: RodStart) -> RodGrasp:
-        """Solve from a start; again with rows where a finger is in the object between nodes, or crosses another."""
+    def solved(self, start: RodStart, widen: Callable[[GraspRods], None] | None = None) -> RodGrasp:
+        """Solve from a start, with a limit widened where that is given.
+
+        Where a finger is in the object between nodes, or crosses another, it is solved again with rows there.
+        """
         places, near = list[StagePlace](), list[NearPair]()
         case, x = start.case, None
         for _ in range(ROUNDS + 1):
             problem = GraspRods(case.numbers, stages=self.stages, places=places, near=near)
+            if widen is not None:
+                widen(problem)
             first = case.x_of(problem, start) if x is None else x
             attempt = self._solver.solve(problem.nlp, problem.start(first), self.budget)
             crossing = Crossing(problem, attempt.x)
