@@ -256,12 +256,13 @@ class Repairs:
             scene = self._scene.changed(changes)
         except InputError:
             return None
-        for start in self._starts:
+        for start, near in [(widened.start, widened), *((start, None) for start in self._starts)]:
             pose, bases = start.case.place
             if limit.unit == "m":
                 bases = tuple((*setup.finger.base.position, setup.finger.base.angle) for setup in scene.setups)
             case = start.case.changed(scene, (pose, bases))
-            grasp = self._search.solved(RodStart(case, start.x, start.imbalance, start.aim, start.places))
+            again = RodStart(case, start.x, start.imbalance, start.aim, start.places)
+            grasp = self._search.solved(again, near=near)
             if grasp.holds:
                 return Repair(limit, amount, changes, grasp)
         return None

@@ -83,6 +83,7 @@ class GraspRods(BlockProblem):
     ) -> None:
         super().__init__("grasp", numbers.table.coefficients)
         self.numbers = numbers
+        self.places, self.near = tuple(places), tuple(near)
         scene = numbers.scene
         self.pose = self.unknown("pose", *numbers.pose_bounds)
         aims = scene.weights

@@ -197,18 +197,22 @@ class RodSearch:
         yield from best
         yield from others[: most - len(best)]
 
-    def solved(self, start: RodStart, widen: Callable[[GraspRods], None] | None = None) -> RodGrasp:
-        """Solve from a start, with a limit widened where that is given.
+    def solved(
+        self, start: RodStart, widen: Callable[[GraspRods], None] | None = None, near: RodGrasp | None = None
+    ) -> RodGrasp:
+        """Solve from a start, or from a grasp with other limits ``near`` by; with a limit widened where that is given.
 
         Where a finger is in the object between nodes, or crosses another, it is solved again with rows there.
         """
-        places, near = list[StagePlace](), list[NearPair]()
-        case, x = start.case, None
+        places = list[StagePlace]() if near is None else list(near.problem.places)
+        pairs = list[NearPair]() if near is None else list(near.problem.near)
+        case, x = start.case, None if near is None else near.attempt.x
         for _ in range(ROUNDS + 1):
-            problem = GraspRods(case.numbers, stages=self.stages, places=places, near=near)
+            problem = GraspRods(case.numbers, stages=self.stages, places=places, near=pairs)
             if widen is not None:
                 widen(problem)
-            first = case.x_of(problem, start) if x is None else x
+            # Unknowns of widened limits come last.
+            first = case.x_of(problem, start) if x is None else x[: problem.size]
             attempt = self._solver.solve(problem.nlp, problem.start(first), self.budget)
             crossing = Crossing(problem, attempt.x)
             grasp = RodGrasp(problem, attempt, start, crossing.depth > CROSSED)
@@ -217,7 +221,7 @@ class RodSearch:
             if grasp.crosses:
                 # From the sample: a solution that crosses does not come apart.
                 sample = Crossing(problem, case.x_of(problem, start))
-                near = list(dict.fromkeys([*near, *sample.near, *crossing.near]))
+                pairs = list(dict.fromkeys([*pairs, *sample.near, *crossing.near]))
                 x = None
                 continue
             deep = [place for place in deep_places(problem, attempt.x) if place not in places]
