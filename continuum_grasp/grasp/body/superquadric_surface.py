@@ -18,12 +18,13 @@ STEPS = 60
 LEAST = 0.2
 """Least factor 1 + d k between a curvature k of the surface and that at a distance d: deep inside, no surface is
 nearest."""
-CLOSE = 1e-14
-"""Distance, per size, of a place from the normal through the point, at which it is the nearest one: rounding."""
+CLOSE, NEARLY = 1e-14, 1e-8
+"""Distances, per size, of a place from the normal through the point, at which it is the nearest one: of rounding; and
+where distances alone are sought, which are off by the square of it."""
 
 
 class SuperquadricSurface(SolidSurface):
-    """A superquadric along its axes; with exponents of 2 an ellipsoid. Points are mirrored to the octant of its samples."""
+    """A superquadric along its axes; with exponents of 2 an ellipsoid. Points move to the octant of its samples."""
 
     def __init__(self, extents: Sequence[float], exponents: Sequence[float], size: float) -> None:
         self.half, (self.p, self.q) = 0.5 * np.array(extents), exponents
@@ -43,6 +44,12 @@ class SuperquadricSurface(SolidSurface):
         order = np.argsort(np.abs(np.einsum("nij,ni->nj", axes, self.normals)), axis=1)[:, :2]
         self.bends = np.take_along_axis(bends, order, axis=1)
         self.directions = np.take_along_axis(axes, order[:, None, :], axis=2)
+
+    def value(self, points: Array) -> Array:
+        """The gauge (N,) at points (N, 3)."""
+        u = np.abs(points) / self.half
+        across = (u[:, 0] ** self.p + u[:, 1] ** self.p) ** (self.q / self.p)
+        return np.asarray((across + u[:, 2] ** self.q) ** (1.0 / self.q))
 
     def gauge(self, points: Array) -> tuple[Array, Array, Array]:
         """The gauge (N,), its gradient (N, 3) and Hessian (N, 3, 3) at points (N, 3)."""
@@ -92,29 +99,41 @@ class SuperquadricSurface(SolidSurface):
 
     def distance(self, points: Array) -> Array:
         points = np.abs(np.reshape(points, (-1, 3)))
-        place = self._nearest(points)
+        place = self._nearest(points, NEARLY)
         return np.asarray(((points - place) * self._bending(place)[0]).sum(axis=1))
+
+    def on_grid(self, axes: tuple[Array, ...]) -> Array:
+        # Mirror images of a place are as far: 1e-12 m tells places apart.
+        halves, images = zip(
+            *(np.unique(np.round(np.abs(axis), 12), return_inverse=True) for axis in axes), strict=True
+        )
+        return super().on_grid(halves)[np.ix_(*images)]
 
     def to_second_order(self, points: Array) -> tuple[Array, Array, Array]:
         sign = np.copysign(1.0, points)
-        place = self._nearest(np.abs(points))
+        place = self._nearest(np.abs(points), CLOSE)
         normal, shape = self._bending(place)
         height = ((np.abs(points) - place) * normal).sum(axis=1)
         hessian = np.linalg.solve(_grown(shape, height), shape)
         hessian = 0.5 * (hessian + hessian.transpose(0, 2, 1))
         return height, sign * normal, sign[:, :, None] * hessian * sign[:, None, :]
 
-    def _nearest(self, points: Array) -> Array:
+    def _nearest(self, points: Array, close: float) -> Array:
         """Places of the surface nearest to points (N, 3) of the octant of the samples."""
+        distance, normal = self.scan(points)
+        place = np.abs(points - distance[:, None] * normal)
+        place = place / self.value(place)[:, None]
         apart, k = self.tree.query(points)
-        place = self.samples[k]
+        missed = np.linalg.norm(points - place, axis=1) > apart
+        place[missed] = self.samples[k[missed]]
+        apart = np.linalg.norm(points - place, axis=1)
         left = np.arange(len(points))
         for _ in range(STEPS):
             normal, shape = self._bending(place[left])
             away = points[left] - place[left]
             height = (away * normal).sum(axis=1)
             aside = away - height[:, None] * normal
-            open_ = np.abs(aside).max(axis=1) > CLOSE * self.size
+            open_ = np.abs(aside).max(axis=1) > close * self.size
             left = left[open_]
             if not len(left):
                 break
@@ -123,7 +142,7 @@ class SuperquadricSurface(SolidSurface):
             done = np.zeros(len(left), dtype=bool)
             for _ in range(12):  # halvings of a step that leads farther away
                 trial = np.abs(place[left] + share[:, None] * step)
-                trial = trial / self.gauge(trial)[0][:, None]
+                trial = trial / self.value(trial)[:, None]
                 farther = np.linalg.norm(points[left] - trial, axis=1)
                 # 1e-14: near the nearest point, rounding
                 closer = ~done & (farther <= apart[left] * (1.0 + 1e-14))

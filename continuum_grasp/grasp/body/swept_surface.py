@@ -121,12 +121,13 @@ class ExtrudedSurface(SolidSurface):
         return [grid.reshape(-1, 3) for grid in grids]
 
     def _grid(self, ring: Array, outward: Array) -> Array:
-        """Points of caps and rims (12, N + 1, 3) around points of the core with normals there (N, 2)."""
-        rise = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 10)
+        """Points of caps and rims (14, N + 1, 3) around points of the core with normals there (N, 2)."""
+        quarter = np.linspace(0.0, 0.5 * np.pi, 6)
+        ends = [(-self.half, quarter - 0.5 * np.pi), (self.half, quarter)]
         rows = [
-            np.column_stack([ring + r * np.cos(a) * outward, np.full(len(ring), z + r * np.sin(a))])
+            np.column_stack([ring + self.radius * np.cos(a) * outward, np.full(len(ring), z + self.radius * np.sin(a))])
+            for z, rise in ends
             for a in rise
-            for r, z in [(self.radius, np.copysign(self.half, a))]
         ]
         middle = ring.mean(axis=0)
         caps = [np.column_stack([np.tile(middle, (len(ring), 1)), row[:, 2]]) for row in (rows[0], rows[-1])]

@@ -69,15 +69,19 @@ class DistanceTable:
 
     @classmethod
     def of(cls, body: Body, low: Array, high: Array, step: float) -> DistanceTable:
-        """Make the table of a body for places from ``low`` (d,) to ``high`` (d,) [m], ``step`` [m] apart."""
-        low = np.asarray(low, dtype=float)
-        counts = np.ceil((np.asarray(high) - low) / step - _INSIDE).astype(int) + 1
-        counts = np.maximum(counts, 4)
-        values = body.on_grid(tuple(start + step * np.arange(n) for start, n in zip(low, counts, strict=True)))
+        """Make the table of a body for places from ``low`` (d,) to ``high`` (d,) [m], ``step`` [m] apart.
+
+        The grid reaches beyond both alike, so that mirror images of a body have mirror images of its table.
+        """
+        low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+        counts = np.maximum(np.ceil((high - low) / step - _INSIDE).astype(int) + 1, 4)
+        axes = [step * (np.arange(n) - 0.5 * (n - 1)) for n in counts]
+        values = body.on_grid(tuple(axis + middle for axis, middle in zip(axes, 0.5 * (low + high), strict=True)))
         for axis in range(body.dimensions):
             values = np.moveaxis(_spline(np.moveaxis(values, axis, 0)), 0, axis)
         # The first coefficient belongs to a place before the first one of the grid.
-        data = np.array([*(low - step), 1.0 / step, 0.0, *values.shape])
+        origin = 0.5 * (low + high) - 0.5 * step * (counts + 1)
+        data = np.array([*origin, 1.0 / step, 0.0, *values.shape])
         return cls(body, data, values.ravel())
 
     @classmethod
