@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from continuum_grasp.base import Numbers as Array
+from continuum_grasp.grasp.body.evened import evened
 from continuum_grasp.grasp.body.surface import SolidSurface
 
 SAMPLES = 40_000
@@ -26,6 +27,8 @@ COARSE, BAND = 2000, 0.6
 """Number of samples, and share of the size beyond which a point takes the nearest sample for the surface."""
 ON_EDGE = 1e-9
 """Barycentric coordinate below which a place is on an edge [1]: rounding."""
+NEAR = 0.7
+"""Part of the reach of a table within which its normals are smooth ones [1]; beyond, those of nearest triangles do."""
 SLACK = 0.05
 """Part of the distance by which the place of a smooth normal may be farther than the nearest one: normals at corners
 lean by 15 degrees at most."""
@@ -62,6 +65,11 @@ class MeshSurface(SolidSurface):
         self.vertex_normals = self._vertex_normals()
         self.owner, samples = self._samples(count)
         self.tree = cKDTree(samples)
+        chords, turns = (
+            np.linalg.norm(np.roll(part, -1, axis=1) - part, axis=2) for part in (self.places, self.corner_normals)
+        )
+        self.facet = float((chords * turns).sum() / turns.sum()) if turns.any() else 0.0
+        """Mean length of the edges of facets where they stand for a curve, by the turn of the normals along them [m]."""
         self.every = 1 + len(samples) // COARSE
         self.coarse = cKDTree(samples[:: self.every])
         self.beyond, self.creased = self._creases()
@@ -136,6 +144,17 @@ class MeshSurface(SolidSurface):
         near[close] = self.owner[self.tree.query(points[close], k=TRIED)[1]]
         owner = np.repeat(np.arange(len(points)), TRIED)
         return self._signed(points, *self._least(points, owner, near.ravel()))
+
+    def on_grid(self, axes: tuple[Array, ...]) -> Array:
+        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        points = grid.reshape(-1, 3)
+        distance, normal = self.scan(points)
+        low, high = self.box
+        reach = min(float(min(a - axis[0], axis[-1] - b)) for axis, a, b in zip(axes, low, high, strict=True))
+        close = (distance > -self.facet) & (distance < max(NEAR * reach, self.facet))
+        distance[close], normal[close], _ = self.to_second_order(points[close])
+        step = float(axes[0][1] - axes[0][0])
+        return evened(distance.reshape(grid.shape[:-1]), normal.reshape(grid.shape), step, self.facet)
 
     def distance(self, points: Array) -> Array:
         return self.from_triangles(np.reshape(points, (-1, 3)))[0]
