@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from itertools import product
 from typing import Any
 
 import casadi as ca
@@ -140,27 +139,17 @@ class DistanceTable:
     def cell(point: Any, data: Any) -> Any:
         """Return where a CasADi point (d,) is on the grid (d,), at its border if beyond it.
 
-        Its whole part is the ``cell`` of `distance`.
+        Its whole part is the ``cell`` of `distance`. `nlp.Lookup` takes it, the first index and the counts.
         """
         d = point.numel()
         return ca.fmin(ca.fmax((point - data[:d]) * data[d], 1.0), data[d + 2 :] - 2.0 - _INSIDE)
 
     @staticmethod
-    def places(cell: Any, data: Any) -> Any:
-        """Return the indices (4^d,) of the coefficients of a CasADi ``cell`` (d,)."""
-        d = cell.numel()
-        index: Any = ca.DM.zeros(4**d)
-        for axis in range(d):
-            shifts = ca.DM([shift[axis] for shift in product(range(-1, 3), repeat=d)])
-            index = index * data[d + 2 + axis] + cell[axis] + shifts
-        return data[d + 1] + index
-
-    @staticmethod
     def distance(point: Any, data: Any, cell: Any, coefficients: Any) -> Any:
         """Return the CasADi distance of a point (d,).
 
-        ``cell`` (d,), whole numbers, and the ``coefficients`` (4^d,) at its `places` are data, too: derivatives by them
-        do not count.
+        ``cell`` (d,), whole numbers, and its ``coefficients`` (4^d,), which begin one before it along each axis, the
+        last axis fastest, are data, too: derivatives by them do not count.
         """
         d = point.numel()
         at = DistanceTable.cell(point, data)

@@ -29,7 +29,7 @@ def near_surface(body, away, count=200):
 
 
 def functions(d):
-    """Distance, gradient and Hessian as CasADi has them; the cell of a point, and the places of its coefficients."""
+    """Distance, gradient and Hessian as CasADi has them, and the cell of a point."""
     names = ("point", "data", "cell", "coefficients")
     point, data, cell, coefficients = (
         ca.SX.sym(name, size) for name, size in zip(names, (d, 2 * d + 2, d, 4**d), strict=True)
@@ -39,19 +39,21 @@ def functions(d):
     return (
         ca.Function("distance", [point, data, cell, coefficients], [distance, slope, hessian]),
         ca.Function("cell", [point, data], [ca.floor(DistanceTable.cell(point, data))]),
-        ca.Function("places", [cell, data], [DistanceTable.places(cell, data)]),
     )
 
 
 def as_solver(table, points, data=None, shift=0.0):
     """Distances, gradients and Hessians by CasADi; with cells that points have after a shift."""
     data = table.data if data is None else data
-    distance, cell, places = functions(table.body.dimensions)
+    d = table.body.dimensions
+    distance, cell = functions(d)
+    first, counts = int(data[d + 1]), data[d + 2 :].astype(int)
+    grid = table.coefficients[first : first + counts.prod()].reshape(counts)
     found = []
     for point in points:
-        own = cell(point + shift, data)
-        at = np.array(places(own, data)).ravel().astype(int)
-        found.append([np.array(part) for part in distance(point, data, own, table.coefficients[at])])
+        own = np.array(cell(point + shift, data)).ravel().astype(int)
+        near = grid[tuple(slice(k - 1, k + 3) for k in own)]
+        found.append([np.array(part) for part in distance(point, data, own, near.ravel())])
     values, slopes, hessians = zip(*found, strict=True)
     return np.ravel(values), np.stack(slopes)[..., 0], np.stack(hessians)
 
