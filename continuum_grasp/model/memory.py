@@ -33,7 +33,7 @@ class Memory:
     ``moved`` is a number h for a finger at rest, whose friction acts as ``clip(z + h u)`` with the sliding u since the
     unloaded shape: h = 0 means constant friction states; h = 1 with zero states means a finger that slid one way from
     its unloaded shape. ``part`` [s]: implicit part of a step. ``return_time`` [s]: time in which states return to their
-    range. ``rounding``: width of the corners of the clip of a finger at rest, so that second derivatives exist; 0: none.
+    range. ``rounding``: width of the corners of the clip of a finger at rest, for second derivatives; 0: none.
     """
 
     return_time: float
