@@ -32,8 +32,11 @@ from continuum_grasp.model.memory import Memory
 from continuum_grasp.model.planar import Scalar, column
 from continuum_grasp.model.tendon_friction import rounded
 
-NEWTON = 8
-"""Newton steps from a moment to a curvature [1]; `tests/model/test_section.py` measures what they leave."""
+NEWTON = 12
+"""Newton steps from a moment to a curvature [1], before the two that have derivatives; `tests/model/test_section.py`
+measures what they leave."""
+_GRID = 2.0**36
+"""Inverse of the rounding of a curvature times the length before the last two Newton steps [1]: 1e-11."""
 
 
 def scalars(values: Any) -> list[Scalar]:
@@ -152,10 +155,10 @@ class SectionForm:
             [list(islice(own, count)) for count in self.curves],
         )
 
-    def _laws(self, numbers: Any) -> tuple[list[SectionLaw], Iterator[Scalar]]:
-        """The laws with their numbers, and the numbers that come after these."""
+    def laws_with(self, numbers: Any) -> list[SectionLaw]:
+        """Return the laws with the numbers of a piece."""
         entries = iter(scalars(numbers)[2 + sum(d + 1 for d in self.degrees) :])
-        return [law_with(law, entries) for law in self.laws], entries
+        return [law_with(law, entries) for law in self.laws]
 
     def _tendons(self, numbers: Any) -> list[tuple[Scalar, Scalar, Scalar]]:
         """Per set the friction coefficient, the slide w per presliding, and the bend of the conduit."""
@@ -186,13 +189,17 @@ class SectionForm:
         ratio = load / place.stiffness
         if not self.laws:
             return ratio
-        laws, _ = self._laws(numbers)
         own = [value for of_law in place.own for value in of_law]
         given = [place.rest, column(own), column(scalars(numbers)), column(scalars(history))]
-        step = _newton(self)
-        bend: Scalar = ratio / (1.0 + sum((law.held for law in laws), 0.0))
+        start, bounded, newton = _inverse(self)
+        bend, low, high = start(ratio, *given)
         for _ in range(NEWTON):
-            bend = step(bend, ratio, *given)
+            bend, low, high = bounded(bend, low, high, ratio, *given)
+        # The derivative of a floor is zero: all derivatives pass through the last two steps alone. These have the exact
+        # first and second ones, since a Newton step from a solution does not depend on where it starts.
+        bend = ca.floor(_GRID * bend) / _GRID
+        for _ in range(2):
+            bend = newton(bend, ratio, *given)
         return bend
 
     def resisting(self, bend: Scalar, rest: Scalar, own: Sequence[Scalar], numbers: Any, history: Any) -> Scalar:
@@ -201,7 +208,7 @@ class SectionForm:
         left = iter(states[sum(friction for _, friction in self.sets) :])
         values, total = iter(own), bend
         memory = Memory(1.0, moved, rounding=self.rounding)
-        for law, count in zip(self._laws(numbers)[0], self.curves, strict=True):
+        for law, count in zip(self.laws_with(numbers), self.curves, strict=True):
             seen = Bend(bend, rest, 0.0, memory, list(islice(values, count)), [next(left) for _ in law.names(1)])
             total = total + law.moment(seen)
         return total
@@ -241,11 +248,32 @@ class SectionForm:
 
 
 @cache
-def _newton(form: SectionForm) -> ca.Function:
-    """One Newton step of the curvature above rest towards the one that resists a moment per stiffness."""
-    bend, ratio, rest = (ca.SX.sym(name) for name in ("bend", "ratio", "rest"))
+def _inverse(form: SectionForm) -> tuple[ca.Function, ca.Function, ca.Function]:
+    """Functions that lead to the curvature above rest that resists a moment per stiffness.
+
+    The first gives a curvature and bounds of the wanted one. The second takes a Newton step within bounds, which it
+    makes closer, or halves them where the step leaves them; the third takes a Newton step.
+    """
+    names = "bend", "low", "high", "ratio", "rest"
+    bend, low, high, ratio, rest = (ca.SX.sym(name) for name in names)
     own, numbers = ca.SX.sym("own", sum(form.curves)), ca.SX.sym("numbers", form.size)
     history = ca.SX.sym("history", len(form.history_names))
-    resisting = form.resisting(bend, rest, scalars(own), numbers, history)
-    step = bend - (resisting - ratio) / ca.gradient(resisting, bend)
-    return ca.Function("newton", [bend, ratio, rest, own, numbers, history], [step])
+    given = [rest, own, numbers, history]
+    moment = form.resisting(bend, rest, scalars(own), numbers, history)
+    missing, slope = ratio - moment, ca.gradient(moment, bend)
+    step = bend + missing / slope
+    below, above = ca.if_else(missing < 0.0, low, bend), ca.if_else(missing > 0.0, high, bend)
+    inside = ca.logic_and(step >= below, step <= above)
+    halved = ca.if_else(inside, step, 0.5 * (below + above))
+    # The moment rises by slopes between these.
+    least = greatest = 1.0
+    for law in form.laws_with(numbers):
+        softest, stiffest = law.slopes
+        least, greatest = least + softest, greatest + stiffest
+    left = ratio - ca.substitute(moment, bend, 0.0)
+    ends = left / least, left / greatest
+    return (
+        ca.Function("start", [ratio, *given], [ends[1], ca.fmin(*ends), ca.fmax(*ends)]),
+        ca.Function("bounded", [bend, low, high, ratio, *given], [halved, below, above]),
+        ca.Function("newton", [bend, ratio, *given], [step]),
+    )

@@ -49,6 +49,10 @@ class Limit(SectionLaw):
     def moment(self, bend: Bend) -> Scalar:
         return self.change * sum((sign * (s * s / root) for sign, s, root in self._beyond(bend)), 0.0)
 
+    @property
+    def slopes(self) -> tuple[Scalar, Scalar]:
+        return ca.fmin(self.change, 0.0), ca.fmax(self.change, 0.0)
+
     def energy(self, bend: Bend) -> Scalar:
         return (0.5 * self.change) * sum((s * s for _, s, _ in self._beyond(bend)), 0.0)
 

@@ -146,3 +146,8 @@ class SectionLaw(ABC):
     def held(self) -> Scalar:
         """Stiffness that it adds where its states do not slide [N m2]."""
         return 0.0
+
+    @property
+    def slopes(self) -> tuple[Scalar, Scalar]:
+        """Bounds of the derivative of the moment by the curvature at rest [N m2]."""
+        return 0.0, self.held
