@@ -18,8 +18,9 @@ from continuum_grasp.scene import SAME, Curve, Panels
 
 DEGREE = 4
 """Greatest degree of the polynomials [1]: the stiffness of a rod whose width and thickness change linearly has it."""
-MISFIT = 1e-6
-"""Greatest distance of a curve from its polynomial, per greatest value of the curve [1]."""
+MISFIT = 1e-5
+"""Greatest distance of a curve from its polynomial, per greatest value of the curve [1]: the tip of a spiral with stops
+that bends by 22 rad is off by 4e-7 of its length (`tests/model/test_stage.py`)."""
 _EXACT = 1e-13
 """Distance per greatest value up to which a polynomial of a lower degree is the curve itself, but for rounding [1]."""
 _SAMPLES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8.0)

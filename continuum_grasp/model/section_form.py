@@ -184,6 +184,14 @@ class SectionForm:
             moment = moment + side * place.shapes[channel] * tension
         return moment
 
+    def curvature(
+        self, s: Scalar, moment: Scalar, pulls: Any, sliding: Any, numbers: Any, history: Any
+    ) -> tuple[Scalar, Scalar]:
+        """Return the curvature at a place above the one at rest, and the total one."""
+        place = self.at(s, numbers)
+        bend = self.bent(place, self.load(place, moment, pulls, sliding, numbers), numbers, history)
+        return bend, place.rest + bend
+
     def bent(self, place: SectionPlace, load: Scalar, numbers: Any, history: Any) -> Scalar:
         """Compute the curvature above the one at rest, under a load."""
         ratio = load / place.stiffness
