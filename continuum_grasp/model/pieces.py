@@ -28,7 +28,7 @@ _SAMPLES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8.0)
 
 
 @dataclass(frozen=True)
-class Piece:
+class CurvePiece:
     """A part of a finger, from start to end per length, and a polynomial per curve: coefficients of the powers of
     ``s - start``.
     """
@@ -42,7 +42,7 @@ class Piece:
         return float(Polynomial(self.polynomials[curve])(s - self.start))
 
 
-def pieces_of(length: float, curves: Sequence[Curve], cuts: Iterable[float] = ()) -> tuple[Piece, ...]:
+def pieces_of(length: float, curves: Sequence[Curve], cuts: Iterable[float] = ()) -> tuple[CurvePiece, ...]:
     """Cut a finger of a length [m] into as few pieces as polynomials within `MISFIT` of all curves allow.
 
     ``cuts`` are further places [m] where a piece ends, increasing. A curve with a jump or a kink never passes through
@@ -50,7 +50,7 @@ def pieces_of(length: float, curves: Sequence[Curve], cuts: Iterable[float] = ()
     """
     scales = [max(map(abs, curve.extremes)) or 1.0 for curve in curves]
     inside = [at for at in cuts if SAME * length < at < (1.0 - SAME) * length]
-    pieces = list[Piece]()
+    pieces = list[CurvePiece]()
     for start, end in pairwise([0.0, *inside, length]):
         left = [_Sampled.of(curves, *panel) for panel in Panels.of(length, curves, start, end)]
         while left:
@@ -86,7 +86,7 @@ class _Sampled:
         return cls(start, end, places, values)
 
 
-def _fitted(panels: Sequence[_Sampled], scales: Sequence[float], length: float) -> Piece | None:
+def _fitted(panels: Sequence[_Sampled], scales: Sequence[float], length: float) -> CurvePiece | None:
     """The polynomials through all curves on some panels; None where one of them misses its curve."""
     start, end = panels[0].start / length, panels[-1].end / length
     distance = np.concatenate([panel.places for panel in panels]) / length - start
@@ -101,4 +101,4 @@ def _fitted(panels: Sequence[_Sampled], scales: Sequence[float], length: float) 
             return None
         coefficients = series.convert(kind=Polynomial).coef.tolist() if degree else [float(values.mean())]
         polynomials.append(tuple(coefficients))
-    return Piece(start, end, tuple(polynomials))
+    return CurvePiece(start, end, tuple(polynomials))

@@ -13,7 +13,7 @@ from numpy.polynomial import Polynomial
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.model.laws import laws_of
 from continuum_grasp.model.parameters import Parameters
-from continuum_grasp.model.pieces import DEGREE, Piece, pieces_of
+from continuum_grasp.model.pieces import DEGREE, CurvePiece, pieces_of
 from continuum_grasp.model.section_form import SectionForm, antiderivative, law_with, numbers_of_law, polynomial
 from continuum_grasp.model.tendon_friction import SlidingSet, sliding_sets
 from continuum_grasp.scene import Finger
@@ -48,21 +48,12 @@ class Section:
 
     Places are from 0 at the base to 1 at the tip. Units are the finger's length [m], ``force`` [N], and ``moment``
     [N m]; masses are forces per m/s^2. On a piece, every curve is a polynomial of the distance from its start.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp.model import Section
-    >>> rod = cg.Rod(length=0.2, bending_stiffness=0.05, linear_density=0.1, diameter=0.01)
-    >>> section = Section.of(cg.Finger(rod=rod, tendons=cg.Tendons(offset=0.005, max_tension=40.0)))
-    >>> section.places, [round(pull.unit, 9) for pull in section.pulls]
-    ((0.0, 1.0), [50.0, 50.0])
     """
 
     form: SectionForm
     length: float
     stiffness: float  # B0 [N m2], of the rod itself at the base
-    pieces: tuple[Piece, ...]
+    pieces: tuple[CurvePiece, ...]
     pulls: tuple[SectionPull, ...]
     tip_mass: float  # of point masses at the tip, which no piece has
     rest_slides: tuple[float, ...]  # per set, what its shape draws in while the finger is at rest, per arm [rad]
@@ -169,7 +160,7 @@ class _Making:
         return sorted((each.at, each.mass * self._per_mass) for each in masses if not is_tip(each.at))
 
     @cached_property
-    def _pieces(self) -> tuple[Piece, ...]:
+    def _pieces(self) -> tuple[CurvePiece, ...]:
         profile, length = self._finger.profile, self._length
         curves = [
             profile.bending_stiffness.scaled(1.0 / self._stiffness),

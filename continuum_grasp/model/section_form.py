@@ -175,7 +175,8 @@ class SectionForm:
         """Add the moments of the pulls to the moment of what acts beyond the place."""
         entries = scalars(numbers)[self.size - len(self.pulls) :]
         grown = [
-            ca.exp(loss) if friction else 1.0 for (loss, _), (_, friction) in zip(self._slides(sliding), self.sets, strict=True)
+            ca.exp(loss) if friction else 1.0
+            for (loss, _), (_, friction) in zip(self._slides(sliding), self.sets, strict=True)
         ]
         for (channel, side, tendons), p, least in zip(self.pulls, scalars(pulls), entries, strict=True):
             tension = p + least

@@ -90,17 +90,6 @@ def plane_stage(form: SectionForm, substeps: int = SUBSTEPS) -> ca.Function:
         | gravity | g      | 2     | m/s^2   | gravity in the axes of x and y                                   |
         | history | h, z   |       | 1       | how the friction states came about (`SectionForm.history_names`) |
         | numbers |        | m     |         | of the piece (`Section.numbers`)                                 |
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp.model import Section, plane_stage
-    >>> rod = cg.Rod(length=0.2, bending_stiffness=0.05, linear_density=0.1, diameter=0.01)
-    >>> section = Section.of(cg.Finger(rod=rod, tendons=cg.Tendons(offset=0.005, max_tension=40.0)))
-    >>> stage = plane_stage(section.form)
-    >>> after = stage([0, 0, 0, 0], [0, 0], [1.0, 0], 0, 1, 0, [0, 0], section.pulled, section.numbers(0))
-    >>> [round(value, 3) for value in after.full().ravel().tolist()]  # a circle of curvature 1
-    [-0.46, 0.841, 1.0, 0.0]
     """
     names = plane_states(form)
     inputs = {

@@ -1,9 +1,11 @@
 """Stages of exact rods in the plane: closed forms, order of convergence, elements, and SciPy with sharp friction."""
 
+from itertools import pairwise
+
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import ellipk, ellipkinc
 
@@ -200,7 +202,7 @@ AGREEING = {
 @pytest.mark.usefixtures("without_compiler")
 @pytest.mark.parametrize("name", few(list(AGREEING), 2))
 def test_they_agree_with_elements(name):
-    """Sixteen clothoids, or arcs where a tendon ends on the way."""
+    """Sixteen clothoids, or arcs where a tendon ends inside."""
     path, changes, inputs, force = AGREEING[name]
     of = shipped(path, **changes)
     gravity = (0.0, 0.0) if of.rod.graded else (0.0, -9.81)
@@ -221,9 +223,7 @@ def test_the_notched_wrist_agrees_with_arcs():
     assert len(rod.section.pieces) == 10
     inputs = (3.0, 0.0)
     tip = rod.at_rest(inputs, (0.1, -0.05))[-1, :2]
-    lengths = [
-        v / 2.0 for a, b in zip(rod.section.places, rod.section.places[1:]) for v in [(b - a) * of.rod.length] * 2
-    ]
+    lengths = [v / 2.0 for a, b in pairwise(rod.section.places) for v in [(b - a) * of.rod.length] * 2]
     assert loaded(of, inputs, (0.1, -0.05), (0.0, 0.0), "arc", lengths) / of.rod.length == pytest.approx(tip, abs=3e-5)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, Sampling, SectionLaw
+from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, PortRule, SectionLaw
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene import Finger
 
@@ -19,10 +19,10 @@ class Drag(SectionLaw):
     coefficient: Scalar = 0.0
 
     @property
-    def sampling(self) -> Sampling:
+    def port_rule(self) -> PortRule:
         # 3: points per part of an element: as good as dense ones. Mean rates of two cells lose an eighth of the moment
         # of a rate that is linear from zero on.
-        return Sampling("points", 3)
+        return PortRule("points", 3)
 
     def moment(self, bend: Bend) -> Scalar:
         return self.coefficient * (bend.rate * ca.fabs(bend.rate))

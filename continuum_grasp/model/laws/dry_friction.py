@@ -23,7 +23,7 @@ from continuum_grasp.model.laws.section import (
     Kind,
     Number,
     Numbers,
-    Sampling,
+    PortRule,
     SectionLaw,
     numbers_of_branches,
 )
@@ -42,8 +42,8 @@ class DryFrictionLaw(SectionLaw):
     units: ClassVar[Mapping[str, str | tuple[str, ...]]] = {"branches": ("N m2", "N m")}
 
     @property
-    def sampling(self) -> Sampling:
-        return Sampling("cells", self.cells)
+    def port_rule(self) -> PortRule:
+        return PortRule("cells", self.cells)
 
     def names(self, port: int) -> list[str]:
         return [f"dry_friction_{j + 1}_{port} [1]" for j in range(len(self.branches))]

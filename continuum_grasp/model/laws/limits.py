@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import casadi as ca
 
-from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, Sampling, SectionLaw, own_stiffness
+from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, PortRule, SectionLaw, own_stiffness
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene import Curve, Finger
 
@@ -31,9 +31,9 @@ class Limit(SectionLaw):
     units: ClassVar[Mapping[str, str | tuple[str, ...]]] = {"rounding": "1", "change": "N m2", "scale": "1"}
 
     @property
-    def sampling(self) -> Sampling:
+    def port_rule(self) -> PortRule:
         # 3: points per part of an element: as good as dense ones
-        return Sampling("points", 3)
+        return PortRule("points", 3)
 
     def _beyond(self, bend: Bend) -> list[tuple[float, Scalar, Scalar]]:
         """Per side its sign, s and the root."""

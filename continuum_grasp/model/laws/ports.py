@@ -43,8 +43,8 @@ class PlacedLaw:
     @classmethod
     def on(cls, family: Family, law: SectionLaw) -> PlacedLaw:
         """Place a law on the elements of a family."""
-        count = law.sampling.count
-        match law.sampling.rule:
+        count = law.port_rule.count
+        match law.port_rule.name:
             case "cells":
                 return cls(law, _cells(family, count))
             case "points":

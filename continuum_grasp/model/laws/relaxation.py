@@ -18,7 +18,7 @@ from continuum_grasp.model.laws.section import (
     Kind,
     Number,
     Numbers,
-    Sampling,
+    PortRule,
     SectionLaw,
     numbers_of_branches,
     own_stiffness,
@@ -35,8 +35,8 @@ class RelaxationLaw(SectionLaw):
     branches: tuple[tuple[Scalar, Scalar], ...] = ()
 
     @property
-    def sampling(self) -> Sampling:
-        return Sampling("linear_points")
+    def port_rule(self) -> PortRule:
+        return PortRule("linear_points")
 
     def names(self, port: int) -> list[str]:
         return [f"relaxing_{j + 1}_{port} [1/m]" for j in range(len(self.branches))]

@@ -93,10 +93,10 @@ class Bend:
 
 
 @dataclass(frozen=True)
-class Sampling:
-    """How the elements of a finger see its curvature for a law; see ``laws.ports``."""
+class PortRule:
+    """Rule by which the elements of a finger see its curvature for a law; see ``laws.ports``."""
 
-    rule: Literal["cells", "points", "linear_points"]
+    name: Literal["cells", "points", "linear_points"]
     count: int = 0  # of ports on each element, or on each part of it
 
 
@@ -115,7 +115,7 @@ class SectionLaw(ABC):
 
     @property
     @abstractmethod
-    def sampling(self) -> Sampling:
+    def port_rule(self) -> PortRule:
         """Ports at which the elements see the curvature for the law."""
 
     @abstractmethod
