@@ -41,9 +41,7 @@ _GRID = 2.0**36
 
 def scalars(values: Any) -> list[Scalar]:
     """Entries of a column of CasADi, or of a sequence of numbers."""
-    if isinstance(values, ca.SX | ca.DM):
-        return [values[k] for k in range(values.numel())]
-    return list(values)
+    return [values[k] for k in range(values.numel())] if hasattr(values, "numel") else list(values)
 
 
 def polynomial(coefficients: Sequence[Scalar], at: Scalar) -> Scalar:
@@ -275,10 +273,8 @@ def _inverse(form: SectionForm) -> tuple[ca.Function, ca.Function, ca.Function]:
     inside = ca.logic_and(step >= below, step <= above)
     halved = ca.if_else(inside, step, 0.5 * (below + above))
     # The moment rises by slopes between these.
-    least = greatest = 1.0
-    for law in form.laws_with(numbers):
-        softest, stiffest = law.slopes
-        least, greatest = least + softest, greatest + stiffest
+    slopes = [law.slopes for law in form.laws_with(numbers)]
+    least, greatest = (sum(bounds, 1.0) for bounds in zip(*slopes, strict=True))
     left = ratio - ca.substitute(moment, bend, 0.0)
     ends = left / least, left / greatest
     return (
