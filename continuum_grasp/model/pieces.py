@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.polynomial import Chebyshev, Polynomial
+from numpy.polynomial import Chebyshev, Polynomial, chebyshev
 
 from continuum_grasp.base import Array
 from continuum_grasp.scene import SAME, Curve, Panels
@@ -22,7 +22,7 @@ MISFIT = 1e-5
 """Greatest distance of a curve from its polynomial, per greatest value of the curve [1]: the tip of a spiral with stops
 that bends by 22 rad is off by 4e-7 of its length (`tests/model/test_stage.py`)."""
 _EXACT = 1e-13
-"""Distance per greatest value up to which a polynomial of a lower degree is the curve itself, but for rounding [1]."""
+"""Chebyshev coefficient per greatest value of the curve up to which a term is rounding [1]."""
 _SAMPLES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8.0)
 """Places between two edges of curves, per their distance, at which curves and polynomials are compared."""
 
@@ -90,15 +90,15 @@ def _fitted(panels: Sequence[_Sampled], scales: Sequence[float], length: float) 
     """The polynomials through all curves on some panels; None where one of them misses its curve."""
     start, end = panels[0].start / length, panels[-1].end / length
     distance = np.concatenate([panel.places for panel in panels]) / length - start
+    values = np.hstack([panel.values for panel in panels])
+    table = chebyshev.chebvander(2.0 * distance / (end - start) - 1.0, DEGREE)
+    series = np.linalg.lstsq(table, values.T, rcond=None)[0]
+    if np.any(np.abs(table @ series - values.T).max(axis=0) > MISFIT * np.array(scales)):
+        return None
     polynomials = []
-    for scale, values in zip(scales, np.hstack([panel.values for panel in panels]), strict=True):
-        for degree in range(DEGREE + 1):
-            series = Chebyshev.fit(distance, values, degree, domain=[0.0, end - start])
-            misfit = float(np.abs(series(distance) - values).max()) / scale
-            if misfit <= _EXACT:
-                break
-        if misfit > MISFIT:
-            return None
-        coefficients = series.convert(kind=Polynomial).coef.tolist() if degree else [float(values.mean())]
-        polynomials.append(tuple(coefficients))
+    for scale, coefficients in zip(scales, series.T, strict=True):
+        # Without terms of rounding, a constant has no others.
+        count = int(np.flatnonzero(np.abs(coefficients) > _EXACT * scale).max(initial=0)) + 1
+        shifted = Chebyshev(coefficients[:count], domain=[0.0, end - start])
+        polynomials.append(tuple(shifted.convert(kind=Polynomial).coef.tolist()))
     return CurvePiece(start, end, tuple(polynomials))
