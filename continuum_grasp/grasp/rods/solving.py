@@ -126,28 +126,38 @@ class StartedSearch(ABC):
         """All starts, the most promising first."""
 
     @property
+    def further(self) -> list[RodStart]:
+        """Starts where none of the others leads to a grasp."""
+        return []
+
+    @property
     def best(self) -> RodGrasp | None:
         """The grasp with the least aim."""
         held = [grasp for grasp in self.tried if grasp.holds]
         return min(held, key=lambda grasp: grasp.attempt.objective, default=None)
 
     def run(self, most: int = STARTS) -> None:
-        """Solve from the most promising starts."""
-        for start in self.chosen(most):
+        """Solve from the most promising starts; from further ones if none of these leads to a grasp."""
+        self._try(self.starts, most)
+        if self.best is None:
+            self._try(self.further, most)
+
+    def _try(self, starts: Sequence[RodStart], most: int) -> None:
+        for start in self._chosen(starts, most):
             if self.budget.over:
                 return
             self.tried.append(self.solved(start))
 
-    def chosen(self, most: int) -> Iterator[RodStart]:
+    def _chosen(self, starts: Sequence[RodStart], most: int) -> Iterator[RodStart]:
         """The most promising starts; of different places of contacts where there are as many."""
         different, left = list[RodStart](), list[RodStart]()
-        for start in self.starts:
+        for start in starts:
             alike = (
                 one.on == start.on and np.linalg.norm(one.places - start.places) < self.apart for one in different
             )
             (left if any(alike) else different).append(start)
         half = (most + 1) // 2
-        best = self.starts[:half]
+        best = starts[:half]
         others = [start for start in different if not any(start is one for one in best)]
         yield from best
         yield from others[: most - len(best)]
