@@ -35,6 +35,8 @@ class Geometry(ABC):
     """Numbers of a state that say its place and direction; they come first, then the moment."""
     sides: int
     """Numbers of a section beyond its course, as for its stiffness out of the plane in which it bends."""
+    steps: int
+    """Steps of the fourth-order rule of Runge and Kutta in a stage."""
     pose: int
     """Numbers of an object's pose, the place first."""
     axes: int

@@ -8,6 +8,8 @@ object exerts N n + f a + g b on what touches it, and a moment tau n.
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Sequence
 from functools import cache
 from typing import Any
@@ -56,9 +58,14 @@ class _Parts:
 
 
 class _Sight:
-    """The object as a place of a finger [L] sees it, by the body's table: gap [L] and outward normal (3,)."""
+    """The object as a place of a finger [L] sees it, by the body's table: gap [L] and outward normal (3,).
 
-    def __init__(self, parts: _Parts, geometry: Geometry, place: Sequence[Any], pose: Any, ratio: Any) -> None:
+    The gap is exact to the given order of derivatives, the normal to one less.
+    """
+
+    def __init__(
+        self, parts: _Parts, geometry: Geometry, place: Sequence[Any], pose: Any, ratio: Any, order: int
+    ) -> None:
         d = geometry.dimensions
         axes, table = parts.datum("axes", geometry.axes), parts.datum("table", 2 * d + 2)
         self.turn = geometry.turn(pose, axes)
@@ -66,22 +73,49 @@ class _Sight:
         self.center = geometry.place(pose)
         away = [a - b for a, b in zip(self.place, self.center, strict=True)]
         local = ca.vertcat(*turned(transposed(self.turn), away)[:d])
-        read = ca.SX.sym("read", d + 4**d)
-        distance, gradient = _seen(d)(local, table, read)
+        series = _series(d, order)
+        found = ca.SX.sym("found", series.size1_out(0))
+        point, terms = found[:d], found[d:]
+        shift = ca.SX.sym("shift", d)
+        distance = _polynomial(shift, terms, order)
+        known = [shift, terms]
+        seen = ca.Function("seen", known, [distance, ca.gradient(distance, shift)])
+        distance, gradient = seen(local - point, terms)
         # 1e-30: no division by zero where a table is flat
         along = gradient / ca.sqrt(ca.sumsqr(gradient) + 1e-30)
         self.gap = distance / ratio
         self.normal = turned(self.turn, geometry.in_space([along[k] for k in range(d)]))
-        self.lookup = Lookup(DistanceTable.cell(local, table), table[d + 1], table[d + 2 :], read)
+        given = ca.vertcat(local, table)
+        self.lookup = Lookup(DistanceTable.cell(local, table), table[d + 1], table[d + 2 :], given, series, found)
+
+
+def _orders(dimensions: int, order: int) -> list[tuple[int, ...]]:
+    """Directions of all derivatives up to an order, the lower ones first."""
+    each = (itertools.combinations_with_replacement(range(dimensions), n) for n in range(order + 1))
+    return list(itertools.chain(*each))
 
 
 @cache
-def _seen(dimensions: int) -> ca.Function:
-    """Distance and its gradient at a point of a body's frame, by the table's data and what is read from it."""
-    point, found = ca.SX.sym("point", dimensions), ca.SX.sym("found", dimensions + 4**dimensions)
-    data = ca.SX.sym("data", 2 * dimensions + 2)
-    distance = DistanceTable.distance(point, data, found[:dimensions], found[dimensions:])
-    return ca.Function("seen", [point, data, found], [distance, ca.gradient(distance, point)])
+def _series(dimensions: int, order: int) -> ca.Function:
+    """A point in a table, and its distance with derivatives up to an order, by point and data, cell and coefficients."""
+    given, cell = ca.SX.sym("given", 3 * dimensions + 2), ca.SX.sym("cell", dimensions)
+    coefficients = ca.SX.sym("coefficients", 4**dimensions)
+    point = ca.SX.sym("point", dimensions)
+    derivatives = {(): DistanceTable.distance(point, given[dimensions:], cell, coefficients)}
+    for directions in _orders(dimensions, order)[1:]:
+        *before, last = directions
+        derivatives[directions] = ca.jacobian(derivatives[tuple(before)], point[last])
+    found = ca.substitute([ca.vertcat(point, *derivatives.values())], [point], [given[:dimensions]])
+    return ca.Function("series", [given, cell, coefficients], found, {"cse": True})
+
+
+def _polynomial(shift: ca.SX, terms: ca.SX, order: int) -> ca.SX:
+    """Taylor polynomial by its derivatives."""
+    value = ca.SX(0)
+    for k, directions in enumerate(_orders(shift.numel(), order)):
+        times = math.prod(math.factorial(directions.count(axis)) for axis in set(directions))
+        value += terms[k] / times * math.prod(shift[axis] for axis in directions)
+    return value
 
 
 @cache
@@ -122,7 +156,7 @@ def contact_kind(geometry: Geometry, count: int, *, tip: bool) -> BlockKind:
     gravity, load, center = parts.datum("gravity", d), parts.datum("load", d), parts.datum("center", 3)
     across, course = parts.datum("across", 3), parts.course(count)
     state = ca.vertsplit(at)
-    sight = _Sight(parts, geometry, state[:d], pose, ratio)
+    sight = _Sight(parts, geometry, state[:d], pose, ratio, 3)
     half, n = polynomial(course.half, segment[1]), sight.normal
     # Directions of the finger and of the surface are the same but for the finger's taper.
     direction = dot(geometry.in_space(geometry.tangent(state)), n) - slope(course.half, segment[1])
@@ -189,7 +223,7 @@ def clear_kind(geometry: Geometry, count: int) -> BlockKind:
     course = parts.course(count)
     span = segment[1] - segment[0]
     place = between(geometry, ca.vertsplit(begin), ca.vertsplit(end), span * (u1 - u0), share)
-    sight = _Sight(parts, geometry, place, pose, ratio)
+    sight = _Sight(parts, geometry, place, pose, ratio, 2)
     half = polynomial(course.half, segment[0] + (u0 + share * (u1 - u0)) * span)
     return parts.kind(f"clear{count}", [sight.gap - half], sight.lookup)
 

@@ -11,10 +11,6 @@ from dataclasses import dataclass
 
 from continuum_grasp.grasp.rods.geometry import Geometry, Value, Values
 
-SUBSTEPS = 4
-"""Steps of the fourth-order rule of Runge and Kutta in a stage."""
-
-
 def polynomial(coefficients: Values, s: Value) -> Value:
     """Value of a polynomial at s; the constant comes first."""
     value = coefficients[-1]
@@ -72,7 +68,7 @@ def stage(
     """State at the end of a stage of length h from s, where the force beyond is ``force``."""
     state = [*state]
     begin = s
-    h = h / SUBSTEPS
+    h = h / geometry.steps
 
     def rates(q: Values, at: Value) -> Values:
         weight = integral(course.weight, begin, at)
@@ -85,7 +81,7 @@ def stage(
     def moved(by: Values, share: Value) -> Values:
         return [q + share * rate for q, rate in zip(state, by, strict=True)]
 
-    for k in range(SUBSTEPS):
+    for k in range(geometry.steps):
         at = s + k * h
         first = rates(state, at)
         second = rates(moved(first, 0.5 * h), at + 0.5 * h)
