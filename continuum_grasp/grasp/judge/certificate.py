@@ -141,7 +141,9 @@ class _Touch:
         if not self.contact.moment:
             return along
         # An ellipse: no moment where all friction is used, and the greatest where none is.
-        return float(np.hypot(along, self.contact.moment * self.friction / self.torsional)) if self.torsional else np.inf
+        return (
+            float(np.hypot(along, self.contact.moment * self.friction / self.torsional)) if self.torsional else np.inf
+        )
 
 
 class _Grasp:
