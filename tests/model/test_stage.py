@@ -28,6 +28,16 @@ def test_a_moment_bends_a_rod_to_a_circle():
     assert rod.at_rest((0.0, 0.0), moment=tension * OFFSET)[-1, :3] == pytest.approx(expected, abs=1e-9)
 
 
+def test_a_couple_at_its_start_bends_the_rod_beyond():
+    """As the friction of a contact does, which acts half the thickness off the rod."""
+    section = Stages(finger()).section
+    given = [0.0, 0.0], [0.0, 0.0], 0.25, 1.0, 1.5, [0.0, 0.0], section.pulled, section.numbers(0)
+    after = np.array(plane_stage(section.form)([0.1, 0.25, 0.3, -0.5], *given)).ravel()
+    assert after[2:] == pytest.approx([0.3 + 0.75, 1.0], abs=1e-12)
+    assert after[0] == pytest.approx(0.1 + np.cos(1.05) - np.cos(0.3), abs=1e-5)
+    assert after[1] == pytest.approx(0.25 + np.sin(1.05) - np.sin(0.3), abs=1e-5)
+
+
 def test_a_force_bends_a_rod_to_the_elastica():
     """A force of 2 E I / L^2 across the tip: sqrt(2) = K(k) - F(phi, k) in elliptic integrals (Bisshopp, Drucker)."""
     load = 2.0
