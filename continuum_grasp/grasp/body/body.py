@@ -1,0 +1,76 @@
+"""The body that a grasp holds: its signed distance, in the plane and in space by one class.
+
+A grasp asks a body for nothing else. The certificate takes the exact distances, normals and curvatures of a `Body`; the
+problem takes a `DistanceTable` of them, which is smooth enough for a solver.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from continuum_grasp.base import Numbers as Array
+
+_SHARPEST = 1e-9
+"""Least radius of curvature, per size of the body [1]: sharp edges have it. A tip 1 mm thick does not tell it from
+zero, and squares of its inverse are still finite."""
+
+
+@dataclass(frozen=True)
+class NearBody:
+    """Nearest places of a body's surface to n points, in d dimensions."""
+
+    distance: Array
+    """Signed distances (n,) [m], negative inside."""
+    normal: Array
+    """Outward unit normals (n, d) at the nearest places: gradients of the distance, but on smoothed meshes."""
+    curvature: Array
+    """Curvatures of the surface at the nearest places [1/m], positive where it is convex. In the plane (n,), in space
+    the shape operators (n, 3, 3): symmetric, zero along the normal, their other eigenvectors and eigenvalues are the
+    principal directions and curvatures."""
+
+
+class Body(ABC):
+    """A body in its own frame; d is the number of its dimensions. `body_of` makes that of every object of a scene.
+
+    Where the nearest place is on a sharp edge or at a corner, the normal is the direction to the point from there, or a
+    normal of one of the sides if the point is on it, and the curvature across it is 1e9 / size.
+    """
+
+    dimensions: int
+    """2 in the plane, 3 in space."""
+    size: float
+    """Greatest distance of the surface from the origin of the frame [m]."""
+    deviation: float = 0.0
+    """Greatest distance of the surface from the true one [m]: of outlines and meshes that stand for a curve."""
+
+    least_step: float = 0.0
+    """Step of a grid [m] below which a table shows no more of the surface: of facets."""
+
+    @property
+    @abstractmethod
+    def box(self) -> tuple[Array, Array]:
+        """Least and greatest coordinates (d,) of an upright box around the body [m]."""
+
+    @abstractmethod
+    def distance(self, points: Array) -> Array:
+        """Return signed distances (n,) of points (n, d) [m], negative inside."""
+
+    @abstractmethod
+    def near(self, points: Array) -> NearBody:
+        """Return distances, outward normals and curvatures of the surface at the places nearest to points (n, d)."""
+
+    def on_grid(self, axes: tuple[Array, ...]) -> Array:
+        """Return what tables interpolate, at the places of a grid with d even axes: the distances [m].
+
+        A body whose distance is rough, as of facets, has a smooth field that is close to it instead.
+        """
+        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        return self.distance(grid.reshape(-1, len(axes))).reshape(grid.shape[:-1])
+
+    @property
+    def least_radius(self) -> float:
+        """Radius of curvature of sharp edges [m]."""
+        return _SHARPEST * self.size
