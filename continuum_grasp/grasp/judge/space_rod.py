@@ -28,8 +28,8 @@ TOLERANCE = 1e-10
 """Relative tolerance of the integration [1]: a looser one, 1e-8, changes gaps of shipped grasps by up to 1e-8 L."""
 _STEP = 1e-5
 """Step of differences in the moment at the base [E I / L]: the root of `TOLERANCE`."""
-_NEWTON = 12
-"""Most steps of Newton's method; from a grasp's own moment two or three are enough."""
+_NEWTON = 30
+"""Most steps of Newton's method; from a grasp's own moment one or two are enough."""
 _HALVINGS = 6
 """Halvings of a step that leaves more at the tip."""
 
@@ -115,17 +115,18 @@ class SpaceRod:
 
     def solve(self, moment: Array) -> None:
         """Find the moment in the base with which nothing is left at the tip, beginning from one (3,) [N m]."""
-        compliances = np.array([1.0 / self._section.lateral, 1.0 / self._section.torsion, 1.0])
+        soft = np.flatnonzero([1.0 / self._section.lateral, 1.0 / self._section.torsion, 1.0])
         guess = self.axes.T @ moment / self._moment
         left = self._left_at_tip(guess)
-        slopes = np.eye(3)
-        for count in range(_NEWTON):
+        slopes, fresh = np.eye(3), False
+        for _ in range(_NEWTON):
             size = np.abs(left).max()
             # 10: rounding of several hundred steps
             if not size > 10.0 * self._tolerance:
                 break
-            for k in np.flatnonzero(compliances) if count in (0, 4) else ():
-                slopes[:, k] = (self._left_at_tip(guess + _STEP * np.eye(3)[k]) - left) / _STEP
+            if not fresh:
+                for k in soft:
+                    slopes[:, k] = (self._left_at_tip(guess + _STEP * np.eye(3)[k]) - left) / _STEP
             change = -np.linalg.lstsq(slopes, left, rcond=None)[0]
             for halving in range(_HALVINGS):
                 trial = guess + 0.5**halving * change
@@ -134,6 +135,8 @@ class SpaceRod:
                     break
             else:
                 break
+            # Slopes that leave a tenth serve once more.
+            fresh = np.abs(after).max() < 0.1 * size
             guess, left = trial, after
         self.missing = self.axes @ self._left_at_tip(guess, dense=True) * self._moment
 
@@ -156,6 +159,8 @@ class SpaceRod:
                 atol=0.01 * self._tolerance,
                 dense_output=dense,
             )
+            if not done.success:
+                return np.full(3, np.nan)
             state = done.y[:, -1].copy()
             self._solutions.append((a, b, done.sol))
             while loads and loads[0][0].at <= b:

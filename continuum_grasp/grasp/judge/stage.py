@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.judge.findings import EXACT, Finding, Property, greatest
+from continuum_grasp.grasp.judge.findings import EXACT, Finding, Requirement, greatest
 from continuum_grasp.grasp.judge.held import HeldFinger, HeldRods, in_plane
 from continuum_grasp.grasp.judge.obstacles import ExactObject, Obstacle
 from continuum_grasp.grasp.judge.space_rod import RodSection
@@ -105,11 +105,11 @@ class _PlaneStage(GraspStage):
 
     def poses(self, held: HeldRods) -> Iterator[Finding]:
         off = _beyond(self.scene.object.pose_bounds, (held.position, held.axes), self.size)
-        yield Finding(Property.POSE, "", off, EXACT)
+        yield Finding(Requirement.POSE, "", off, EXACT)
         for finger in held.fingers:
             setup = self.setups[finger.name]
             off = _beyond(setup.finger.base_bounds, (finger.position, finger.axes), setup.finger.rod.length)
-            yield Finding(Property.BASE, finger.name, off, EXACT)
+            yield Finding(Requirement.BASE, finger.name, off, EXACT)
 
     def clear_from(self, obstacle: Obstacle, finger: HeldFinger) -> tuple[float, float]:
         half = float(self.setups[finger.name].finger.profile.half_thickness(0.0))
@@ -149,7 +149,7 @@ class _HandStage(GraspStage):
     def poses(self, held: HeldRods) -> Iterator[Finding]:
         body = self.scene.object
         off = _differs((held.position, held.axes), (np.array(body.position), body.axes), self.size)
-        yield Finding(Property.POSE, "", off, EXACT)
+        yield Finding(Requirement.POSE, "", off, EXACT)
         for finger in held.fingers:
             base, length = self._bases[finger.name], self.setups[finger.name].finger.rod.length
             along = np.array(base.direction) / np.linalg.norm(base.direction)
@@ -158,7 +158,7 @@ class _HandStage(GraspStage):
             normal /= np.linalg.norm(normal)
             axes = np.column_stack([np.cross(along, normal), along, normal])
             off = _differs((finger.position, finger.axes), (np.array(base.position), axes), length)
-            yield Finding(Property.BASE, finger.name, off, EXACT)
+            yield Finding(Requirement.BASE, finger.name, off, EXACT)
 
     def clear_from(self, obstacle: Obstacle, finger: HeldFinger) -> tuple[float, float]:
         base, half = self._bases[finger.name], self.setups[finger.name].finger.thickness_radius

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, in_plane
+from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, HeldSupport, in_plane
 from continuum_grasp.grasp.rods.numbers import FingerNumbers
 from continuum_grasp.grasp.rods.problem import FingerPlaces
 from continuum_grasp.grasp.rods.search import RodGrasp
@@ -17,13 +17,13 @@ def held_rods(grasp: RodGrasp) -> HeldRods:
     numbers = problem.numbers
     pose = x[problem.pose] * [numbers.size, numbers.size, 1.0]
     fingers = zip(numbers.fingers, problem.parts, strict=True)
-    supports = list[HeldContact]()
+    supports = list[HeldSupport]()
     position, axes = in_plane(pose)
     center = position + numbers.size * axes @ np.array([*numbers.center, 0.0])
     for support in numbers.supports:
         force = numbers.force * _force(x[problem.contacts[support.name]], support.normal)
         arm = numbers.size * np.array([*support.arm, 0.0])
-        supports.append(HeldContact(support.name, force, position=center + arm))
+        supports.append(HeldSupport(support.name, force, center + arm))
     return HeldRods(position, axes, tuple(_finger(grasp, *pair) for pair in fingers), tuple(supports))
 
 
