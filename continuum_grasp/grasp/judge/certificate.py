@@ -161,7 +161,10 @@ class _Grasp:
         base, gravity = (finger.position, finger.axes), self.stage.finger_gravity
         section = self.stage.section(setup)
         rod = SpaceRod(setup, base, finger.tensions, loads, gravity, section, tolerance=tolerance)
-        rod.solve(finger.moment)
+        if finger.moment is None:
+            rod.solve(np.zeros(3))
+        else:
+            rod.integrate(finger.moment)
         return rod
 
     def _load(self, setup: FingerSetup, contact: HeldContact) -> RodLoad:

@@ -53,15 +53,15 @@ class HeldFinger:
     tensions: Array
     """Tension of each tendon [N]."""
     contacts: tuple[HeldContact, ...] = ()
-    moment: Array = field(default_factory=lambda: np.zeros(3))
-    """Moment (3,) in the base in the world [N m]. It only says which of several equilibria is meant: the certificate
-    begins there and finds the moment anew."""
+    moment: Array | None = None
+    """Moment (3,) in the base in the world [N m]: the shape follows from it, and nothing may be left of it at the tip.
+    None: the one with which nothing is left is found from the loads, where they leave one shape alone."""
 
     @property
     def numbers(self) -> Array:
         """All numbers of the finger."""
         touching = (part for c in self.contacts for part in (c.force, c.place, c.moment))
-        own = (self.position, self.axes, self.tensions, self.moment)
+        own = (self.position, self.axes, self.tensions, () if self.moment is None else self.moment)
         return np.concatenate([np.ravel(part) for part in (*own, *touching)])
 
 

@@ -11,11 +11,11 @@ from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.judge.findings import EXACT, Finding, Requirement, greatest
 from continuum_grasp.grasp.judge.held import HeldFinger, HeldRods, in_plane
 from continuum_grasp.grasp.judge.obstacles import ExactObject, Obstacle
-from continuum_grasp.grasp.judge.space_rod import RodSection
+from continuum_grasp.grasp.judge.space_rod import SideStiffness
 from continuum_grasp.scene import FingerSetup, GraspScene, HandScene
 
-TRACE = 1e-4
-"""Share of E I / L^2 that the forces in play count as at least."""
+TRACE = 1e-2
+"""Share of E I / L^2 that the forces in play count as at least: solvers leave 1e-9 of it."""
 
 
 class GraspStage(ABC):
@@ -54,7 +54,7 @@ class GraspStage(ABC):
         return 0.0
 
     @abstractmethod
-    def section(self, setup: FingerSetup) -> RodSection:
+    def section(self, setup: FingerSetup) -> SideStiffness:
         """Section of a finger."""
 
     @abstractmethod
@@ -97,8 +97,8 @@ class _PlaneStage(GraspStage):
     def finger_gravity(self) -> Array:
         return self.gravity * [1.0, 1.0, 0.0]
 
-    def section(self, setup: FingerSetup) -> RodSection:
-        return RodSection()
+    def section(self, setup: FingerSetup) -> SideStiffness:
+        return SideStiffness()
 
     def center(self, held: HeldRods) -> Array:
         return np.asarray(held.position + held.axes @ np.array([*self.scene.object.com, 0.0]))
@@ -139,9 +139,9 @@ class _HandStage(GraspStage):
     def torsional(self) -> float:
         return self.scene.contacts.torsional_friction
 
-    def section(self, setup: FingerSetup) -> RodSection:
+    def section(self, setup: FingerSetup) -> SideStiffness:
         section = (self._bases[setup.name].finger or self.scene.hand.finger).cross_section
-        return RodSection(section.lateral, section.torsion)
+        return SideStiffness(section.lateral, section.torsion)
 
     def center(self, held: HeldRods) -> Array:
         return np.asarray(held.position + held.axes @ np.array(self.scene.object.local_com))

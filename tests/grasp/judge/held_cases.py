@@ -88,7 +88,7 @@ def turned(held, turn, shift):
             f,
             position=point(f.position),
             axes=turn @ f.axes,
-            moment=turn @ f.moment,
+            moment=None if f.moment is None else turn @ f.moment,
             contacts=contacts(f.contacts),
         )
         for f in held.fingers
@@ -110,7 +110,7 @@ def mirrored(held):
             position=MIRROR @ f.position,
             axes=MIRROR @ f.axes @ ACROSS,
             tensions=f.tensions[::-1],
-            moment=-MIRROR @ f.moment,
+            moment=None if f.moment is None else -MIRROR @ f.moment,
             contacts=contacts(f.contacts),
         )
         for f in held.fingers

@@ -10,7 +10,7 @@ from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
 from scipy.special import ellipk, ellipkinc
 
-from continuum_grasp.grasp.judge.space_rod import RodLoad, RodSection, SpaceRod
+from continuum_grasp.grasp.judge.space_rod import RodLoad, SideStiffness, SpaceRod
 from continuum_grasp.scene import PointMass, Rod
 from tests import certificate_cases as cases
 
@@ -23,7 +23,7 @@ FORCE = STIFFNESS / LENGTH**2
 def rod_of(loads=(), tensions=(0.0, 0.0), gravity=FREE, section=None, base=UPRIGHT, guess=FREE, finger=None, **more):
     finger = cases.make_finger() if finger is None else finger
     scene, _ = cases.apart(finger)
-    section = RodSection() if section is None else section
+    section = SideStiffness() if section is None else section
     rod = SpaceRod(scene.setups[0], base, np.array(tensions), list(loads), np.array(gravity), section, **more)
     rod.solve(np.array(guess))
     unit = scene.setups[0].stiffness / LENGTH
@@ -97,7 +97,7 @@ def test_a_heavy_rod_sags_as_collocation_has_it(weight):
 @pytest.mark.parametrize("ratio", [0.4, 16.0])
 def test_bending_to_the_side_is_bending_in_the_plane_of_another_rod(ratio):
     force = 2.0 * ratio * FORCE
-    side = rod_of([RodLoad(LENGTH, np.array([0.0, 0.0, force]))], section=RodSection(ratio, 0.7))
+    side = rod_of([RodLoad(LENGTH, np.array([0.0, 0.0, force]))], section=SideStiffness(ratio, 0.7))
     stiff = cases.make_finger(rod=Rod(length=LENGTH, linear_density=1e-12, bending_stiffness=ratio * STIFFNESS))
     plane = rod_of([RodLoad(LENGTH, np.array([force, 0.0, 0.0]))], finger=stiff)
     s = np.linspace(0.0, LENGTH, 17)
@@ -106,7 +106,7 @@ def test_bending_to_the_side_is_bending_in_the_plane_of_another_rod(ratio):
 
 def test_a_couple_along_the_rod_twists_it():
     couple, torsion = 0.3 * STIFFNESS / LENGTH, 0.6
-    rod = rod_of([RodLoad(LENGTH, FREE, lambda _: np.array([0.0, couple, 0.0]))], section=RodSection(2.0, torsion))
+    rod = rod_of([RodLoad(LENGTH, FREE, lambda _: np.array([0.0, couple, 0.0]))], section=SideStiffness(2.0, torsion))
     turn = couple * LENGTH / (torsion * STIFFNESS)
     across = rod.at(np.array([LENGTH])).axes[0, :, 0]
     assert across == pytest.approx([math.cos(turn), 0.0, -math.sin(turn)], abs=1e-9)
@@ -120,7 +120,7 @@ def test_a_round_rod_bends_alike_in_every_plane():
     for angle in (0.3, 1.2, 2.9):
         c, s = math.cos(angle), math.sin(angle)
         about = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-        rod = rod_of(load, section=RodSection(1.0, 0.7), base=(np.zeros(3), about))
+        rod = rod_of(load, section=SideStiffness(1.0, 0.7), base=(np.zeros(3), about))
         places = np.linspace(0.0, LENGTH, 9)
         assert rod.at(places).points == pytest.approx(plane.at(places).points, abs=1e-9 * LENGTH)
 
@@ -129,7 +129,7 @@ WRENCH = [
     RodLoad(0.4 * LENGTH, np.array([1.2, 0.5, -0.8]) * FORCE, lambda r: np.array([0.0, 0.2, 0.1]) * FORCE * LENGTH),
     RodLoad(LENGTH, np.array([-0.7, -0.9, 1.1]) * FORCE, lambda r: 3.0 * FORCE * np.cross([1.0, 0.2, 0.3], r)),
 ]
-BENT = RodSection(3.0, 0.8)
+BENT = SideStiffness(3.0, 0.8)
 
 
 def test_a_general_shape_by_turning_vectors():
