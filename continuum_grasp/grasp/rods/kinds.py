@@ -14,13 +14,15 @@ from typing import Any
 
 import casadi as ca
 
+from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.rods.rod import Course, between, integral, polynomial, slope, stage
-from continuum_grasp.grasp.rods.table import CELL, TABLE, cell, spline
 from continuum_grasp.nlp import BlockKind, Lookup
 
 Symbols = Any
 STATE, FORCE, HELD, POSE = 4, 2, 3, 3
 """Numbers of a node (x, y, a, M), a force, the forces of a contact (N, f, u), and a pose (x, y, angle)."""
+TABLE, CELL = 6, 18
+"""Data of a `DistanceTable` in the plane, and of a cell (2) with its coefficients (16)."""
 
 
 class _Parts:
@@ -60,7 +62,7 @@ class _Sight:
         table = parts.datum("table", TABLE)
         point, found = ca.SX.sym("point", 2), ca.SX.sym("found", CELL)
         numbers = ca.SX.sym("numbers", TABLE)
-        distance = spline(point, numbers, found)
+        distance = DistanceTable.distance(point, numbers, found[:2], found[2:])
         seen = ca.Function("seen", [point, numbers, found], [distance, ca.gradient(distance, point)])
         cosine, sine = ca.cos(pose[2]), ca.sin(pose[2])
         dx, dy = ratio * place[0] - pose[0], ratio * place[1] - pose[1]
@@ -71,7 +73,7 @@ class _Sight:
         along = gradient / ca.sqrt(ca.sumsqr(gradient) + 1e-30)
         self.gap = distance / ratio
         self.normal = cosine * along[0] - sine * along[1], sine * along[0] + cosine * along[1]
-        self.lookup = Lookup(cell(local, table), table[3], table[4:6], read)
+        self.lookup = Lookup(DistanceTable.cell(local, table), table[3], table[4:6], read)
 
 
 @cache

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from continuum_grasp.base import Array, InputError
+from continuum_grasp.grasp.body.bodies import body_of
+from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.rods.rod import Course
-from continuum_grasp.grasp.rods.table import DistanceTable
-from continuum_grasp.grasp.starts.curves import rough_distance
-from continuum_grasp.grasp.starts.supports import object_outlines, support_contacts
+from continuum_grasp.grasp.starts.supports import support_contacts
 from continuum_grasp.grasp.starts.values import Pose
 from continuum_grasp.scene import FingerSetup, GraspScene
 
@@ -188,9 +188,10 @@ def _vector(value: complex) -> Array:
 
 def table_of(scene: GraspScene, counts: int = 181) -> DistanceTable:
     """The table of a scene's object, per its size."""
-    size = scene.object.size
-    shapes = object_outlines(scene)
+    body = body_of(scene.object)
     thickest = max(setup.finger.thickness_radius for setup in scene.setups)
+    low, high = body.box
     # 2.5: half thicknesses around the object that are in the table
-    reach = (max(part.extent for part in scene.object.parts) + 2.5 * thickest) / size
-    return DistanceTable.of(lambda x, y: rough_distance(shapes, size * (x + 1j * y)) / size, reach, counts)
+    reach = 2.5 * thickest
+    step = (float((high - low).max()) + 2.0 * reach) / (counts - 1)
+    return DistanceTable.around(body, reach, step).scaled(body.size)

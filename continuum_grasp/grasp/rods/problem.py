@@ -159,7 +159,7 @@ class GraspRods(BlockProblem):
                 name = finger.middles[k]
                 own = self.rows(f"contact, {name}", key, "L", 4).ravel()
                 unknowns = [*at, *part.forces[k + 1], *ends, *touched[k], *self.pose]
-                data = [*common, *numbers.table.numbers]
+                data = [*common, *numbers.table.data]
                 self.add(kinds.contact_kind(count, tip=False), unknowns, [*own, *self.balance], data)
             elif finger.tip:
                 held = self._held(finger.tip, friction, most, unit)
@@ -167,7 +167,7 @@ class GraspRods(BlockProblem):
                 direction = self.rows(f"direction, {finger.tip}", key, "1", 1, 1.0, -np.inf, ALONG).ravel()
                 end = self.rows(f"tip, {finger.name}", key, "E I / L2", 3).ravel()
                 unknowns = [*at, *ends, *held, *self.pose]
-                data = [*common, *numbers.table.numbers]
+                data = [*common, *numbers.table.data]
                 rows = [*gap, *direction, *end, *self.balance]
                 self.add(kinds.contact_kind(count, tip=True), unknowns, rows, data)
             else:
@@ -238,7 +238,7 @@ class GraspRods(BlockProblem):
         unknowns = [*part.nodes[place.node - 1][:3], *part.nodes[place.node][:3], *segment, *self.pose]
         data = [j / part.stages, (j + 1) / part.stages, place.share, finger.length / self.numbers.size]
         row = self.rows(f"clear, {finger.name}", finger.setup.where, "L", 1, 1.0, -self._depth, np.inf)
-        table = self.numbers.table.numbers
+        table = self.numbers.table.data
         self.add(kinds.clear_kind(finger.coefficients), unknowns, row, [*data, *finger.course.numbers, *table])
 
     def _apart(self, pair: NearPair) -> None:
@@ -313,7 +313,9 @@ class GraspRods(BlockProblem):
         """Gaps (n,) of the object at points (n, 2) of a finger [L], and world normals (n, 2)."""
         ratio = finger.length / self.numbers.size
         turn = np.array([[np.cos(pose[2]), -np.sin(pose[2])], [np.sin(pose[2]), np.cos(pose[2])]])
-        gap, normal = self.numbers.table.seen((ratio * points - pose[:2]) @ turn)
+        gap, slope = self.numbers.table.values((ratio * points - pose[:2]) @ turn)
+        # 1e-30: no division by zero where a table is flat
+        normal = slope / (np.linalg.norm(slope, axis=1, keepdims=True) + 1e-30)
         return gap / ratio, normal @ turn.T
 
     def tension(self, x: Array) -> float:

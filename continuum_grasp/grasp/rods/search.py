@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from continuum_grasp.base import Array
+from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.finger_map import Place, SceneMaps, places_of
 from continuum_grasp.grasp.finger_map.balance import ObjectBalance, Settled
 from continuum_grasp.grasp.finger_map.fill import FingerMap
@@ -17,7 +18,6 @@ from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places
 from continuum_grasp.grasp.rods.numbers import SceneNumbers, table_of
 from continuum_grasp.grasp.rods.problem import GraspRods, NearPair, StagePlace
-from continuum_grasp.grasp.rods.table import DistanceTable
 from continuum_grasp.nlp import Attempt, Budget, Settings, Solver
 from continuum_grasp.scene import GraspScene
 
