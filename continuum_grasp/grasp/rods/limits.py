@@ -17,7 +17,8 @@ import numpy as np
 from continuum_grasp.base import Array, Indices, InputError
 from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.problem import GraspRods
-from continuum_grasp.grasp.rods.search import RodGrasp, RodSearch, RodStart
+from continuum_grasp.grasp.rods.search import RodSearch
+from continuum_grasp.grasp.rods.solving import RodGrasp
 from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene import GraspScene
 
@@ -256,12 +257,8 @@ class Repairs:
             scene = self._scene.changed(changes)
         except InputError:
             return None
-        for start in self._starts:
-            pose, bases = start.case.place
-            if limit.unit == "m":
-                bases = tuple((*setup.finger.base.position, setup.finger.base.angle) for setup in scene.setups)
-            case = start.case.changed(scene, (pose, bases))
-            grasp = self._search.solved(RodStart(case, start.x, start.imbalance, start.aim, start.places))
+        for start, beside in [(widened.start, widened), *((start, None) for start in self._starts)]:
+            grasp = self._search.solved(start.changed(scene), beside=beside)
             if grasp.holds:
                 return Repair(limit, amount, changes, grasp)
         return None
