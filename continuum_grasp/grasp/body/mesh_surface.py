@@ -174,6 +174,10 @@ class MeshSurface(SolidSurface):
         return np.concatenate(distance), np.concatenate(gradient)
 
     def to_second_order(self, points: Array) -> tuple[Array, Array, Array]:
+        return self.with_slopes(points)[:3]
+
+    def with_slopes(self, points: Array) -> tuple[Array, Array, Array, Array]:
+        """Distance (K,), smooth outward normals (K, 3), derivatives (K, 3, 3) of these, gradients of the distance."""
         distance, outward = self.from_triangles(points)
         farthest = (1.0 + SLACK) * np.abs(distance) + 1e-12 * self.size
         owner, candidates = self._within(points, farthest)
@@ -203,7 +207,7 @@ class MeshSurface(SolidSurface):
         forms = np.stack([a, b - a, np.zeros_like(a), one, two - one, three - one, four - three - two + one], axis=1)
         middle = np.full((len(owner), 2), 0.5)
         self._project(points, distance, owner, forms, middle, (best, normal, turning), triangle=False)
-        return distance, normal, turning
+        return distance, normal, turning, outward
 
     def _project(
         self,

@@ -9,7 +9,7 @@ import numpy as np
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.body.body import Body, NearBody
-from continuum_grasp.grasp.body.plane_boundary import PlaneBoundary
+from continuum_grasp.grasp.body.plane_boundary import PlaneBoundary, RoundedRectangle
 from continuum_grasp.scene import GraspObject, OffsetPolygon, Part, SuperellipsePart
 
 _SPREAD = np.linspace(0.0, 1.0, 33)
@@ -68,6 +68,10 @@ def near_part(part: Part, points: Array) -> NearPart:
     TypeError
         The part is of a kind that has no distance here.
     """
+    if isinstance(part, OffsetPolygon) and part.circle is not None:
+        center, radius = part.circle
+        distance, normal, _ = RoundedRectangle((0.0, 0.0), radius).from_points(points - np.array(center))
+        return NearPart(distance, normal, np.full(len(points), radius))
     if isinstance(part, OffsetPolygon):
         found = _core(part).from_points(points)
         with np.errstate(divide="ignore"):

@@ -83,22 +83,25 @@ class PlaneBoundary:
         radius = np.array([face.radius for face in faces])
         self.is_arc = (self.turn != 0.0) & (radius != 0.0)
         self.radius = np.where(self.is_arc, radius, 1.0)
-        direction = np.column_stack([np.cos(self.normal), np.sin(self.normal)])
-        self.center = self.start - self.radius[:, None] * direction
+        self._direction = np.column_stack([np.cos(self.normal), np.sin(self.normal)])
+        self.center = self.start - self.radius[:, None] * self._direction
+        self._span = self.end - self.start
+        # 1e-300: a line of no length is its start
+        self._square = np.maximum((self._span**2).sum(axis=1), 1e-300)
         self.size = float(np.ptp(self.start, axis=0).max() + np.abs(radius).max()) + grown
         self._has_inside = len(faces) > 2 or bool(self.is_arc.any())
         # A circle about each face; an arc reaches no farther from its middle than its ends do, or half around.
         every = np.arange(len(faces))
         self._middle = self.at(every, np.full(len(faces), 0.5))
         arcs = 2.0 * np.abs(radius) * np.sin(0.5 * np.minimum(0.5 * np.abs(self.turn), np.pi))
-        lines = 0.5 * np.linalg.norm(self.end - self.start, axis=1)
+        lines = 0.5 * np.hypot(*self._span.T)
         self._reach = np.where(self.is_arc, arcs, lines)
 
     def at(self, face: Array, share: Array) -> Array:
         """Points (N, 2) of faces at shares of their lengths."""
         angle = self.normal[face] + share * self.turn[face]
         arc = self.center[face] + self.radius[face, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-        line = self.start[face] + share[:, None] * (self.end - self.start)[face]
+        line = self.start[face] + share[:, None] * self._span[face]
         return np.asarray(np.where(self.is_arc[face, None], arc, line))
 
     def from_points(self, points: Array) -> PlaneDistance:
@@ -110,14 +113,14 @@ class PlaneBoundary:
     def _from_few(self, points: Array) -> PlaneDistance:
         apart = np.hypot(*(points.T[:, :, None] - self._middle.T[:, None]))
         # Pairs of points and the faces that may be as near as the nearest middle of a face.
-        nearest = apart.min(axis=1, keepdims=True)
-        owner, face = np.nonzero(apart - self._reach <= nearest + _ON * self.size)
+        owner, face = np.nonzero(apart - self._reach <= apart.min(axis=1, keepdims=True) + _ON * self.size)
         place, outward, curvature = self._nearest(points[owner], face)
         away = points[owner] - place
         apart = np.hypot(*away.T)
         first = np.searchsorted(owner, np.arange(len(points)))
         least = np.minimum.reduceat(apart, first) if len(points) else np.zeros(0)
-        best = np.lexsort((apart, owner))[first]
+        nearest = np.flatnonzero(apart == least[owner])
+        best = nearest[np.searchsorted(owner[nearest], np.arange(len(points)))]
         # At a corner both sides say together where a point is.
         heights = np.where(apart <= (least + _ON * self.size)[owner], (away * outward).sum(axis=1), 0.0)
         height = np.add.reduceat(heights, first) if len(points) else least
@@ -135,22 +138,27 @@ class PlaneBoundary:
     def _nearest(self, points: Array, face: Array) -> tuple[Array, Array, Array]:
         """Nearest places (N, 2) of faces (N,), outward normals there, and curvatures (N,), infinite at ends."""
         start = self.start[face]
-        span = (self.end - self.start)[face]
-        share = ((points - start) * span).sum(axis=1) / np.maximum((span * span).sum(axis=1), 1e-300)
-        line = start + np.clip(share, 0.0, 1.0)[:, None] * span
-        side = np.sign(self.radius[face])
+        span = self._span[face]
+        share = ((points - start) * span).sum(axis=1) / self._square[face]
+        place = start + np.clip(share, 0.0, 1.0)[:, None] * span
+        outward = self._direction[face]
+        curvature = np.where((share < 0.0) | (share > 1.0) | (self._square[face] < 1e-200), np.inf, 0.0)
+        arcs = np.flatnonzero(self.is_arc[face])
+        if not len(arcs):
+            return place, outward, curvature
+        face = face[arcs]
+        radius = self.radius[face]
+        side = np.sign(radius)
         whole = np.abs(self.turn[face])
-        away = side[:, None] * (points - self.center[face])
+        away = side[:, None] * (points[arcs] - self.center[face])
         turned = (side * (np.arctan2(away[:, 1], away[:, 0]) - self.normal[face])) % (2.0 * np.pi)
         inside = turned <= whole
         turned = np.where(inside, turned, np.where(turned < 0.5 * whole + np.pi, whole, 0.0))
-        is_arc = self.is_arc[face]
-        angle = self.normal[face] + np.where(is_arc, side * turned, 0.0)
-        outward = np.column_stack([np.cos(angle), np.sin(angle)])
-        arc = self.center[face] + self.radius[face][:, None] * outward
-        ends = np.where(is_arc, ~inside, (share < 0.0) | (share > 1.0) | ~span.any(axis=1))
-        curvature = np.where(ends, np.inf, np.where(is_arc, 1.0 / self.radius[face], 0.0))
-        return np.where(is_arc[:, None], arc, line), outward, curvature
+        angle = self.normal[face] + side * turned
+        outward[arcs] = np.column_stack([np.cos(angle), np.sin(angle)])
+        place[arcs] = self.center[face] + radius[:, None] * outward[arcs]
+        curvature[arcs] = np.where(inside, 1.0 / radius, np.inf)
+        return place, outward, curvature
 
     def ring(self) -> tuple[Array, Array]:
         """Points around the boundary (N, 2) from face to face, and normals there (N, 2), for pictures."""
