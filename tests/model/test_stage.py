@@ -28,6 +28,16 @@ def test_a_moment_bends_a_rod_to_a_circle():
     assert rod.at_rest((0.0, 0.0), moment=tension * OFFSET)[-1, :3] == pytest.approx(expected, abs=1e-9)
 
 
+def test_a_couple_at_its_start_bends_the_rod_beyond():
+    """As the friction of a contact does, which acts half the thickness off the rod."""
+    section = Stages(finger()).section
+    given = [0.0, 0.0], [0.0, 0.0], 0.25, 1.0, 1.5, [0.0, 0.0], section.pulled, section.numbers(0)
+    after = np.array(plane_stage(section.form)([0.1, 0.25, 0.3, -0.5], *given)).ravel()
+    assert after[2:] == pytest.approx([0.3 + 0.75, 1.0], abs=1e-12)
+    assert after[0] == pytest.approx(0.1 + np.cos(1.05) - np.cos(0.3), abs=1e-5)
+    assert after[1] == pytest.approx(0.25 + np.sin(1.05) - np.sin(0.3), abs=1e-5)
+
+
 def test_a_force_bends_a_rod_to_the_elastica():
     """A force of 2 E I / L^2 across the tip: sqrt(2) = K(k) - F(phi, k) in elliptic integrals (Bisshopp, Drucker)."""
     load = 2.0
@@ -343,3 +353,34 @@ def test_its_derivatives_are_those_of_differences():
         seconds = np.array([np.array(slope(at + step * e) - slope(at - step * e)).ravel() for e in np.eye(len(at))])
         exact = np.array(curved(at))
         assert exact == pytest.approx(seconds / (2 * step), abs=1e-4 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("rounding", few([0.05, 0.0], 1))
+def test_stages_are_rows_of_a_nonlinear_problem(rounding):
+    """IPOPT finds the least tensions that move the tip, from a straight finger, with all laws and friction at once."""
+    laws = {
+        "softening": {"curvature": 6.0, "stiffness_ratio": 0.4},
+        "stops": {"curvature": 9.0, "stiffness_ratio": 30.0},
+    }
+    rod = Stages(finger(tendons=ENDING, damping=DRY, **laws), 8, rounding=rounding, gravity=(0.0, -9.81), substeps=2)
+    section, size, count = rod.section, len(rod.names), len(rod.ends)
+    states, pulls = ca.MX.sym("states", size, count + 1), ca.MX.sym("pulls", 2)
+    force = np.array(rod.gravity) * section.mass
+    given = [(a, b, 0.0, rod.gravity, section.pulled, section.numbers(piece)) for a, b, piece in rod.ends]
+    rows = [rod.stage(states[:, k], force, pulls, *each) - states[:, k + 1] for k, each in enumerate(given)]
+    low, high = np.full((size, count + 1), -np.inf), np.full((size, count + 1), np.inf)
+    ends = [(slice(3), 0, 0.0), (rod.losses, 0, 0.0), (3, -1, 0.0), (rod.slides, -1, 0.0), (0, -1, -0.5)]
+    for row, column, value in ends:
+        low[row, column] = high[row, column] = value
+    problem = {"x": ca.vertcat(ca.vec(states), pulls), "f": ca.sumsqr(pulls), "g": ca.vertcat(*rows)}
+    options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.mu_init": 1e-5}
+    solver = ca.nlpsol("least", "ipopt", problem, options)
+    straight = np.zeros((size, count + 1))
+    straight[1, 1:] = [end for _, end, _ in rod.ends]
+    bounds = {"lbx": np.append(low.ravel("F"), [0.0, 0.0]), "ubx": np.append(high.ravel("F"), [50.0, 50.0])}
+    found = np.array(solver(x0=np.append(straight.ravel("F"), [1.0, 1.0]), lbg=0.0, ubg=0.0, **bounds)["x"]).ravel()
+    assert solver.stats()["success"]
+    assert solver.stats()["iter_count"] < 20
+    tensions = [pull.value(p) for pull, p in zip(section.pulls, found[-2:], strict=True)]
+    assert rod.at_rest(tensions)[-1, 0] == pytest.approx(-0.5, abs=1e-6)
+    assert tensions[1] == pytest.approx(0.0, abs=1e-3)

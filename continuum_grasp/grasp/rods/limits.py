@@ -36,7 +36,7 @@ UNUSUAL = 1.0
 """Friction coefficient that few surfaces have."""
 
 
-class Limit(ABC):
+class WidenedLimit(ABC):
     """A limit of a scene that may be in the way of a grasp."""
 
     name: ClassVar[str]
@@ -76,7 +76,7 @@ def _fingers(scene: GraspScene) -> dict[str, str]:
     return {setup.name: setup.where for setup in scene.setups}
 
 
-class FrictionLimit(Limit):
+class WidenedFriction(WidenedLimit):
     """Friction coefficients of all contacts."""
 
     name, unit = "friction", "1"
@@ -98,7 +98,7 @@ class FrictionLimit(Limit):
         return _multiplied(scene, paths, 1.0 + amount)
 
 
-class TensionLimit(Limit):
+class WidenedTension(WidenedLimit):
     """Greatest tensions of all tendons."""
 
     name, unit = "tension", "N"
@@ -107,10 +107,9 @@ class TensionLimit(Limit):
         more = problem.unknown("more tension", 0.0, FAR - 1.0)
         problem.price(more, PRICE)
         for part, finger in zip(problem.parts, problem.numbers.fingers, strict=True):
-            greatest = finger.setup.max_tension * finger.offset / finger.moment
-            for at, most in zip(part.pulls, finger.pulls, strict=True):
+            for at, most, pull in zip(part.pulls, finger.pulls, finger.section.pulls, strict=True):
                 if most > 0.0:
-                    _share(problem, at, most, greatest, more)
+                    _share(problem, at, most, most + pull.least, more)
 
     def used(self, problem: GraspRods, x: Array) -> float:
         return float(x[problem.at["more tension"]][0])
@@ -120,7 +119,7 @@ class TensionLimit(Limit):
         return _multiplied(scene, paths, 1.0 + amount)
 
 
-class NormalForceLimit(Limit):
+class WidenedNormalForce(WidenedLimit):
     """Greatest normal forces of all contacts."""
 
     name, unit = "normal force", "N"
@@ -147,7 +146,7 @@ class NormalForceLimit(Limit):
         return _multiplied(scene, paths, 1.0 + amount)
 
 
-class MassLimit(Limit):
+class WidenedMass(WidenedLimit):
     """Mass of the object."""
 
     name, unit = "mass", "kg"
@@ -177,7 +176,7 @@ def _share(problem: GraspRods, at: int, most: float, greatest: float, more: Indi
     problem.add(kinds.share_kind(), at, row, [-1.0])
 
 
-class BasePlace(Limit):
+class WidenedBase(WidenedLimit):
     """Places of the bases that may not move by themselves."""
 
     name, unit = "base place", "m"
@@ -210,34 +209,40 @@ class BasePlace(Limit):
         return [x[part.nodes[0][:2]] - np.array(finger.base[:2]) for part, finger in pairs]
 
 
-LIMITS: tuple[Limit, ...] = (BasePlace(), TensionLimit(), NormalForceLimit(), MassLimit(), FrictionLimit())
+LIMITS: tuple[WidenedLimit, ...] = (
+    WidenedBase(),
+    WidenedTension(),
+    WidenedNormalForce(),
+    WidenedMass(),
+    WidenedFriction(),
+)
 """Limits in the order in which they are named where they are off by equal factors."""
 
 
 @dataclass(frozen=True, eq=False)
-class Repair:
+class LeastRepair:
     """Changes of a scene with which it has a grasp."""
 
-    limit: Limit
+    limit: WidenedLimit
     amount: float
     changes: dict[str, Any]
     grasp: RodGrasp
 
 
-class Repairs:
+class LeastRepairs:
     """Least amounts of the limits of a scene without a grasp."""
 
     def __init__(self, search: RodSearch) -> None:
         self._search, self._scene = search, search.scene
         self._starts = search.starts[:STARTS]
 
-    def found(self) -> Iterator[Repair]:
+    def found(self) -> Iterator[LeastRepair]:
         """A repair per limit that alone is enough."""
         for limit in LIMITS:
             if limit.applies(self._scene) and (repair := self._least(limit)) is not None:
                 yield repair
 
-    def _least(self, limit: Limit) -> Repair | None:
+    def _least(self, limit: WidenedLimit) -> LeastRepair | None:
         """The least amount of a limit with which a start holds."""
         widened = [self._search.solved(start, widen=limit.widen) for start in self._starts]
         used = [(limit.used(grasp.problem, grasp.attempt.x), grasp) for grasp in widened if grasp.holds]
@@ -250,7 +255,7 @@ class Repairs:
             return best
         return None
 
-    def _held(self, limit: Limit, amount: float, widened: RodGrasp) -> Repair | None:
+    def _held(self, limit: WidenedLimit, amount: float, widened: RodGrasp) -> LeastRepair | None:
         """A grasp of the scene with a limit changed by an amount, towards a grasp with the limit widened."""
         changes = limit.changes(self._scene, amount, widened)
         try:
@@ -260,11 +265,11 @@ class Repairs:
         for start, beside in [(widened.start, widened), *((start, None) for start in self._starts)]:
             grasp = self._search.solved(start.changed(scene), beside=beside)
             if grasp.holds:
-                return Repair(limit, amount, changes, grasp)
+                return LeastRepair(limit, amount, changes, grasp)
         return None
 
 
-def reason_of(scene: GraspScene, repair: Repair) -> Reason:
+def reason_of(scene: GraspScene, repair: LeastRepair) -> Reason:
     """A repair in words."""
     key, needed = next(iter(repair.changes.items()))
     before = _at(scene, key)
