@@ -28,7 +28,7 @@ COARSE, BAND = 2000, 0.6
 ON_EDGE = 1e-9
 """Barycentric coordinate below which a place is on an edge [1]: rounding."""
 NEAR = 0.7
-"""Part of the reach of a table within which its normals are smooth ones [1]; beyond, those of nearest triangles do."""
+"""Part of the reach of a table within which its field follows smooth normals [1]; beyond, normals of triangles do."""
 PER_FACET = 3.0
 """Steps of the finest grid per facet [1]: with 3.6 the curvature of a ball of 320 facets is off by 0.17, with 6 by
 0.13, which takes 6 times as long."""

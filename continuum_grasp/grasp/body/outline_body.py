@@ -13,8 +13,7 @@ from continuum_grasp.grasp.body.plane_boundary import PlaneBoundary, RoundedRect
 from continuum_grasp.scene import GraspObject, OffsetPolygon, Part, SuperellipsePart
 
 _SPREAD = np.linspace(0.0, 1.0, 33)
-"""Places spread along the quarter of a circle, where the points of a superellipse that are tried first would be without
-its elongation."""
+"""Shares of a quarter turn at which the search for the nearest point of a superellipse tries points first."""
 
 
 class NearPart(NamedTuple):
@@ -31,8 +30,8 @@ class NearPart(NamedTuple):
 class OutlineBody(Body):
     """An object of a planar scene, in its own frame.
 
-    The distance from a union is the least from its parts: exact outside. Inside, where parts overlap, the surface is no
-    nearer than that; nor is it inside of a part with an offset, near a reflex corner.
+    The distance from a union is the least distance from its parts, which is exact outside. Inside, the surface may be
+    deeper than that in overlaps of parts, and near reflex corners of a part with an offset.
     """
 
     dimensions = 2

@@ -1,4 +1,4 @@
-"""Distance of points from closed boundaries in the plane: lines and arcs, and rectangles with round corners."""
+"""Distances from closed boundaries in the plane: lines and arcs, and rectangles with round corners."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from continuum_grasp.base import Numbers as Array
 from continuum_grasp.scene import Face
 
 _PAIRS = 1_000_000
-"""Pairs of points and faces that are looked at together: 100 MB."""
+"""Pairs of points and faces that are in memory together: 100 MB."""
 _ON = 1e-9
-"""Distance, per size, below which a point is on the boundary, and takes the normal there: of the direction from the
-nearest place, rounding leaves seven digits."""
+"""Distance, per size, below which a point counts as on the boundary and takes the normal of a face [1]: rounding leaves
+seven digits of the direction from the nearest place."""
 
 
 class PlaneDistance(NamedTuple):
-    """Boundary in the plane around points: distances to second order."""
+    """Distance from a boundary in the plane, to second order."""
 
     distance: Array
     """Signed distances (n,) [m], negative inside."""
@@ -34,7 +34,7 @@ class Boundary(Protocol):
     size: float
 
     def from_points(self, points: Array) -> PlaneDistance:
-        """Distance of points (n, 2)."""
+        """Return the distance of points (n, 2)."""
 
     def ring(self) -> tuple[Array, Array]:
         """Points around the boundary (N, 2), and normals there (N, 2), for pictures."""
@@ -49,11 +49,11 @@ class RoundedRectangle:
         self.size = float(np.hypot(*self.half)) + radius
 
     def from_points(self, points: Array) -> PlaneDistance:
-        """Distance of points (n, 2)."""
+        """Return the distance of points (n, 2)."""
         beyond = np.abs(points) - self.half
         outside = np.maximum(beyond, 0.0)
         away = np.hypot(*outside.T)
-        # Inside of the rectangle, the nearest face is that to which the least is missing.
+        # Inside the rectangle, the nearest face is on the axis along which the point is least deep.
         face = np.eye(2)[beyond.argmax(axis=1)]
         gradient = np.where(away[:, None] > 0.0, outside / np.maximum(away, 1e-300)[:, None], face)
         at_corner = ((outside > 0.0) | (self.half == 0.0)).all(axis=1)
@@ -70,9 +70,9 @@ class RoundedRectangle:
 
 
 class PlaneBoundary:
-    """A closed boundary of lines and arcs, counter-clockwise, that is going to be grown by a radius.
+    """A closed boundary of lines and arcs, counter-clockwise, which a part may grow by a radius.
 
-    Around a point, and on both sides of a segment, which is there and back, everything is outside.
+    A point and a segment (two lines, there and back) have no inside.
     """
 
     def __init__(self, faces: Sequence[Face], grown: float = 0.0) -> None:
@@ -90,7 +90,7 @@ class PlaneBoundary:
         self._square = np.maximum((self._span**2).sum(axis=1), 1e-300)
         self.size = float(np.ptp(self.start, axis=0).max() + np.abs(radius).max()) + grown
         self._has_inside = len(faces) > 2 or bool(self.is_arc.any())
-        # A circle about each face; an arc reaches no farther from its middle than its ends do, or half around.
+        # A circle around each face: no place of an arc is farther from its middle than its ends, or than half a turn.
         every = np.arange(len(faces))
         self._middle = self.at(every, np.full(len(faces), 0.5))
         arcs = 2.0 * np.abs(radius) * np.sin(0.5 * np.minimum(0.5 * np.abs(self.turn), np.pi))
@@ -105,7 +105,7 @@ class PlaneBoundary:
         return np.asarray(np.where(self.is_arc[face, None], arc, line))
 
     def from_points(self, points: Array) -> PlaneDistance:
-        """Distance of points (n, 2)."""
+        """Return the distance of points (n, 2)."""
         step = max(1, _PAIRS // len(self.start))
         parts = [self._from_few(points[k : k + step]) for k in range(0, max(len(points), 1), step)]
         return PlaneDistance(*(np.concatenate(part) for part in zip(*parts, strict=True)))
