@@ -22,9 +22,6 @@ from .planar import column as column
 from .planar import solve_ldl as solve_ldl
 from .runtime_curves import CurveSpec as CurveSpec
 from .runtime_curves import CurvesSpec as CurvesSpec
-from .section import Section as Section
-from .stage import plane_stage as plane_stage
-from .stage import plane_states as plane_states
 from .stumpff_functions import stumpff as stumpff
 from .surfaces import nearest as nearest
 from .surfaces import surface_of as surface_of

@@ -37,8 +37,10 @@ _problems: dict[tuple[object, ...], NLP] = {}
 class Lookup:
     """A spline in a table that blocks of a kind read.
 
-    A block's rows depend on the cell that it is in, and on the coefficients of that cell. Both change only from cell to
-    cell, where a cubic spline and two of its derivatives are the same from both sides: so they are data.
+    A block reads the coefficients of the cell that it is in. Cell and coefficients change only from cell to cell, where
+    a cubic spline and two of its derivatives are the same from both sides: so they are data, and ``found``, by which
+    the rows know the spline near a place, is data, too. Rows that are exact to second order in the unknowns have exact
+    derivatives: a Taylor polynomial about the place does.
 
     Attributes
     ----------
@@ -48,13 +50,19 @@ class Lookup:
         Index of the table's first coefficient, a number among the data.
     counts : casadi.SX
         Coefficients along the axes (axes,), numbers among the data; the last axis varies fastest.
+    given : casadi.SX
+        Expression of unknowns and data for ``series``.
+    series : casadi.Function
+        ``given``, the cell (axes,) and its coefficients (4^axes,) to ``found``.
     found : casadi.SX
-        Symbols (axes + 4^axes,) on which the rows depend: the cell, then its coefficients.
+        Symbols on which the rows depend.
     """
 
     at: ca.SX
     first: ca.SX
     counts: ca.SX
+    given: ca.SX
+    series: ca.Function
     found: ca.SX
 
 
@@ -87,14 +95,15 @@ class BlockKind:
         self.slopes = ca.Function(f"{name}_slopes", given, [ca.densify(rows), jacobian.nz[:]], {"cse": True})
         self.curvature = ca.Function(f"{name}_curvature", [*given, forces], [hessian.nz[:]], {"cse": True})
         if lookup is not None:
-            read = [lookup.at, lookup.first, lookup.counts]
+            read = [lookup.at, lookup.first, lookup.counts, lookup.given]
             self.read = ca.Function(f"{name}_read", [unknowns, data], read, {"cse": True})
+            self.series = lookup.series
 
     def found(self, unknowns: ca.MX, data: ca.MX, table: ca.MX, count: int) -> ca.MX:
-        """Cells of blocks, and the coefficients there (axes + 4^axes, count)."""
+        """What the lookups of blocks find, a column each."""
         if not self.axes:
             return ca.MX(0, count)
-        at, first, counts = self.read.map(count)(unknowns, data)
+        at, first, counts, given = self.read.map(count)(unknowns, data)
         cell = _cell(at, counts, ca)
         place = ca.repmat(first, ORDER**self.axes, 1)
         stride: ca.MX | float = 1.0
@@ -102,17 +111,18 @@ class BlockKind:
             along = ca.repmat(cell[axis, :] - 1.0, ORDER**self.axes, 1) + ca.repmat(_offsets(self.axes)[axis], 1, count)
             place = place + along * stride
             stride = stride * ca.repmat(counts[axis, :], ORDER**self.axes, 1)
-        return ca.vertcat(cell, ca.reshape(table[ca.vec(place)], ORDER**self.axes, count))
+        coefficients = ca.reshape(table[ca.vec(place)], ORDER**self.axes, count)
+        return self.series.map(count)(given, cell, coefficients)
 
     def value(self, unknowns: Array, data: Array, table: Array) -> Array:
         """Rows (count,) of one block by values."""
         found = np.zeros(0)
         if self.axes:
-            at, first, counts = (np.array(part).ravel() for part in self.read(unknowns, data))
+            at, first, counts, given = (np.array(part).ravel() for part in self.read(unknowns, data))
             cell = _cell(at, counts, np)
             grid = table[int(first[0]) :][: int(counts.prod())].reshape(counts.astype(int))
             near = grid[tuple(slice(int(c) - 1, int(c) - 1 + ORDER) for c in cell)]
-            found = np.concatenate([cell, near.ravel()])
+            found = self.series(given, cell, near.ravel())
         return np.array(self.values(unknowns, data, found)).ravel()
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.rods.problem import GraspRods, NearPair, StagePlace
-from continuum_grasp.grasp.rods.rod import between, crossed, polynomial
+from continuum_grasp.grasp.rods.rod import between, polynomial
 
 DEEP = 3e-6
 """Depth between nodes at which a row is added there [L]."""
@@ -16,6 +16,8 @@ CROSSED = 1e-4
 """Overlap that counts as crossing [L]."""
 NEAR = 0.03
 """Gap of chords that get rows after a crossing [L]."""
+MISSED, LEANS = 1e-6, 1e-4
+"""Error of a table at a contact from which on a finer one is made: of the distance [L], and of the normal."""
 
 
 def deep_places(problem: GraspRods, x: Array) -> list[StagePlace]:
@@ -26,10 +28,10 @@ def deep_places(problem: GraspRods, x: Array) -> list[StagePlace]:
         states = x[np.array(part.nodes)]
         s = places_of_nodes(problem, x, k)
         share = (np.arange(1, FINE) / FINE)[:, None]
-        place = between(states[:-1].T, states[1:].T, np.diff(s), share)
-        gap, _ = problem.seen(finger, np.stack([part.ravel() for part in place], axis=1), pose)
+        place = between(problem.geometry, states[:-1].T, states[1:].T, np.diff(s), share)
+        gap, _ = problem.numbers.seen(finger, np.stack([part.ravel() for part in place], axis=1), pose)
         half = polynomial(finger.course.half, s[:-1] + np.diff(s) * share)
-        depth = half - gap.reshape(share.size, -1)
+        depth = half - gap.reshape(share.size, -1) - problem.numbers.deviation / finger.length
         for j in np.flatnonzero(depth.max(axis=0) > DEEP).tolist():
             found.append(StagePlace(k, j + 1, float(share[depth[:, j].argmax(), 0])))
     return found
@@ -49,7 +51,7 @@ class Crossing:
     def __init__(self, problem: GraspRods, x: Array) -> None:
         self._problem, self._x = problem, x
         count = len(problem.parts)
-        self._pairs = [*problem.numbers.scene.pairs, *((k, k) for k in range(count))]
+        self._pairs = [*problem.numbers.pairs, *((k, k) for k in range(count))]
 
     @property
     def depth(self) -> float:
@@ -73,10 +75,10 @@ class Crossing:
         return found
 
     def _lines(self, k: int, m: int) -> tuple[Array, Array]:
-        """Places of nodes (n, 2) of two fingers, in lengths of the first."""
-        fingers, parts = self._problem.numbers.fingers, self._problem.parts
+        """Places of nodes (n, dimensions) of two fingers, in lengths of the first."""
+        fingers, parts, d = self._problem.numbers.fingers, self._problem.parts, self._problem.geometry.dimensions
         ratio = fingers[m].length / fingers[k].length
-        return self._x[np.array(parts[k].nodes)][:, :2], ratio * self._x[np.array(parts[m].nodes)][:, :2]
+        return self._x[np.array(parts[k].nodes)][:, :d], ratio * self._x[np.array(parts[m].nodes)][:, :d]
 
     def _nearest(self, k: int, m: int) -> tuple[Array, Array]:
         """Nearest chord of finger m to each node of finger k, and the gap between both [L of k]."""
@@ -102,10 +104,35 @@ class Crossing:
 
     def _cut(self, k: int, m: int) -> bool:
         """Whether center lines cut each other."""
-        p, q = self._lines(k, m)
-        a, b, c, d = p[:-1, None], p[1:, None], q[None, :-1], q[None, 1:]
-        hit = (crossed(b - a, c - a) * crossed(b - a, d - a) < 0) & (crossed(d - c, a - c) * crossed(d - c, b - c) < 0)
+        hit = self._problem.geometry.cuts(*self._lines(k, m))
         if k == m:
             i, j = np.indices(hit.shape)
             hit &= np.abs(i - j) > 1
         return bool(hit.any())
+
+
+def touched_places(problem: GraspRods, x: Array) -> dict[str, Array]:
+    """Places of the contacts of fingers in the object's frame (dimensions,) [object size], by name."""
+    d, found = problem.geometry.dimensions, dict[str, Array]()
+    for finger, part in zip(problem.numbers.fingers, problem.parts, strict=True):
+        for name, node in zip(finger.contacts, part.first[1:], strict=False):
+            place = x[part.nodes[node]][None, :d]
+            found[name] = problem.numbers.local(finger, place, x[problem.pose])[0]
+    return found
+
+
+def table_misses(problem: GraspRods, x: Array) -> bool:
+    """Whether the tables at contacts are less exact than they can be: in the distance or the normal."""
+    table = problem.numbers.table
+    if problem.numbers.deviation:
+        # Facets are less exact than the table of them.
+        return False
+    least = min(finger.length for finger in problem.numbers.fingers)
+    for name, place in touched_places(problem, x).items():
+        distance, slope = table.values(place[None], name)
+        near = table.body.near(place[None] * table.unit)
+        off = abs(distance[0] * table.unit - near.distance[0]) / least
+        leans = np.linalg.norm(slope[0] - near.normal[0])
+        if off > MISSED or leans > LEANS:
+            return True
+    return False

@@ -1,32 +1,35 @@
-"""Kinds of blocks of a grasp in the plane: one rows-function each, for all fingers, contacts and bodies.
+"""Kinds of blocks of a grasp: one rows-function each, for all fingers, contacts and bodies, in the plane and in space.
 
 Each finger has units of its own: its length L, the force E I / L^2, the moment E I / L. The object has its size and a
-force F0. ``ratio`` is L per size, ``unit`` the finger's force per F0. A finger's tangent is (-sin a, cos a). At a
-contact, n is the outward normal of the object and n' is n turned by +90 degrees: N n + f n' is the force on the body
-that touches the object, and u is the lift on the object, out of the plane.
+force F0. ``ratio`` is L per size, ``unit`` the finger's force per F0. At a contact, n is the outward normal of the
+object and z a fixed direction across the finger, in the plane z itself; with a = z x n / |z x n| and b = n x a, the
+object exerts N n + f a + g b on what touches it, and a moment tau n.
 """
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
 import casadi as ca
 
+from continuum_grasp.grasp.body.table import DistanceTable
+from continuum_grasp.grasp.rods.geometry import Geometry, cross, dot, exerted, transposed, turned
 from continuum_grasp.grasp.rods.rod import Course, between, integral, polynomial, slope, stage
-from continuum_grasp.grasp.rods.table import CELL, TABLE, cell, spline
 from continuum_grasp.nlp import BlockKind, Lookup
 
-Symbols = Any
-STATE, FORCE, HELD, POSE = 4, 2, 3, 3
-"""Numbers of a node (x, y, a, M), a force, the forces of a contact (N, f, u), and a pose (x, y, angle)."""
+HELD = 4
+"""Numbers of a contact: N, f, g and the moment tau per arm."""
 
 
 class _Parts:
     """Symbols of a block, taken one after the other."""
 
-    def __init__(self) -> None:
+    def __init__(self, geometry: Geometry | None = None) -> None:
+        self._geometry = geometry
         self._unknowns: list[ca.SX] = []
         self._data: list[ca.SX] = []
 
@@ -45,92 +48,135 @@ class _Parts:
     @staticmethod
     def _taken(into: list[ca.SX], name: str, size: int) -> Any:
         into.append(ca.SX.sym(name, size))
-        return into[-1] if size > 1 else into[-1][0]
+        return into[-1][0] if size == 1 else into[-1]
 
     def kind(self, name: str, rows: Sequence[Any], lookup: Lookup | None = None) -> BlockKind:
         """The kind of these symbols."""
+        name = name if self._geometry is None else f"{name}_{self._geometry.name}"
         data = ca.vertcat(*self._data) if self._data else ca.SX(0, 1)
         return BlockKind(name, ca.vertcat(*self._unknowns), data, ca.vertcat(*rows), lookup)
 
 
 class _Sight:
-    """Gap and normal of the object at a place of a finger [L], by the body's table."""
+    """The object as a place of a finger [L] sees it, by the body's table: gap [L] and outward normal (3,).
 
-    def __init__(self, parts: _Parts, place: Sequence[Any], pose: Any, ratio: Any) -> None:
-        table = parts.datum("table", TABLE)
-        point, found = ca.SX.sym("point", 2), ca.SX.sym("found", CELL)
-        numbers = ca.SX.sym("numbers", TABLE)
-        distance = spline(point, numbers, found)
-        seen = ca.Function("seen", [point, numbers, found], [distance, ca.gradient(distance, point)])
-        cosine, sine = ca.cos(pose[2]), ca.sin(pose[2])
-        dx, dy = ratio * place[0] - pose[0], ratio * place[1] - pose[1]
-        local = ca.vertcat(cosine * dx + sine * dy, cosine * dy - sine * dx)
-        read = ca.SX.sym("read", CELL)
-        distance, gradient = seen(local, table, read)
+    The gap is exact to the given order of derivatives, the normal to one less.
+    """
+
+    def __init__(
+        self, parts: _Parts, geometry: Geometry, place: Sequence[Any], pose: Any, ratio: Any, order: int
+    ) -> None:
+        d = geometry.dimensions
+        axes, table = parts.datum("axes", geometry.axes), parts.datum("table", 2 * d + 2)
+        self.turn = geometry.turn(pose, axes)
+        self.place = [ratio * part for part in geometry.in_space(place)]  # [object size]
+        self.center = geometry.place(pose)
+        away = [a - b for a, b in zip(self.place, self.center, strict=True)]
+        local = ca.vertcat(*turned(transposed(self.turn), away)[:d])
+        series = _series(d, order)
+        found = ca.SX.sym("found", series.size1_out(0))
+        point, terms = found[:d], found[d:]
+        shift = ca.SX.sym("shift", d)
+        distance = _polynomial(shift, terms, order)
+        known = [shift, terms]
+        seen = ca.Function("seen", known, [distance, ca.gradient(distance, shift)])
+        distance, gradient = seen(local - point, terms)
         # 1e-30: no division by zero where a table is flat
         along = gradient / ca.sqrt(ca.sumsqr(gradient) + 1e-30)
         self.gap = distance / ratio
-        self.normal = cosine * along[0] - sine * along[1], sine * along[0] + cosine * along[1]
-        self.lookup = Lookup(cell(local, table), table[3], table[4:6], read)
+        self.normal = turned(self.turn, geometry.in_space([along[k] for k in range(d)]))
+        given = ca.vertcat(local, table)
+        self.lookup = Lookup(DistanceTable.cell(local, table), table[d + 1], table[d + 2 :], given, series, found)
+
+
+def _orders(dimensions: int, order: int) -> list[tuple[int, ...]]:
+    """Directions of all derivatives up to an order, the lower ones first."""
+    each = (itertools.combinations_with_replacement(range(dimensions), n) for n in range(order + 1))
+    return list(itertools.chain(*each))
 
 
 @cache
-def stage_kind(count: int) -> BlockKind:
-    """Rows (4): a stage ends where the rod leads from its begin; friction of a contact before it adds a couple."""
-    parts = _Parts()
-    begin, end = parts.unknown("begin", STATE), parts.unknown("end", STATE)
-    force, pulls, segment = parts.unknown("force", FORCE), parts.unknown("pulls", 2), parts.unknown("segment", 2)
-    friction = parts.unknown("friction")
-    u0, u1, couple = (parts.datum(name) for name in ("u0", "u1", "couple"))
-    gravity, course = parts.datum("gravity", FORCE), parts.course(count)
+def _series(dimensions: int, order: int) -> ca.Function:
+    """A point in a table, its distance and derivatives up to an order, by point and data, cell and coefficients."""
+    given, cell = ca.SX.sym("given", 3 * dimensions + 2), ca.SX.sym("cell", dimensions)
+    coefficients = ca.SX.sym("coefficients", 4**dimensions)
+    point = ca.SX.sym("point", dimensions)
+    derivatives = {(): DistanceTable.distance(point, given[dimensions:], cell, coefficients)}
+    for directions in _orders(dimensions, order)[1:]:
+        *before, last = directions
+        derivatives[directions] = ca.jacobian(derivatives[tuple(before)], point[last])
+    found = ca.substitute([ca.vertcat(point, *derivatives.values())], [point], [given[:dimensions]])
+    return ca.Function("series", [given, cell, coefficients], found, {"cse": True})
+
+
+def _polynomial(shift: ca.SX, terms: ca.SX, order: int) -> ca.SX:
+    """Taylor polynomial by its derivatives."""
+    value = ca.SX(0)
+    for k, directions in enumerate(_orders(shift.numel(), order)):
+        times = math.prod(math.factorial(directions.count(axis)) for axis in set(directions))
+        value += terms[k] / times * math.prod(shift[axis] for axis in directions)
+    return value
+
+
+@cache
+def stage_kind(geometry: Geometry, count: int) -> BlockKind:
+    """Rows (state): a stage ends where the rod leads from its begin."""
+    parts = _Parts(geometry)
+    d = geometry.dimensions
+    begin, end = parts.unknown("begin", geometry.state), parts.unknown("end", geometry.state)
+    force, pulls, segment = parts.unknown("force", d), parts.unknown("pulls", 2), parts.unknown("segment", 2)
+    u0, u1 = parts.datum("u0"), parts.datum("u1")
+    gravity, sides, course = parts.datum("gravity", d), parts.datum("sides", geometry.sides), parts.course(count)
     span = segment[1] - segment[0]
     s = segment[0] + u0 * span
-    weight = integral(course.weight, segment[0], s)
-    state = [*ca.vertsplit(begin)[:3], begin[3] + couple * polynomial(course.half, segment[0]) * friction]
-    beyond = [force[k] - gravity[k] * weight for k in range(2)]
-    reached = stage(course, ca.vertsplit(gravity), state, beyond, pulls[0] - pulls[1], s, span * (u1 - u0))
+    beyond = _beyond(force, gravity, integral(course.weight, segment[0], s), d)
+    state, pull = ca.vertsplit(begin), pulls[0] - pulls[1]
+    reached = stage(geometry, course, sides, ca.vertsplit(gravity), state, beyond, pull, s, span * (u1 - u0))
     return parts.kind(f"stage{count}", [a - b for a, b in zip(reached, ca.vertsplit(end), strict=True)])
 
 
+def _beyond(force: Any, gravity: Any, weight: Any, dimensions: int) -> list[Any]:
+    """Force less that of a weight."""
+    return [force[k] - gravity[k] * weight for k in range(dimensions)]
+
+
 @cache
-def contact_kind(count: int, *, tip: bool) -> BlockKind:
-    """Rows of a contact: the gap, its direction along the finger, the forces on both sides of a middle contact (2) or
-    the forces and the moment at the tip (3), and the balance of the object (6).
+def contact_kind(geometry: Geometry, count: int, *, tip: bool) -> BlockKind:
+    """Rows of a contact: the gap, its direction along the finger, the force and the moment beyond it, or at the tip,
+    and the balance of the object (6).
     """
-    parts = _Parts()
-    at, force = parts.unknown("at", STATE), parts.unknown("force", FORCE)
-    after = None if tip else parts.unknown("after", FORCE)
-    segment, held, pose = parts.unknown("segment", 2), parts.unknown("held", HELD), parts.unknown("pose", POSE)
-    ratio, unit = parts.datum("ratio"), parts.datum("unit")
-    gravity, load, center = (parts.datum(name, 2) for name in ("gravity", "load", "center"))
-    course = parts.course(count)
-    sight = _Sight(parts, (at[0], at[1]), pose, ratio)
-    half = polynomial(course.half, segment[1])
-    nx, ny = sight.normal
-    normal, along, lift = (held[k] for k in range(3))
-    on_finger = normal * nx - along * ny, normal * ny + along * nx
-    weight = integral(course.weight, segment[0], segment[1])
-    beyond = [force[k] - gravity[k] * weight for k in range(2)]
+    parts = _Parts(geometry)
+    d = geometry.dimensions
+    at, force = parts.unknown("at", geometry.state), parts.unknown("force", d)
+    after = [0.0] * d if tip else parts.unknown("after", d)
+    turns = [0.0] * len(geometry.moments) if tip else ca.vertsplit(parts.unknown("turns", len(geometry.moments)))
+    segment, held = parts.unknown("segment", 2), parts.unknown("held", HELD)
+    pose = parts.unknown("pose", geometry.pose)
+    ratio, unit, arm = (parts.datum(name) for name in ("ratio", "unit", "arm"))
+    gravity, load, center = parts.datum("gravity", d), parts.datum("load", d), parts.datum("center", 3)
+    across, course = parts.datum("across", 3), parts.course(count)
+    state = ca.vertsplit(at)
+    sight = _Sight(parts, geometry, state[:d], pose, ratio, 3)
+    half, n = polynomial(course.half, segment[1]), sight.normal
     # Directions of the finger and of the surface are the same but for the finger's taper.
-    direction = ca.cos(at[2]) * ny - ca.sin(at[2]) * nx - slope(course.half, segment[1])
+    direction = dot(geometry.in_space(geometry.tangent(state)), n) - slope(course.half, segment[1])
+    on_finger, twist = exerted(held, n, ca.vertsplit(across)), [arm * held[3] * part for part in n]
+    couple = [part - half * other for part, other in zip(twist, cross(n, on_finger), strict=True)]
+    beyond = _beyond(force, gravity, integral(course.weight, segment[0], segment[1]), d)
     rows = [sight.gap - half, direction]
-    if after is None:
-        rows += [beyond[k] - load[k] - on_finger[k] for k in range(2)]
-        rows += [at[3] + half * along]
-    else:
-        rows += [after[k] - beyond[k] + on_finger[k] for k in range(2)]
-    cosine, sine = ca.cos(pose[2]), ca.sin(pose[2])
-    rx = ratio * (at[0] - half * nx) - pose[0] - (cosine * center[0] - sine * center[1])
-    ry = ratio * (at[1] - half * ny) - pose[1] - (sine * center[0] + cosine * center[1])
-    rows += _on_object((-on_finger[0], -on_finger[1], lift), (rx, ry), unit)
+    rows += [after[k] - beyond[k] + on_finger[k] + (load[k] if tip else 0.0) for k in range(d)]
+    turning = zip(turns, (state[k] for k in geometry.moments), geometry.moment(couple), strict=True)
+    rows += [last - first + own for last, first, own in turning]
+    com = turned(sight.turn, ca.vertsplit(center))
+    lever = [sight.place[k] - ratio * half * n[k] - sight.center[k] - com[k] for k in range(3)]
+    rows += _on_object([unit * part for part in on_finger], lever, [unit * ratio * part for part in twist])
     return parts.kind(f"{'tip' if tip else 'middle'}{count}", rows, sight.lookup)
 
 
-def _on_object(force: Sequence[Any], arm: Sequence[Any], unit: Any) -> list[Any]:
-    """Force and moment on the object (6)."""
-    fx, fy, fz = force
-    rx, ry = arm
-    return [unit * part for part in (fx, fy, fz, ry * fz, -rx * fz, rx * fy - ry * fx)]
+def _on_object(force: Sequence[Any], lever: Sequence[Any], twist: Sequence[Any]) -> list[Any]:
+    """Force and moment (6) on the object, by the force and the moment that it exerts."""
+    moment = cross(lever, force)
+    return [*(-part for part in force), *(-moment[k] - twist[k] for k in range(3))]
 
 
 @cache
@@ -138,67 +184,70 @@ def support_kind() -> BlockKind:
     """Rows (6): the force of a support on an object that does not move."""
     parts = _Parts()
     held = parts.unknown("held", HELD)
-    arm, n = parts.datum("arm", 2), parts.datum("normal", 2)
-    fx, fy = held[0] * n[0] - held[1] * n[1], held[0] * n[1] + held[1] * n[0]
-    return parts.kind("support", _on_object((-fx, -fy, held[2]), (arm[0], arm[1]), 1.0))
+    arm, n, across = parts.datum("arm", 3), parts.datum("normal", 3), parts.datum("across", 3)
+    force = exerted(held, ca.vertsplit(n), ca.vertsplit(across))
+    return parts.kind("support", _on_object(force, ca.vertsplit(arm), [0.0] * 3))
 
 
 @cache
-def free_tip_kind(count: int) -> BlockKind:
-    """Rows (3): at a tip that touches nothing, the moment is zero and the force is that of its load."""
-    parts = _Parts()
-    moment, force, segment = parts.unknown("moment"), parts.unknown("force", FORCE), parts.unknown("segment", 2)
-    gravity, load, course = parts.datum("gravity", 2), parts.datum("load", 2), parts.course(count)
-    weight = integral(course.weight, segment[0], segment[1])
-    return parts.kind(f"free_tip{count}", [moment, *(force[k] - gravity[k] * weight - load[k] for k in range(2))])
+def free_tip_kind(geometry: Geometry, count: int) -> BlockKind:
+    """Rows: at a tip that touches nothing, the force is that of its load and the moment is zero."""
+    parts = _Parts(geometry)
+    d = geometry.dimensions
+    moments, force = parts.unknown("moments", len(geometry.moments)), parts.unknown("force", d)
+    segment = parts.unknown("segment", 2)
+    gravity, load, course = parts.datum("gravity", d), parts.datum("load", d), parts.course(count)
+    beyond = _beyond(force, gravity, integral(course.weight, segment[0], segment[1]), d)
+    return parts.kind(f"free_tip{count}", [*(load[k] - beyond[k] for k in range(d)), *ca.vertsplit(moments)])
 
 
 @cache
 def cone_kind(*, spatial: bool) -> BlockKind:
-    """Rows: Coulomb friction of a contact, of which a margin v stays free; in the plane it is two lines."""
+    """Rows: Coulomb friction of a contact, of which a margin v stays free; without forces across, it is two lines."""
     parts = _Parts()
     held, margin = parts.unknown("held", HELD), parts.unknown("margin")
     friction, apex = parts.datum("friction"), parts.datum("apex")
     most = friction * (1.0 - margin) * held[0]
     if spatial:
-        return parts.kind("cone", [most - ca.sqrt(held[1] ** 2 + held[2] ** 2 + apex**2)])
+        return parts.kind("cone", [most - ca.sqrt(ca.sumsqr(held[1:]) + apex**2)])
     return parts.kind("wedge", [most - held[1], most + held[1]])
 
 
 @cache
-def clear_kind(count: int) -> BlockKind:
+def clear_kind(geometry: Geometry, count: int) -> BlockKind:
     """Row: the gap between the object and a place of a stage, by the cubic through its ends, less half a thickness."""
-    parts = _Parts()
-    begin, end = parts.unknown("begin", 3), parts.unknown("end", 3)
-    segment, pose = parts.unknown("segment", 2), parts.unknown("pose", POSE)
+    parts = _Parts(geometry)
+    begin, end = parts.unknown("begin", geometry.oriented), parts.unknown("end", geometry.oriented)
+    segment, pose = parts.unknown("segment", 2), parts.unknown("pose", geometry.pose)
     u0, u1, share, ratio = (parts.datum(name) for name in ("u0", "u1", "share", "ratio"))
     course = parts.course(count)
     span = segment[1] - segment[0]
-    place = between(ca.vertsplit(begin), ca.vertsplit(end), span * (u1 - u0), share)
-    sight = _Sight(parts, place, pose, ratio)
+    place = between(geometry, ca.vertsplit(begin), ca.vertsplit(end), span * (u1 - u0), share)
+    sight = _Sight(parts, geometry, place, pose, ratio, 2)
     half = polynomial(course.half, segment[0] + (u0 + share * (u1 - u0)) * span)
     return parts.kind(f"clear{count}", [sight.gap - half], sight.lookup)
 
 
 @cache
-def wall_kind(count: int) -> BlockKind:
+def wall_kind(geometry: Geometry, count: int) -> BlockKind:
     """Row: the height of a node above a plane, less half a thickness; nothing is taken off where it emerges."""
-    parts = _Parts()
-    at, segment = parts.unknown("at", 2), parts.unknown("segment", 2)
+    parts = _Parts(geometry)
+    at, segment = parts.unknown("at", geometry.dimensions), parts.unknown("segment", 2)
     u, height, emerging = (parts.datum(name) for name in ("u", "height", "emerging"))
-    n, course = parts.datum("normal", 2), parts.course(count)
+    n, course = parts.datum("normal", geometry.dimensions), parts.course(count)
     half = (1.0 - emerging) * polynomial(course.half, segment[0] + u * (segment[1] - segment[0]))
-    return parts.kind(f"wall{count}", [n[0] * at[0] + n[1] * at[1] - height - half])
+    return parts.kind(f"wall{count}", [ca.dot(n, at) - height - half])
 
 
 @cache
-def bend_kind(count: int) -> BlockKind:
+def bend_kind(geometry: Geometry, count: int) -> BlockKind:
     """Row: curvature above rest at a node."""
-    parts = _Parts()
-    moment, pulls, segment = parts.unknown("moment"), parts.unknown("pulls", 2), parts.unknown("segment", 2)
+    parts = _Parts(geometry)
+    at, pulls, segment = parts.unknown("at", geometry.state), parts.unknown("pulls", 2), parts.unknown("segment", 2)
     u, course = parts.datum("u"), parts.course(count)
     s = segment[0] + u * (segment[1] - segment[0])
     pulled = polynomial(course.tendon, s) * (pulls[0] - pulls[1])
+    moment = geometry.bending(ca.vertsplit(at))
     return parts.kind(f"bend{count}", [(moment + pulled) / polynomial(course.stiffness, s)])
 
 
@@ -213,16 +262,15 @@ def difference_kind() -> BlockKind:
 @cache
 def share_kind() -> BlockKind:
     """Row: an unknown times a number."""
-    parts = _Parts()
-    unknown, factor = parts.unknown("unknown"), parts.datum("factor")
-    return parts.kind("share", [factor * unknown])
+    unknown, factor = ca.SX.sym("unknown"), ca.SX.sym("factor")
+    return BlockKind("share", unknown, factor, factor * unknown)
 
 
 @cache
-def chord_kind() -> BlockKind:
+def chord_kind(geometry: Geometry) -> BlockKind:
     """Row: a node is apart from the chord between two nodes of another finger: (d^2 - r^2) / (2 r), d the distance."""
-    parts = _Parts()
-    node, first, last = (parts.unknown(name, 2) for name in ("node", "first", "last"))
+    parts = _Parts(geometry)
+    node, first, last = (parts.unknown(name, geometry.dimensions) for name in ("node", "first", "last"))
     ratio, reach = parts.datum("ratio"), parts.datum("reach")
     a, b = ratio * first, ratio * last
     along = b - a

@@ -17,7 +17,8 @@ import numpy as np
 from continuum_grasp.base import Array, Indices, InputError
 from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.problem import GraspRods
-from continuum_grasp.grasp.rods.search import RodGrasp, RodSearch, RodStart
+from continuum_grasp.grasp.rods.search import RodSearch
+from continuum_grasp.grasp.rods.solving import RodGrasp
 from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene import GraspScene
 
@@ -35,7 +36,7 @@ UNUSUAL = 1.0
 """Friction coefficient that few surfaces have."""
 
 
-class Limit(ABC):
+class WidenedLimit(ABC):
     """A limit of a scene that may be in the way of a grasp."""
 
     name: ClassVar[str]
@@ -75,7 +76,7 @@ def _fingers(scene: GraspScene) -> dict[str, str]:
     return {setup.name: setup.where for setup in scene.setups}
 
 
-class FrictionLimit(Limit):
+class WidenedFriction(WidenedLimit):
     """Friction coefficients of all contacts."""
 
     name, unit = "friction", "1"
@@ -97,7 +98,7 @@ class FrictionLimit(Limit):
         return _multiplied(scene, paths, 1.0 + amount)
 
 
-class TensionLimit(Limit):
+class WidenedTension(WidenedLimit):
     """Greatest tensions of all tendons."""
 
     name, unit = "tension", "N"
@@ -119,7 +120,7 @@ class TensionLimit(Limit):
         return _multiplied(scene, paths, 1.0 + amount)
 
 
-class NormalForceLimit(Limit):
+class WidenedNormalForce(WidenedLimit):
     """Greatest normal forces of all contacts."""
 
     name, unit = "normal force", "N"
@@ -146,7 +147,7 @@ class NormalForceLimit(Limit):
         return _multiplied(scene, paths, 1.0 + amount)
 
 
-class MassLimit(Limit):
+class WidenedMass(WidenedLimit):
     """Mass of the object."""
 
     name, unit = "mass", "kg"
@@ -176,7 +177,7 @@ def _share(problem: GraspRods, at: int, most: float, greatest: float, more: Indi
     problem.add(kinds.share_kind(), at, row, [-1.0])
 
 
-class BasePlace(Limit):
+class WidenedBase(WidenedLimit):
     """Places of the bases that may not move by themselves."""
 
     name, unit = "base place", "m"
@@ -209,34 +210,40 @@ class BasePlace(Limit):
         return [x[part.nodes[0][:2]] - np.array(finger.base[:2]) for part, finger in pairs]
 
 
-LIMITS: tuple[Limit, ...] = (BasePlace(), TensionLimit(), NormalForceLimit(), MassLimit(), FrictionLimit())
+LIMITS: tuple[WidenedLimit, ...] = (
+    WidenedBase(),
+    WidenedTension(),
+    WidenedNormalForce(),
+    WidenedMass(),
+    WidenedFriction(),
+)
 """Limits in the order in which they are named where they are off by equal factors."""
 
 
 @dataclass(frozen=True, eq=False)
-class Repair:
+class LeastRepair:
     """Changes of a scene with which it has a grasp."""
 
-    limit: Limit
+    limit: WidenedLimit
     amount: float
     changes: dict[str, Any]
     grasp: RodGrasp
 
 
-class Repairs:
+class LeastRepairs:
     """Least amounts of the limits of a scene without a grasp."""
 
     def __init__(self, search: RodSearch) -> None:
         self._search, self._scene = search, search.scene
         self._starts = search.starts[:STARTS]
 
-    def found(self) -> Iterator[Repair]:
+    def found(self) -> Iterator[LeastRepair]:
         """A repair per limit that alone is enough."""
         for limit in LIMITS:
             if limit.applies(self._scene) and (repair := self._least(limit)) is not None:
                 yield repair
 
-    def _least(self, limit: Limit) -> Repair | None:
+    def _least(self, limit: WidenedLimit) -> LeastRepair | None:
         """The least amount of a limit with which a start holds."""
         widened = [self._search.solved(start, widen=limit.widen) for start in self._starts]
         used = [(limit.used(grasp.problem, grasp.attempt.x), grasp) for grasp in widened if grasp.holds]
@@ -249,26 +256,21 @@ class Repairs:
             return best
         return None
 
-    def _held(self, limit: Limit, amount: float, widened: RodGrasp) -> Repair | None:
+    def _held(self, limit: WidenedLimit, amount: float, widened: RodGrasp) -> LeastRepair | None:
         """A grasp of the scene with a limit changed by an amount, towards a grasp with the limit widened."""
         changes = limit.changes(self._scene, amount, widened)
         try:
             scene = self._scene.changed(changes)
         except InputError:
             return None
-        for start, near in [(widened.start, widened), *((start, None) for start in self._starts)]:
-            pose, bases = start.case.place
-            if limit.unit == "m":
-                bases = tuple((*setup.finger.base.position, setup.finger.base.angle) for setup in scene.setups)
-            case = start.case.changed(scene, (pose, bases))
-            again = RodStart(case, start.x, start.imbalance, start.aim, start.places)
-            grasp = self._search.solved(again, near=near)
+        for start, beside in [(widened.start, widened), *((start, None) for start in self._starts)]:
+            grasp = self._search.solved(start.changed(scene), beside=beside)
             if grasp.holds:
-                return Repair(limit, amount, changes, grasp)
+                return LeastRepair(limit, amount, changes, grasp)
         return None
 
 
-def reason_of(scene: GraspScene, repair: Repair) -> Reason:
+def reason_of(scene: GraspScene, repair: LeastRepair) -> Reason:
     """A repair in words."""
     key, needed = next(iter(repair.changes.items()))
     before = _at(scene, key)

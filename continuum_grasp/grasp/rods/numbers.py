@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from continuum_grasp.base import Array, InputError
+from continuum_grasp.grasp.body.table import DistanceTable
+from continuum_grasp.grasp.rods.geometry import Geometry
 from continuum_grasp.grasp.rods.rod import Course
-from continuum_grasp.grasp.rods.table import DistanceTable
-from continuum_grasp.grasp.starts.curves import rough_distance
-from continuum_grasp.grasp.starts.supports import object_outlines, support_contacts
-from continuum_grasp.grasp.starts.values import Pose
-from continuum_grasp.scene import FingerSetup, GraspScene
+from continuum_grasp.scene import FingerSetup
 
 DEGREE = 4
 """Degree of the polynomials of what varies along a finger: that of the stiffness of a linear taper."""
 UNIFORM = 1e6
 """Curvature limit per length above which there is none."""
+REACH = 2.5
+"""Half thicknesses around the object that are in its table."""
+
+
+@dataclass(frozen=True, eq=False)
+class WallNumbers:
+    """A plane of which a finger keeps clear, in units of the finger."""
+
+    normal: Array
+    level: float  # place along the normal
+    first: float = 0.0  # place along the finger from which on it keeps clear
+    emerging: float | None = None
+    """Level of which the finger's line keeps clear before its first contact, if its base is in the wall."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,17 +38,21 @@ class FingerNumbers:
 
     setup: FingerSetup
     course: Course
-    base: Pose
+    sides: tuple[float, ...]  # of the section, beyond the course
+    base: Array  # place and direction (`Geometry.oriented`,)
+    across: Array  # (3,) axis of bending at the base
     force: float  # [N]
     moment: float  # [N m]
-    gravity: Array  # (2,), of a weight per length
-    load: Array  # (2,) at the tip
+    gravity: Array  # (dimensions,), of a weight per length
+    load: Array  # (dimensions,) at the tip
     pulls: Array  # (2,) greatest moments of the tendons above their least tension
     offset: float  # [m]
+    arm: float  # of torsional friction, per friction
     places: tuple[float, float]  # of middle contacts
     curvature_limit: float
     middles: tuple[str, ...]
     tip: str | None
+    walls: tuple[WallNumbers, ...]
 
     @property
     def length(self) -> float:
@@ -54,24 +69,30 @@ class FingerNumbers:
         """Coefficients of each polynomial of the course."""
         return len(self.course.half)
 
+    @property
+    def contacts(self) -> list[str]:
+        """Names of its contacts, from the base on."""
+        return [*self.middles, *([self.tip] if self.tip else [])]
+
     @staticmethod
-    def of(scene: GraspScene, setup: FingerSetup, base: Pose, on: frozenset[str]) -> FingerNumbers:
-        """The numbers of a finger of a scene, with the contacts ``on`` by name."""
+    def of(setup: FingerSetup, on: frozenset[str], acceleration: Array, **placed: Any) -> FingerNumbers:
+        """The numbers of a finger with the contacts ``on`` by name, under gravity (dimensions,) [m/s2].
+
+        ``placed`` are the numbers that depend on where it is: base, across, sides, arm and walls.
+        """
         finger, length = setup.finger, setup.finger.rod.length
         (channel,) = finger.channels
         moment = setup.stiffness / length
         force = moment / length
-        gravity = np.array(scene.gravity[:2]) / force
+        gravity = acceleration / force
         tip_mass = sum(mass.mass for mass in finger.masses if abs(mass.at - length) <= 1e-9 * length)
         offset = float(channel.arms[0])
         used = np.array([finger.tendons_used in ("both", side) for side in ("left", "right")], dtype=float)
         reach = (setup.max_tension - setup.tendons.min_tension) * offset / moment
-        x, y, angle = base
         first, last = setup.middle_bounds
         return FingerNumbers(
             setup=setup,
             course=_course(setup),
-            base=(x / length, y / length, angle),
             force=force,
             moment=moment,
             gravity=gravity,
@@ -82,6 +103,7 @@ class FingerNumbers:
             curvature_limit=min(finger.curvature_limit * length, UNIFORM),
             middles=tuple(name for name in setup.middle_names if name in on),
             tip=setup.tip_name if setup.tip_name in on else None,
+            **placed,
         )
 
 
@@ -116,81 +138,64 @@ class SupportNumbers:
     """Contact of a support with an object that does not move."""
 
     name: str
-    arm: Array  # from the center of mass [object size]
-    normal: Array
+    arm: Array  # (3,) from the center of mass [object size]
+    normal: Array  # (3,)
+    across: Array  # (3,) a direction along the surface
     friction: float
     most: float  # [F0]
+
+
+@dataclass(frozen=True, eq=False)
+class GraspAims:
+    """What a grasp is to have, as prices: of the tension, per sum of the greatest ones, and of the friction margin."""
+
+    tension: float = 1.0
+    margin: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class SceneNumbers:
     """A scene with one set of contacts at one place of the object and of the bases."""
 
-    scene: GraspScene
+    geometry: Geometry
     fingers: list[FingerNumbers]
     supports: list[SupportNumbers]
-    walls: list[tuple[Array, float]]  # normal, height [m]
     table: DistanceTable  # [object size]
     size: float  # [m]
     force: float  # F0 [N]
-    pose: Array  # x, y [object size], angle
+    pose: Array  # (`Geometry.pose`,), the place [object size]
+    axes: Array  # (`Geometry.axes`,)
     pose_bounds: tuple[Array, Array]
-    center: Array  # of mass, in the object's frame [object size]
+    center: Array  # (3,) of mass, in the object's frame [object size]
     weight: Array  # (6,) force and moment on the object [F0, F0 size]
+    balances: tuple[int, ...]  # rows of the object's balance that bind
+    spatial: bool  # whether contacts exert forces out of the fingers' planes
+    aims: GraspAims
+    pairs: tuple[tuple[int, int], ...]  # of fingers that keep clear of each other
+    penetration: float  # depth of a finger that is allowed [L]
+    deviation: float = 0.0  # of the object's surface from the one that it stands for [m]
+    least_normal: float = 0.0  # force of a contact of a finger [F0]
 
-    @staticmethod
-    def of(
-        scene: GraspScene,
-        on: frozenset[str],
-        place: tuple[Pose, tuple[Pose, ...]],
-        force: float,
-        table: DistanceTable,
-    ) -> SceneNumbers:
-        """The numbers of a scene with the contacts ``on`` by name, with a unit of force F0 [N]."""
-        pose, bases = place
-        size = scene.object.size
-        turn = np.exp(1j * pose[2])
-        center = complex(*pose[:2]) + turn * complex(*scene.object.com)
-        touching = support_contacts(scene, pose, {name for name in on if scene.support_of(name) is not None})
-        supports = []
-        for name, start in touching.items():
-            arm = (complex(*pose[:2]) + turn * complex(*start.point) - center) / size
-            normal = turn * np.exp(1j * start.normal_angle)
-            most = scene.normal_force_max(name) / force
-            supports.append(SupportNumbers(name, _vector(arm), _vector(normal), scene.held_friction(name), most))
-        own = np.array([pose[0] / size, pose[1] / size, pose[2]])
-        bounds = np.array(scene.object.pose_bounds) / [[size], [size], [1.0]]
-        free = scene.object.free is not None
-        low, high = (np.minimum(bounds[:, 0], own), np.maximum(bounds[:, 1], own)) if free else (own, own)
-        walls = [
-            (np.array(wall.normal), float(np.dot(wall.normal, wall.point)))
-            for wall in scene.walls
-            if math.isinf(wall.half_length)
-        ]
-        return SceneNumbers(
-            scene=scene,
-            fingers=[FingerNumbers.of(scene, setup, base, on) for setup, base in zip(scene.setups, bases, strict=True)],
-            supports=supports,
-            walls=walls,
-            table=table,
-            size=size,
-            force=force,
-            pose=own,
-            pose_bounds=(low, high),
-            center=np.array(scene.object.com) / size,
-            weight=np.array([*(scene.object.mass * np.array(scene.gravity) / force), 0.0, 0.0, 0.0]),
-        )
+    def seen(self, finger: FingerNumbers, points: Array, pose: Array, contact: str = "") -> tuple[Array, Array]:
+        """Gaps (n,) of the object at points (n, dimensions) of a finger [L], and normals (n, 3) as the hand sees them.
+
+        With a contact, by the table around that.
+        """
+        d = self.geometry.dimensions
+        turn = np.array(self.geometry.turn(pose, self.axes))
+        gap, slope = self.table.values(self.local(finger, points, pose), contact)
+        normal = np.zeros((len(slope), 3))
+        # 1e-30: no division by zero where a table is flat
+        normal[:, :d] = slope / (np.linalg.norm(slope, axis=1, keepdims=True) + 1e-30)
+        return gap * self.size / finger.length, normal @ turn.T
+
+    def local(self, finger: FingerNumbers, points: Array, pose: Array) -> Array:
+        """Points (n, dimensions) of a finger [L] in the object's frame [object size]."""
+        d = self.geometry.dimensions
+        turn = np.array(self.geometry.turn(pose, self.axes))[:d, :d]
+        return np.asarray((points * finger.length / self.size - pose[:d]) @ turn)
 
 
-def _vector(value: complex) -> Array:
-    return np.array([value.real, value.imag])
-
-
-def table_of(scene: GraspScene, counts: int = 181) -> DistanceTable:
-    """The table of a scene's object, per its size."""
-    size = scene.object.size
-    shapes = object_outlines(scene)
-    thickest = max(setup.finger.thickness_radius for setup in scene.setups)
-    # 2.5: half thicknesses around the object that are in the table
-    reach = (max(part.extent for part in scene.object.parts) + 2.5 * thickest) / size
-    return DistanceTable.of(lambda x, y: rough_distance(shapes, size * (x + 1j * y)) / size, reach, counts)
+def unit(vector: Array) -> Array:
+    """A vector of length one."""
+    return np.asarray(vector / np.linalg.norm(vector))

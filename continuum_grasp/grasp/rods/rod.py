@@ -1,28 +1,15 @@
-"""The planar inextensible elastic rod as an initial value problem, in units of its length L, E I / L^2 and E I / L.
+"""The inextensible elastic rod as an initial value problem, in units of its length L, E I / L^2 and E I / L.
 
-    x' = -sin(a),  y' = cos(a),  a' = k0(s) + (M + t(s) m) / B(s),  M' = sin(a) Fy + cos(a) Fx,  F' = -w(s) G
-
-(x, y) [m] is the place and a [rad] the angle at s. M [N m] and F [N] are the moment and the force that the part beyond
-s exerts. m [N m] is the moment of the tendons at the base, and t(s) its shape along the finger. k0 [1/m] is the
-curvature at rest, B [N m2] the bending stiffness, and w G [N/m] the weight per length. All are polynomials of s.
+A `Geometry` has the equations of its state. The force F [N] that the part beyond s exerts changes by F' = -w(s) G.
+m [N m] is the moment of the tendons at the base, and t(s) its shape along the finger. k0(s) [1/m] is the curvature at
+rest, B(s) [N m2] the bending stiffness, and w G [N/m] the weight per length. All are polynomials of s.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-import casadi as ca
-import numpy as np
-
-from continuum_grasp.base import Array
-
-Value = Any
-"""A number, an array of numbers, or a symbol of CasADi."""
-Values = Any
-"""A sequence of these."""
-SUBSTEPS = 4
-"""Steps of the fourth-order rule of Runge and Kutta in a stage."""
+from continuum_grasp.grasp.rods.geometry import Geometry, Value, Values
 
 
 def polynomial(coefficients: Values, s: Value) -> Value:
@@ -69,7 +56,9 @@ class Course:
 
 
 def stage(
+    geometry: Geometry,
     course: Course,
+    sides: Values,
     gravity: Values,
     state: Values,
     force: Values,
@@ -77,24 +66,21 @@ def stage(
     s: Value,
     h: Value,
 ) -> Values:
-    """State (x, y, a, M) at the end of a stage of length h from s, where the force beyond is ``force``."""
-    lib = ca if any(isinstance(part, ca.SX) for part in (*state, s, h)) else np
+    """State at the end of a stage of length h from s, where the force beyond is ``force``."""
     state = [*state]
     begin = s
-    h = h / SUBSTEPS
+    h = h / geometry.steps
 
     def rates(q: Values, at: Value) -> Values:
-        angle, moment = q[2], q[3]
         weight = integral(course.weight, begin, at)
-        bend = (moment + polynomial(course.tendon, at) * m) / polynomial(course.stiffness, at)
-        sine, cosine = lib.sin(angle), lib.cos(angle)
-        couple = sine * (force[1] - gravity[1] * weight) + cosine * (force[0] - gravity[0] * weight)
-        return [-sine, cosine, polynomial(course.rest, at) + bend, couple]
+        beyond = [part - g * weight for part, g in zip(force, gravity, strict=True)]
+        pulled = polynomial(course.tendon, at) * m
+        return geometry.rates(q, beyond, polynomial(course.stiffness, at), polynomial(course.rest, at), pulled, sides)
 
     def moved(by: Values, share: Value) -> Values:
         return [q + share * rate for q, rate in zip(state, by, strict=True)]
 
-    for k in range(SUBSTEPS):
+    for k in range(geometry.steps):
         at = s + k * h
         first = rates(state, at)
         second = rates(moved(first, 0.5 * h), at + 0.5 * h)
@@ -105,16 +91,9 @@ def stage(
     return state
 
 
-def between(a: Values, b: Values, h: Value, share: Value) -> tuple[Value, Value]:
+def between(geometry: Geometry, a: Values, b: Values, h: Value, share: Value) -> Values:
     """Place at a share of a stage of length h between two states, by the cubic through both and their directions."""
-    lib = ca if any(isinstance(part, ca.SX) for part in (*a, *b)) else np
     w0, w1 = (1.0 + 2.0 * share) * (1.0 - share) ** 2, share * share * (3.0 - 2.0 * share)
     v0, v1 = share * (1.0 - share) ** 2, share * share * (share - 1.0)
-    x = w0 * a[0] + w1 * b[0] - h * (v0 * lib.sin(a[2]) + v1 * lib.sin(b[2]))
-    y = w0 * a[1] + w1 * b[1] + h * (v0 * lib.cos(a[2]) + v1 * lib.cos(b[2]))
-    return x, y
-
-
-def crossed(a: Array, b: Array) -> Array:
-    """Cross products (...,) of vectors of the plane (..., 2)."""
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+    ends = zip(geometry.tangent(a), geometry.tangent(b), strict=True)
+    return [w0 * a[k] + w1 * b[k] + h * (v0 * along + v1 * last) for k, (along, last) in enumerate(ends)]
