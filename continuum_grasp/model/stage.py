@@ -14,7 +14,9 @@ A rod in space (place, quaternion, moment) is another function of the same form.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -30,38 +32,93 @@ PLANE = ("x", "y", "angle", "moment")
 """States of a rod in the plane, before those of its tendons."""
 
 
+class RodEquations(ABC):
+    """Derivatives of a rod's own states along it: its place, its direction, and the moment of what acts beyond."""
+
+    state: int
+    """Number of the rod's own states."""
+
+    @abstractmethod
+    def bending(self, state: Any) -> Scalar:
+        """Moment about the axis about which tendons bend the rod."""
+
+    @abstractmethod
+    def rates(self, state: Any, force: Any, curvature: Scalar, stiffness: Scalar, sides: Any) -> Sequence[Scalar]:
+        """Derivatives of the states, without those of the tendons.
+
+        ``force`` is the force of what acts beyond, ``curvature`` the total one about the axis of bending, ``stiffness``
+        that of bending, and ``sides`` are the other ones, per stiffness of bending.
+        """
+
+
+class PlaneRod(RodEquations):
+    """A rod in the plane."""
+
+    state = 4
+
+    def bending(self, state: Any) -> Scalar:
+        """Moment about the normal of the plane."""
+        return state[3]
+
+    def rates(self, state: Any, force: Any, curvature: Scalar, stiffness: Scalar, sides: Any) -> Sequence[Scalar]:
+        """Derivatives (4,) of x, y, angle and moment."""
+        sine, cosine = ca.sin(state[2]), ca.cos(state[2])
+        return [-sine, cosine, curvature, sine * force[1] + cosine * force[0]]
+
+
 def plane_states(form: SectionForm) -> tuple[str, ...]:
     """Names of the states of a rod in the plane."""
     return (*PLANE, *form.sliding_names)
 
 
-def plane_rates(
-    form: SectionForm, place: SectionPlace, state: Any, force: Any, pulls: Any, gravity: Any, history: Any, numbers: Any
-) -> list[Scalar]:
-    """Derivatives of the states along the rod, at a place.
+@dataclass(frozen=True)
+class Acting:
+    """What acts on a rod between two contacts, in its units.
 
-    Parameters
-    ----------
-    form, place, numbers
-        The section, its values at the place, and the numbers (m,) of the piece.
-    state
-        x, y, angle [rad], moment, and the states of the tendons.
-    force
-        G (2,): force of what acts beyond the place, with the weight of everything before it.
-    pulls
-        Moments of tensions and pressures above the least ones.
-    gravity
-        Gravity [m/s2], shape (2,).
-    history
-        h and the friction states z.
+    ``force`` is G, that of what acts beyond with the weight of everything before; ``pulls`` are the moments of tensions
+    and pressures above the least ones; ``gravity`` is in m/s2; ``history`` is h and the friction states z; ``numbers``
+    are those of the piece, and ``sides`` the stiffnesses out of the plane of bending, per that of bending.
     """
-    (_, _, angle, moment), sliding = scalars(state)[:4], scalars(state)[4:]
-    forces = zip(scalars(force), scalars(gravity), strict=True)
-    fx, fy = (f - g * place.mass for f, g in forces)
-    bend = form.bent(place, form.load(place, moment, pulls, sliding, numbers), numbers, history)
-    sine, cosine = ca.sin(angle), ca.cos(angle)
-    planar = [-sine, cosine, place.rest + bend, sine * fy + cosine * fx]
-    return [*planar, *form.sliding_rates(place, bend, sliding, numbers, history)]
+
+    force: Any
+    pulls: Any
+    gravity: Any
+    history: Any
+    numbers: Any
+    sides: Any = ()
+
+
+def stage_end(
+    form: SectionForm,
+    rod: RodEquations,
+    state: Any,
+    begin: Scalar,
+    end: Scalar,
+    acting: Acting,
+    substeps: int = SUBSTEPS,
+) -> list[Scalar]:
+    """Give the states at the end of a stage, by the method of Runge and Kutta of the fourth order."""
+
+    def rates(place: SectionPlace, now: Sequence[Scalar]) -> list[Scalar]:
+        own, sliding = now[: rod.state], now[rod.state :]
+        pairs = zip(scalars(acting.force), scalars(acting.gravity), strict=True)
+        force = [f - g * place.mass for f, g in pairs]
+        load = form.load(place, rod.bending(own), acting.pulls, sliding, acting.numbers)
+        bend = form.bent(place, load, acting.numbers, acting.history)
+        moved = rod.rates(own, force, place.rest + bend, place.stiffness, scalars(acting.sides))
+        return [*moved, *form.sliding_rates(place, bend, sliding, acting.numbers, acting.history)]
+
+    step, state = (end - begin) / substeps, scalars(state)
+    before = form.at(begin, acting.numbers)
+    for k in range(substeps):
+        middle, after = (form.at(begin + (k + share) * step, acting.numbers) for share in (0.5, 1.0))
+        first = rates(before, state)
+        second = rates(middle, _moved(state, first, 0.5 * step))
+        third = rates(middle, _moved(state, second, 0.5 * step))
+        fourth = rates(after, _moved(state, third, step))
+        slopes = [(a + 2.0 * (b + c) + d) / 6.0 for a, b, c, d in zip(first, second, third, fourth, strict=True)]
+        state, before = _moved(state, slopes, step), after
+    return state
 
 
 @lru_cache(maxsize=256)
@@ -103,25 +160,11 @@ def plane_stage(form: SectionForm, substeps: int = SUBSTEPS) -> ca.Function:
         "history": ca.SX.sym("history", len(form.history_names)),
         "numbers": ca.SX.sym("numbers", form.size),
     }
-    begin, end, numbers = inputs["begin"], inputs["end"], inputs["numbers"]
-    acting = {name: inputs[name] for name in ("force", "pulls", "gravity", "history", "numbers")}
-
-    def rates(place: SectionPlace, state: Sequence[Scalar]) -> list[Scalar]:
-        return plane_rates(form, place, state, **acting)
-
-    step = (end - begin) / substeps
     state = scalars(inputs["state"])
     state[3] = state[3] + inputs["couple"]
-    before = form.at(begin, numbers)
-    for k in range(substeps):
-        middle, after = (form.at(begin + (k + share) * step, numbers) for share in (0.5, 1.0))
-        first = rates(before, state)
-        second = rates(middle, _moved(state, first, 0.5 * step))
-        third = rates(middle, _moved(state, second, 0.5 * step))
-        fourth = rates(after, _moved(state, third, step))
-        slopes = [(a + 2.0 * (b + c) + d) / 6.0 for a, b, c, d in zip(first, second, third, fourth, strict=True)]
-        state, before = _moved(state, slopes, step), after
-    return ca.Function(f"plane_stage_{form.key}", list(inputs.values()), [column(state)], list(inputs), ["after"])
+    acting = Acting(*(inputs[name] for name in ("force", "pulls", "gravity", "history", "numbers")))
+    after = stage_end(form, PlaneRod(), state, inputs["begin"], inputs["end"], acting, substeps)
+    return ca.Function(f"plane_stage_{form.key}", list(inputs.values()), [column(after)], list(inputs), ["after"])
 
 
 def _moved(state: Sequence[Scalar], rates: Sequence[Scalar], step: Scalar) -> list[Scalar]:

@@ -5,35 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.rods.geometry import Geometry, Matrix, Value, Values, library
+from continuum_grasp.grasp.rods.geometry import Geometry, Matrix, Values, library
+from continuum_grasp.model import PlaneRod
 
 
-class Planar(Geometry):
-    """The plane: states (x, y, a, M) with the direction (-sin a, cos a), poses (x, y, angle).
-
-        x' = -sin(a),  y' = cos(a),  a' = k0 + (M + t) / B,  M' = sin(a) Fy + cos(a) Fx
-
-    k0 is the curvature at rest, t the moment of the tendons, B the bending stiffness.
-    """
+class Planar(PlaneRod, Geometry):
+    """The plane: states (x, y, a, M) with the direction (-sin a, cos a), poses (x, y, angle)."""
 
     name = "plane"
-    dimensions, state, oriented, sides, steps, pose, axes = 2, 4, 3, 0, 4, 3, 0
+    dimensions, oriented, sides, steps, pose, axes = 2, 3, 0, 4, 3, 0
 
     def tangent(self, state: Values) -> Values:
         """Direction of the finger (2,)."""
         lib = library(state[2])
         return [-lib.sin(state[2]), lib.cos(state[2])]
-
-    def bending(self, state: Values) -> Value:
-        """Moment about the axis of bending, z."""
-        return state[3]
-
-    def rates(
-        self, state: Values, force: Values, stiffness: Value, rest: Value, pulled: Value, sides: Values
-    ) -> Values:
-        """Derivatives (4,) of a state along the finger."""
-        across, along = self.tangent(state)
-        return [across, along, rest + (state[3] + pulled) / stiffness, along * force[0] - across * force[1]]
 
     def bent(self, base: Array, x: float, y: float, angle: float, moment: float) -> Array:
         """State (4,) by what the base (3,) sees."""

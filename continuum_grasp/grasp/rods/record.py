@@ -8,7 +8,7 @@ from continuum_grasp.base import Array
 from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, in_plane
 from continuum_grasp.grasp.rods.numbers import FingerNumbers
 from continuum_grasp.grasp.rods.problem import FingerPlaces
-from continuum_grasp.grasp.rods.search import RodGrasp
+from continuum_grasp.grasp.rods.solving import RodGrasp
 
 
 def held_rods(grasp: RodGrasp) -> HeldRods:
@@ -40,8 +40,8 @@ def _finger(grasp: RodGrasp, finger: FingerNumbers, part: FingerPlaces) -> HeldF
     contacts = list[HeldContact]()
     names = [*finger.middles, *([finger.tip] if finger.tip else [])]
     for k, name in enumerate(names):
-        place = x[part.segments[k][1]]
-        node = x[part.nodes[part.first[k + 1]]]
+        place = x[part.span_of(part.touching[k]).ends[1]]
+        node = x[part.nodes[part.touching[k]]]
         normal = problem.seen(finger, node[None, :2], x[problem.pose])[1][0]
         force = finger.force * _force(x[problem.contacts[name]], normal)
         contacts.append(HeldContact(name, force, place=float(place) * length))

@@ -117,17 +117,14 @@ class SettledStart(RodStart):
     def guesses(self) -> list[ShotFinger]:
         """Equilibria of the fingers."""
         shots = [self._x[i:j].tolist() for i, j in itertools.pairwise(self._case.balance.at)]
-        return [
-            ShotFinger(
-                bend,
-                np.array([fx, fy]),
-                pull,
-                tuple(middles[::3]),
-                [np.array(pair) for pair in zip(middles[1::3], middles[2::3], strict=True)],
-                self._lift,
-            )
-            for bend, fx, fy, pull, *middles in shots
-        ]
+        guesses = []
+        for (bend, fx, fy, pull, *middles), finger in zip(shots, self.numbers.fingers, strict=True):
+            # Units of the map are of the mean stiffness.
+            unit = finger.setup.stiffness / finger.section.stiffness
+            held = [unit * np.array(pair) for pair in zip(middles[1::3], middles[2::3], strict=True)]
+            force = unit * np.array([fx, fy])
+            guesses.append(ShotFinger(bend, force, unit * pull, tuple(middles[::3]), held, self._lift))
+        return guesses
 
     @property
     def supports(self) -> Mapping[str, Array]:

@@ -203,6 +203,6 @@ class StartedSearch(ABC):
                 continue
             if finer == FINER or not table_misses(problem, attempt.x):
                 return grasp
-            thin = min(finger.course.half[0] * finger.length for finger in numbers.fingers)
+            thin = min(float(finger.half(0.0)) * finger.length for finger in numbers.fingers)
             table = numbers.table.refined(touched_places(problem, attempt.x), FINE * thin / numbers.size)
             numbers, x, finer = replace(numbers, table=table), attempt.x, finer + 1
