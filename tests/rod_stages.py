@@ -41,11 +41,12 @@ class Stages:
         self._entering = ca.Function("entering", [entering, history], [ca.vertcat(*losses)])
 
     def along(self, start, force, pulls, history=None):
-        """States (stages + 1, n) from those at the base."""
+        """States (stages + 1, n) from those at the base; one history, or one per stage."""
         history = self.section.pulled if history is None else history
+        every = np.broadcast_to(history, (len(self.ends), len(self.form.history_names)))
         states = [np.array(start, dtype=float)]
-        for begin, end, piece in self.ends:
-            given = (states[-1], force, pulls, begin, end, 0.0, self.gravity, history, self.section.numbers(piece))
+        for (begin, end, piece), own in zip(self.ends, every, strict=True):
+            given = (states[-1], force, pulls, begin, end, 0.0, self.gravity, own, self.section.numbers(piece))
             states.append(np.array(self.stage(*given)).ravel())
         return np.array(states)
 
@@ -62,7 +63,7 @@ class Stages:
             start = np.zeros(len(self.names))
             start[3], start[self.slides] = unknown[0], unknown[1:]
             if self.losses:
-                start[self.losses] = np.array(self._entering(start[4:], history)).ravel()
+                start[self.losses] = np.array(self._entering(start[4:], np.atleast_2d(history)[0])).ravel()
             return start
 
         def missing(unknown):

@@ -299,6 +299,30 @@ def test_it_is_the_rod_of_scipy_with_sharp_friction():
     assert q[6:] == pytest.approx([0.0, 0.0], abs=1e-7)
 
 
+def test_histories_may_change_along_the_finger():
+    """Friction of tendons and of bending in given directions on quarters of it: there SciPy needs no history."""
+    ways, branches, (k, m) = [1.0, -1.0, -1.0, 1.0], [-1.0, 1.0, -1.0, -1.0], (0.02, 0.05)
+    mu, tension, force = 0.3, 30.0, (-1.2, 0.8)
+    of = finger(tendons={**PAIR, "friction": mu}, damping={"dry_friction": [{"stiffness": k, "moment": m}]})
+    rod = Stages(of, 40)
+    quarters = [min(int(2.0 * (a + b)), 3) for a, b, _ in rod.ends]
+    history = [[0.0, ways[quarter], branches[quarter]] for quarter in quarters]
+    states = rod.at_rest((tension, 0.0), force, history=history)
+    q = np.array([0.0, 0.0, 0.0, states[0, 3] * rod.section.moment, 0.0])
+    for quarter in range(4):
+
+        def rate(_, q, quarter=quarter):
+            load = q[3] + tension * OFFSET * np.exp(-q[4])
+            kappa = (load - m * branches[quarter]) / STIFFNESS
+            bent = np.sin(q[2]) * force[1] + np.cos(q[2]) * force[0]
+            return [-np.sin(q[2]), np.cos(q[2]), kappa, bent, mu * ways[quarter] * abs(kappa)]
+
+        span = quarter * LENGTH / 4.0, (quarter + 1) * LENGTH / 4.0
+        q = solve_ivp(rate, span, q, rtol=1e-9, atol=1e-11, max_step=0.002).y[:, -1]
+    assert q[:2] / LENGTH == pytest.approx(states[-1, :2], abs=1e-6)
+    assert q[3] == pytest.approx(0.0, abs=1e-7)
+
+
 # -- symmetry, derivatives -------------------------------------------------------------------------------------------
 
 
