@@ -17,8 +17,8 @@ CLEAR = 1e-4
 some fifty places along each finger."""
 
 
-class Property(Enum):
-    """A property of a grasp that must hold; the value says it in words."""
+class Requirement(Enum):
+    """A requirement that a grasp must meet; the value names it for people."""
 
     NUMBERS = "numbers are finite"
     CONTACTS = "contacts match the scene"
@@ -43,16 +43,16 @@ class Property(Enum):
 
 @dataclass(frozen=True)
 class Finding:
-    """The value of a property, and the greatest that passes.
+    """What was measured for a requirement, and the greatest value that passes.
 
     Examples
     --------
-    >>> gap = Finding(Property.GAP, "finger.tip", 1e-9, 2e-7, "m")
-    >>> gap.passed, Finding(Property.GAP, "finger.tip", float("nan"), 2e-7, "m").passed
+    >>> gap = Finding(Requirement.GAP, "finger.tip", 1e-9, 2e-7, "m")
+    >>> gap.passed, Finding(Requirement.GAP, "finger.tip", float("nan"), 2e-7, "m").passed
     (True, False)
     """
 
-    property: Property
+    requirement: Requirement
     subject: str
     """Name of the finger, contact or support, or of several; empty: the object."""
     value: float
@@ -73,7 +73,7 @@ class Finding:
 
     def __str__(self) -> str:
         of = f", {self.subject}" if self.subject else ""
-        return f"{self.property.value}{of}: {self.value:.3g} {self.unit} (limit {self.limit:.3g})"
+        return f"{self.requirement.value}{of}: {self.value:.3g} {self.unit} (limit {self.limit:.3g})"
 
 
 def greatest(values: Iterable[float]) -> float:

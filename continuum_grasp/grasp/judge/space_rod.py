@@ -28,8 +28,8 @@ TOLERANCE = 1e-10
 """Relative tolerance of the integration [1]: a looser one, 1e-8, changes gaps of shipped grasps by up to 1e-8 L."""
 _STEP = 1e-5
 """Step of differences in the moment at the base [E I / L]: the root of `TOLERANCE`."""
-_NEWTON = 12
-"""Most steps of Newton's method; from a grasp's own moment two or three are enough."""
+_NEWTON = 30
+"""Most steps of Newton's method; from a grasp's own moment one or two are enough."""
 _HALVINGS = 6
 """Halvings of a step that leaves more at the tip."""
 
@@ -50,7 +50,7 @@ class RodLoad:
 
 
 @dataclass(frozen=True)
-class RodSection:
+class SideStiffness:
     """Stiffness of a section per its bending stiffness in the plane."""
 
     lateral: float = np.inf
@@ -83,7 +83,7 @@ class SpaceRod:
         tensions: Array,
         loads: Sequence[RodLoad],
         gravity: Array,
-        section: RodSection,
+        section: SideStiffness,
         *,
         tolerance: float = TOLERANCE,
     ) -> None:
@@ -96,6 +96,7 @@ class SpaceRod:
         self._force = self._moment / self.length
         self._gravity = self.axes.T @ gravity
         self._section, self._tolerance = section, tolerance
+        self._soft = [0, 1, 2] if np.isfinite(section.torsion) else [2]
         self._channels = [
             (channel.shape, channel.gain * float(np.dot(channel.arms, tensions))) for channel in setup.finger.channels
         ]
@@ -113,20 +114,26 @@ class SpaceRod:
         inside = {at for curve in smooth for at in curve.edges} | {load.at for load in self.loads}
         return [0.0, *sorted(at for at in inside if 0.0 < at < self.length), self.length]
 
+    def integrate(self, moment: Array) -> None:
+        """Integrate from a moment in the base (3,) [N m]; `missing` is then what no load explains."""
+        left = self._left_at_tip(self.axes.T @ moment / self._moment, dense=True)
+        self.missing = self._moment * self.axes[:, self._soft] @ left
+
     def solve(self, moment: Array) -> None:
         """Find the moment in the base with which nothing is left at the tip, beginning from one (3,) [N m]."""
-        compliances = np.array([1.0 / self._section.lateral, 1.0 / self._section.torsion, 1.0])
         guess = self.axes.T @ moment / self._moment
         left = self._left_at_tip(guess)
-        slopes = np.eye(3)
-        for count in range(_NEWTON):
+        slopes, fresh = np.zeros((left.size, left.size)), False
+        for _ in range(_NEWTON):
             size = np.abs(left).max()
             # 10: rounding of several hundred steps
             if not size > 10.0 * self._tolerance:
                 break
-            for k in np.flatnonzero(compliances) if count in (0, 4) else ():
-                slopes[:, k] = (self._left_at_tip(guess + _STEP * np.eye(3)[k]) - left) / _STEP
-            change = -np.linalg.lstsq(slopes, left, rcond=None)[0]
+            if not fresh:
+                steps = _STEP * np.eye(3)[self._soft]
+                slopes = np.column_stack([self._left_at_tip(guess + step) - left for step in steps]) / _STEP
+            change = np.zeros(3)
+            change[self._soft] = -np.linalg.lstsq(slopes, left, rcond=None)[0]
             for halving in range(_HALVINGS):
                 trial = guess + 0.5**halving * change
                 after = self._left_at_tip(trial)
@@ -134,11 +141,16 @@ class SpaceRod:
                     break
             else:
                 break
+            # Slopes that leave a tenth serve once more.
+            fresh = np.abs(after).max() < 0.1 * size
             guess, left = trial, after
-        self.missing = self.axes @ self._left_at_tip(guess, dense=True) * self._moment
+        self.integrate(self._moment * self.axes @ guess)
 
     def _left_at_tip(self, moment: Array, *, dense: bool = False) -> Array:
-        """Moment (3,) at the tip that no load explains, by the moment in the base, both along its axes [E I / L]."""
+        """Moments at the tip that no load explains, by the moment in the base (3,), along the base's axes [E I / L].
+
+        A rod that is rigid across its plane bears any moments but the one about the plane's normal.
+        """
         state = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, *moment, 0.0])
         forces = [self.axes.T @ load.force for load in self.loads]
         beyond = np.sum([*forces, self._weight * self._gravity], axis=0)
@@ -156,6 +168,8 @@ class SpaceRod:
                 atol=0.01 * self._tolerance,
                 dense_output=dense,
             )
+            if not done.success:
+                return np.full(3, np.nan)[self._soft]
             state = done.y[:, -1].copy()
             self._solutions.append((a, b, done.sol))
             while loads and loads[0][0].at <= b:
@@ -164,7 +178,7 @@ class SpaceRod:
                 if load.couple is not None:
                     place = self.position + self.length * self.axes @ state[:3]
                     state[7:10] -= self.axes.T @ load.couple(place) / self._moment
-        return np.asarray(state[7:10])
+        return np.asarray(state[7:10][self._soft])
 
     def _rates(self, beyond: Array, middle: float) -> Callable[[float, Array], list[float]]:
         """Rates of the state x, y, z [L], quaternion, moment [E I / L] and weight passed, along a smooth part.

@@ -25,6 +25,9 @@ _FINE = 800
 class FingerGuess(ABC):
     """What is known of a finger."""
 
+    middles: tuple[float, ...]
+    """About where its middle contacts are [L]."""
+
     @abstractmethod
     def fill(self, problem: GraspRods, index: int, x: Array) -> None:
         """Set the unknowns of a finger by index, with the pose as it is in the unknowns."""

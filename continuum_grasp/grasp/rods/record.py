@@ -5,47 +5,54 @@ from __future__ import annotations
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, in_plane
-from continuum_grasp.grasp.rods.numbers import FingerNumbers
-from continuum_grasp.grasp.rods.problem import FingerPlaces
+from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, HeldSupport
+from continuum_grasp.grasp.rods.geometry import exerted
 from continuum_grasp.grasp.rods.solving import RodGrasp
 
 
 def held_rods(grasp: RodGrasp) -> HeldRods:
     """The record of a grasp, in SI units and the world."""
     problem, x = grasp.problem, grasp.attempt.x
-    numbers = problem.numbers
-    pose = x[problem.pose] * [numbers.size, numbers.size, 1.0]
-    fingers = zip(numbers.fingers, problem.parts, strict=True)
-    supports = list[HeldContact]()
-    position, axes = in_plane(pose)
-    center = position + numbers.size * axes @ np.array([*numbers.center, 0.0])
+    numbers, geometry = problem.numbers, problem.geometry
+    pose = x[problem.pose]
+    position = numbers.size * np.array(geometry.place(pose))
+    axes = np.array(geometry.turn(pose, numbers.axes), dtype=float)
+    center = position + numbers.size * axes @ numbers.center
+    supports = []
     for support in numbers.supports:
-        force = numbers.force * _force(x[problem.contacts[support.name]], support.normal)
-        arm = numbers.size * np.array([*support.arm, 0.0])
-        supports.append(HeldContact(support.name, force, position=center + arm))
-    return HeldRods(position, axes, tuple(_finger(grasp, *pair) for pair in fingers), tuple(supports))
+        force = numbers.force * np.array(exerted(x[problem.contacts[support.name]], support.normal, support.across))
+        supports.append(HeldSupport(support.name, force, center + numbers.size * support.arm))
+    fingers = tuple(_finger(grasp, k) for k in range(len(numbers.fingers)))
+    return HeldRods(position, axes, fingers, tuple(supports))
 
 
-def _force(held: Array, normal: Array) -> Array:
-    """Force (3,) on what touches the object by N, f and the lift on the object."""
-    pressed, along, lift = held
-    return np.array([pressed * normal[0] - along * normal[1], pressed * normal[1] + along * normal[0], -lift])
-
-
-def _finger(grasp: RodGrasp, finger: FingerNumbers, part: FingerPlaces) -> HeldFinger:
+def _finger(grasp: RodGrasp, index: int) -> HeldFinger:
     problem, x = grasp.problem, grasp.attempt.x
-    length = finger.length
-    position, axes = in_plane(np.array(finger.base) * [length, length, 1.0])
+    numbers, geometry = problem.numbers, problem.geometry
+    finger, part = numbers.fingers[index], problem.parts[index]
     contacts = list[HeldContact]()
-    names = [*finger.middles, *([finger.tip] if finger.tip else [])]
-    for k, name in enumerate(names):
-        place = x[part.span_of(part.touching[k]).ends[1]]
-        node = x[part.nodes[part.touching[k]]]
-        normal = problem.seen(finger, node[None, :2], x[problem.pose])[1][0]
-        force = finger.force * _force(x[problem.contacts[name]], normal)
-        contacts.append(HeldContact(name, force, place=float(place) * length))
-    used = np.array([finger.setup.finger.tendons_used in ("both", side) for side in ("left", "right")])
-    tensions = x[part.pulls] * finger.moment / finger.offset + finger.setup.tendons.min_tension * used
-    moment = np.array([0.0, 0.0, x[part.nodes[0][3]] * finger.moment])
-    return HeldFinger(finger.name, position, axes, tensions, tuple(contacts), moment)
+    for name, node in zip(finger.contacts, part.touching, strict=True):
+        state, held = x[part.nodes[node]], x[problem.contacts[name]]
+        normal = numbers.seen(finger, state[None, : geometry.dimensions], x[problem.pose], name)[1][0]
+        force = finger.force * np.array(exerted(held, normal, finger.across))
+        place = float(x[part.span_of(node).ends[1]]) * finger.length
+        twist = float(held[3]) * finger.arm * finger.moment
+        contacts.append(HeldContact(name, force, place, twist))
+    base = x[part.nodes[0]]
+    position = finger.length * np.array(geometry.in_space([base[k] for k in range(geometry.dimensions)]))
+    moment = finger.moment * _moment(base[geometry.moments])
+    tensions = finger.tensions(x[part.pulls])
+    return HeldFinger(
+        finger.name, position, _axes(geometry.tangent(base), finger.across), tensions, tuple(contacts), moment
+    )
+
+
+def _moment(moment: Array) -> Array:
+    """Three components of a moment of the plane or of space."""
+    return moment if len(moment) == 3 else np.array([0.0, 0.0, *moment])
+
+
+def _axes(tangent: Array, across: Array) -> Array:
+    """Columns (3, 3): across the finger in its plane, along it, and the normal of the plane."""
+    along = np.array([*tangent, *np.zeros(3 - len(tangent))], dtype=float)
+    return np.column_stack([np.cross(along, across), along, across])
