@@ -2,26 +2,22 @@
 
 from itertools import pairwise
 
-import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from continuum_grasp.grasp.rods.spatial import SPACE, columns
-from continuum_grasp.model import Acting, Section, stage_end
-from tests.rod_stages import LENGTH, PAIR, Stages, finger
+from continuum_grasp.model import Section
+from tests.rod_stages import LENGTH, PAIR, Stages, finger, stage_of
 
 
 def in_space(of, state, force, pulls, gravity, sides, steps=40):
     """State (10 and those of the tendons) at the tip of a rod in space, from the base in so many stages."""
     section = Section.of(of, rounding=0.0)
-    start = ca.SX.sym("start", len(state))
-    begin, end = ca.SX.sym("begin"), ca.SX.sym("end")
-    acting = Acting(force, pulls, gravity, section.pulled, section.numbers(0), sides)
-    after = ca.vertcat(*stage_end(section.form, SPACE, start, begin, end, acting))
-    stage = ca.Function("stage", [start, begin, end], [after])
+    stage = stage_of(section.form, SPACE)
     for a, b in pairwise(np.linspace(0.0, 1.0, steps + 1)):
-        state = np.array(stage(state, a, b)).ravel()
+        given = state, force, pulls, a, b, gravity, sides, section.pulled, section.numbers(0)
+        state = np.array(stage(*given)).ravel()
     return state
 
 
