@@ -15,7 +15,7 @@ import numpy as np
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.judge.clearance import Gap, SampledRod, apart, apart_from_itself
-from continuum_grasp.grasp.judge.findings import CLEAR, EXACT, FOLLOWED, Finding, Requirement, greatest
+from continuum_grasp.grasp.judge.findings import CROSSING, EXACT, FOLLOWED, Finding, Requirement, greatest
 from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, HeldSupport
 from continuum_grasp.grasp.judge.obstacles import ExactObject, Obstacle
 from continuum_grasp.grasp.judge.space_rod import TOLERANCE, RodLoad, SpaceRod
@@ -235,16 +235,19 @@ class _Grasp:
         """Findings of bodies in each other."""
         lines = dict(zip((finger.name for finger in self.held.fingers), self.lines, strict=True))
         for finger, line in zip(self.held.fingers, self.lines, strict=True):
-            limit = CLEAR * line.rod.length
+            length = line.rod.length
+            limit = FOLLOWED * length + self.stage.deviation
             yield Finding(Requirement.DEPTH, finger.name, -line.least(self._above_object(line)), limit, "m")
             for obstacle in self.stage.obstacles:
                 start, before = self.stage.clear_from(obstacle, finger)
                 gap = line.least(_above(obstacle, line, start, before), start if np.isinf(before) else 0.0)
-                yield Finding(Requirement.SUPPORT_DEPTH, f"{finger.name}, {obstacle.name}", -gap, limit, "m")
-            yield Finding(Requirement.CURLED, finger.name, -apart_from_itself(line), limit, "m")
+                yield Finding(
+                    Requirement.SUPPORT_DEPTH, f"{finger.name}, {obstacle.name}", -gap, FOLLOWED * length, "m"
+                )
+            yield Finding(Requirement.CURLED, finger.name, -apart_from_itself(line), CROSSING * length, "m")
         for first, other in self.stage.pairs():
             a, b = lines[first], lines[other]
-            limit = CLEAR * min(a.rod.length, b.rod.length)
+            limit = CROSSING * min(a.rod.length, b.rod.length)
             yield Finding(Requirement.CROSSED, f"{first}, {other}", -apart(a, b), limit, "m")
         for obstacle in self.stage.obstacles:
             depth = obstacle.depth_of(self.body)
