@@ -135,7 +135,7 @@ class _Touch:
     torsional: float  # greatest moment per normal force [m]
     most: float  # greatest normal force [N]
     gap: float  # [m]
-    length: float  # what gaps are compared with [m]
+    most_gap: float  # that passes [m]
 
     @property
     def pressing(self) -> float:
@@ -274,7 +274,7 @@ class _Grasp:
             self.stage.torsional,
             setup.normal_force_max,
             abs(float(distance) - radius),
-            line.rod.length,
+            FOLLOWED * line.rod.length,
         )
         # A finger is as thick as balls along it: where these grow, its skin leans by the slope of their radius.
         return touch, float(normal @ here.axes[0, :, 1]) - half.slope(contact.place)
@@ -284,12 +284,14 @@ class _Grasp:
         obstacle = next(each for each in self.stage.obstacles if each.name == name)
         normal, off = obstacle.touched(contact, self.body)
         most = self.stage.scene.contacts.normal_force_max
-        # An object at rest may be two limits from its support.
-        return _Touch(contact, contact.position, normal, obstacle.friction, 0.0, most, off, 2.0 * self.stage.size)
+        # 2.0: an object at rest may lie a limit off its support, and the contact as far off the object
+        return _Touch(
+            contact, contact.position, normal, obstacle.friction, 0.0, most, off, 2.0 * EXACT * self.stage.size
+        )
 
     def _of_contact(self, touch: _Touch) -> Iterator[Finding]:
         name, limit = touch.contact.name, EXACT * self.scale
-        yield Finding(Requirement.GAP, name, touch.gap, EXACT * touch.length, "m")
+        yield Finding(Requirement.GAP, name, touch.gap, touch.most_gap, "m")
         over = greatest([-touch.pressing, touch.pressing - touch.most])
         yield Finding(Requirement.PRESSING, name, over, limit, "N")
         yield Finding(

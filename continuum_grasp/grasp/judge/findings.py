@@ -9,12 +9,12 @@ from enum import Enum
 import numpy as np
 
 EXACT = 1e-6
-"""Limit of gaps at contacts, per length of the finger (of supports, per size of the object); of poses; of forces, per
-greatest force; and share by which limits of the scene may be exceeded [1]."""
+"""Limit of poses, per length of the finger or size of the object; of gaps at supports, per size of the object; of
+forces, per greatest force; and share by which limits of the scene may be exceeded [1]."""
 FOLLOWED = 1e-5
-"""Limit of what follows from shapes: directions along surfaces [rad], depths in bodies, per length of the finger,
-friction, per greatest force, and moments, per greatest force and size. Rods of 24 stages leave up to 5e-6 in shipped
-scenes, and a sixteenth of it with twice the stages."""
+"""Limit of what follows from shapes: gaps at contacts and depths in bodies, per length of the finger, directions along
+surfaces [rad], friction, per greatest force, and moments, per greatest force and size. Rods of 24 stages leave up to
+5e-6, and a sixteenth of it with twice the stages."""
 CROSSING = 1e-4
 """Limit of the depth of fingers in each other and in themselves, per length of the finger: the problem looks at chords
 between its nodes, and so does the certificate, whose 400 chords are up to 2e-5 off."""
