@@ -56,7 +56,9 @@ class Geometry(ABC):
         """Moment about the axis of bending."""
 
     @abstractmethod
-    def rates(self, state: Values, force: Values, stiffness: Value, rest: Value, pulled: Value, sides: Values) -> Values:
+    def rates(
+        self, state: Values, force: Values, stiffness: Value, rest: Value, pulled: Value, sides: Values
+    ) -> Values:
         """Derivatives (state,) of a state along the finger, without those of the force.
 
         The force is that of the part beyond. The section has a stiffness, a curvature at rest and the moment of its

@@ -28,7 +28,9 @@ class Planar(Geometry):
         """Moment about the axis of bending, z."""
         return state[3]
 
-    def rates(self, state: Values, force: Values, stiffness: Value, rest: Value, pulled: Value, sides: Values) -> Values:
+    def rates(
+        self, state: Values, force: Values, stiffness: Value, rest: Value, pulled: Value, sides: Values
+    ) -> Values:
         """Derivatives (4,) of a state along the finger."""
         across, along = self.tangent(state)
         return [across, along, rest + (state[3] + pulled) / stiffness, along * force[0] - across * force[1]]
@@ -47,7 +49,10 @@ class Planar(Geometry):
     def cuts(self, p: Array, q: Array) -> Array:
         """Whether the chords of two lines cut each other."""
         a, b, c, d = p[:-1, None], p[1:, None], q[None, :-1], q[None, 1:]
-        apart = (_crossed(b - a, c - a) * _crossed(b - a, d - a) < 0, _crossed(d - c, a - c) * _crossed(d - c, b - c) < 0)
+        apart = (
+            _crossed(b - a, c - a) * _crossed(b - a, d - a) < 0,
+            _crossed(d - c, a - c) * _crossed(d - c, b - c) < 0,
+        )
         return np.asarray(apart[0] & apart[1])
 
 

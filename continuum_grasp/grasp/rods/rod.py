@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from continuum_grasp.grasp.rods.geometry import Geometry, Value, Values
 
+
 def polynomial(coefficients: Values, s: Value) -> Value:
     """Value of a polynomial at s; the constant comes first."""
     value = coefficients[-1]
@@ -74,9 +75,7 @@ def stage(
         weight = integral(course.weight, begin, at)
         beyond = [part - g * weight for part, g in zip(force, gravity, strict=True)]
         pulled = polynomial(course.tendon, at) * m
-        return geometry.rates(
-            q, beyond, polynomial(course.stiffness, at), polynomial(course.rest, at), pulled, sides
-        )
+        return geometry.rates(q, beyond, polynomial(course.stiffness, at), polynomial(course.rest, at), pulled, sides)
 
     def moved(by: Values, share: Value) -> Values:
         return [q + share * rate for q, rate in zip(state, by, strict=True)]

@@ -152,9 +152,7 @@ class StartedSearch(ABC):
         """The most promising starts; of different places of contacts where there are as many."""
         different, left = list[RodStart](), list[RodStart]()
         for start in starts:
-            alike = (
-                one.on == start.on and np.linalg.norm(one.places - start.places) < self.apart for one in different
-            )
+            alike = (one.on == start.on and np.linalg.norm(one.places - start.places) < self.apart for one in different)
             (left if any(alike) else different).append(start)
         half = (most + 1) // 2
         best = starts[:half]

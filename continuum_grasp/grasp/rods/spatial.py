@@ -30,7 +30,9 @@ class Spatial(Geometry):
         """Moment about the axis of bending of the section."""
         return dot(columns(state[3:7])[2], state[7:10])
 
-    def rates(self, state: Values, force: Values, stiffness: Value, rest: Value, pulled: Value, sides: Values) -> Values:
+    def rates(
+        self, state: Values, force: Values, stiffness: Value, rest: Value, pulled: Value, sides: Values
+    ) -> Values:
         """Derivatives (10,) of a state along the finger."""
         e, t, z = columns(state[3:7])
         moment = state[7:10]
