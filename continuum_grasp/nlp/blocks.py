@@ -215,6 +215,14 @@ class BlockProblem(Constraints):
             before = self._prices.get(place, (0.0, 0.0))
             self._prices[place] = before[0] + linear, before[1] + square
 
+    def bound(self, at: ArrayLike, low: ArrayLike | None = None, high: ArrayLike | None = None) -> None:
+        """Change bounds of unknowns."""
+        places = np.ravel(np.asarray(at, int)).tolist()
+        for bounds, values in ((self._low, low), (self._high, high)):
+            if values is not None:
+                for place, value in zip(places, np.broadcast_to(np.asarray(values, float), len(places)), strict=True):
+                    bounds[place] = float(value)
+
     # -- solving -----------------------------------------------------------------------------------------------
 
     @property

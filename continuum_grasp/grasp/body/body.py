@@ -8,12 +8,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.base import named_value
 
 _SHARPEST = 1e-9
 """Least radius of curvature, per size of the body [1]: sharp edges have it. A tip 1 mm thick does not tell it from
@@ -35,7 +33,7 @@ class NearBody:
 
 
 class Body(ABC):
-    """A body in its own frame; d is the number of its dimensions.
+    """A body in its own frame; d is the number of its dimensions. `body_of` makes that of every object of a scene.
 
     Where the nearest place is on a sharp edge or at a corner, the normal is the direction to the point from there, or a
     normal of one of the sides if the point is on it, and the curvature across it is 1e9 / size.
@@ -48,20 +46,8 @@ class Body(ABC):
     deviation: float = 0.0
     """Greatest distance of the surface from the true one [m]: of outlines and meshes that stand for a curve."""
 
-    @staticmethod
-    def of(described: Any) -> Body:
-        """Make the body of an object of a planar scene, or of a solid of a hand's scene.
-
-        Examples
-        --------
-        >>> from continuum_grasp.scene import Circle
-        >>> disc = Body.of(Circle(shape="circle", diameter=0.06, mass=0.1, position=(0.2, 0.1)))
-        >>> disc.distance([[0.05, 0.0]])
-        array([0.02])
-        """
-        kind = "outline_body:OutlineBody" if hasattr(described, "parts") else "solids:surface_of"
-        made: Body = named_value(f"{__package__}.{kind}")(described)
-        return made
+    least_step: float = 0.0
+    """Step of a grid [m] below which a table shows no more of the surface: of facets."""
 
     @property
     @abstractmethod

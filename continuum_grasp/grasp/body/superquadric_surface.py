@@ -55,7 +55,8 @@ class SuperquadricSurface(SolidSurface):
         """The gauge (N,), its gradient (N, 3) and Hessian (N, 3, 3) at points (N, 3)."""
         p, q = self.p, self.q
         u = np.abs(points) / self.half
-        sign = np.sign(points) / self.half
+        # On z = 0, too, the surface bends along z.
+        sign = np.copysign(1.0, points) / self.half
         top = np.maximum(u[:, :2].max(axis=1), 1e-12)[:, None]
         # 1e-12: on the z axis, where its gradient is none
         across = np.maximum(top[:, 0] * ((u[:, :2] / top) ** p).sum(axis=1) ** (1.0 / p), 1e-12)

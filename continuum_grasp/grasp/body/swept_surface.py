@@ -108,6 +108,12 @@ class ExtrudedSurface(SolidSurface):
         distance = np.where(inside, np.maximum(across, above), reach) - self.radius
         return distance, normal, found, across, above
 
+    @property
+    def box(self) -> tuple[Array, Array]:
+        ring, _ = self.core.ring()
+        low, high = np.append(ring.min(axis=0), -self.half), np.append(ring.max(axis=0), self.half)
+        return low - self.radius, high + self.radius
+
     def triangles(self) -> tuple[Array, Array]:
         ring, outward = self.core.ring()
         return of_grid(self._grid(ring, outward))

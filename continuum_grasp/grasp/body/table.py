@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from itertools import product
 from typing import Any
 
 import casadi as ca
@@ -53,8 +52,9 @@ class DistanceTable:
 
     Examples
     --------
+    >>> from continuum_grasp.grasp.body.bodies import body_of
     >>> from continuum_grasp.scene import Circle
-    >>> disc = Body.of(Circle(shape="circle", diameter=0.06, mass=0.1, position=(0.2, 0.1)))
+    >>> disc = body_of(Circle(shape="circle", diameter=0.06, mass=0.1, position=(0.2, 0.1)))
     >>> table = DistanceTable.around(disc, reach=0.02, step=0.002)
     >>> distances, slopes = table.values([[0.0, 0.04]])
     >>> abs(distances - 0.01).max() < 1e-7 and abs(slopes - [0.0, 1.0]).max() < 1e-7
@@ -71,8 +71,10 @@ class DistanceTable:
     def of(cls, body: Body, low: Array, high: Array, step: float) -> DistanceTable:
         """Make the table of a body for places from ``low`` (d,) to ``high`` (d,) [m], ``step`` [m] apart.
 
-        The grid reaches beyond both alike, so that mirror images of a body have mirror images of its table.
+        The grid reaches beyond both alike, so that mirror images of a body have mirror images of its table. Its step is
+        at least the `Body.least_step`.
         """
+        step = max(step, body.least_step)
         low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
         counts = np.maximum(np.ceil((high - low) / step - _INSIDE).astype(int) + 1, 4)
         axes = [step * (np.arange(n) - 0.5 * (n - 1)) for n in counts]
@@ -110,8 +112,11 @@ class DistanceTable:
     def refined(self, places: Mapping[str, Array], step: float, count: int = 13) -> DistanceTable:
         """Return the table with fine tables around places (d,) by name, in place of those that it has.
 
-        Each has ``count`` places along each axis, ``step`` apart; all lengths are in the table's unit.
+        Each has ``count`` places along each axis, ``step`` apart; all lengths are in the table's unit. A body of facets
+        gets none: a finer table shows no more of it.
         """
+        if self.unit * step < self.body.least_step:
+            places = {}
         whole = int(np.prod(self.data[-self.body.dimensions :]))
         coefficients = [self.coefficients[:whole]]
         patches = {}
@@ -134,27 +139,17 @@ class DistanceTable:
     def cell(point: Any, data: Any) -> Any:
         """Return where a CasADi point (d,) is on the grid (d,), at its border if beyond it.
 
-        Its whole part is the ``cell`` of `distance`.
+        Its whole part is the ``cell`` of `distance`. `nlp.Lookup` takes it, the first index and the counts.
         """
         d = point.numel()
         return ca.fmin(ca.fmax((point - data[:d]) * data[d], 1.0), data[d + 2 :] - 2.0 - _INSIDE)
 
     @staticmethod
-    def places(cell: Any, data: Any) -> Any:
-        """Return the indices (4^d,) of the coefficients of a CasADi ``cell`` (d,)."""
-        d = cell.numel()
-        index: Any = ca.DM.zeros(4**d)
-        for axis in range(d):
-            shifts = ca.DM([shift[axis] for shift in product(range(-1, 3), repeat=d)])
-            index = index * data[d + 2 + axis] + cell[axis] + shifts
-        return data[d + 1] + index
-
-    @staticmethod
     def distance(point: Any, data: Any, cell: Any, coefficients: Any) -> Any:
         """Return the CasADi distance of a point (d,).
 
-        ``cell`` (d,), whole numbers, and the ``coefficients`` (4^d,) at its `places` are data, too: derivatives by them
-        do not count.
+        ``cell`` (d,), whole numbers, and its ``coefficients`` (4^d,), which begin one before it along each axis, the
+        last axis fastest, are data, too: derivatives by them do not count.
         """
         d = point.numel()
         at = DistanceTable.cell(point, data)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
+from continuum_grasp.grasp.body.bodies import surface_of
 from continuum_grasp.grasp.body.mesh_surface import MeshSurface
-from continuum_grasp.grasp.body.solids import surface_of
 from continuum_grasp.grasp.hand.frames import PlaneFrame
 from continuum_grasp.scene import HandScene
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.grasp.body.body import Body
+from continuum_grasp.grasp.body.bodies import body_of
 from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.hand.frames import PlaneFrame
 from continuum_grasp.grasp.rods.numbers import (
@@ -94,5 +94,5 @@ def _finger(scene: HandScene, setup: FingerSetup, frame: PlaneFrame, on: frozens
 def hand_table(scene: HandScene) -> DistanceTable:
     """The table of a scene's object, per its size."""
     thick = [setup.finger.thickness_radius for setup in scene.setups]
-    table = DistanceTable.around(Body.of(scene.object), REACH * max(thick), STEP * min(thick))
+    table = DistanceTable.around(body_of(scene.object), REACH * max(thick), STEP * min(thick))
     return table.scaled(scene.object.size)

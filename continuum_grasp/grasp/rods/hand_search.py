@@ -1,9 +1,9 @@
-"""The search of hands: postures of each finger that touch, combined by the forces that hold the object, are the starts."""
+"""The search of hands: postures of fingers that touch, combined by the forces that hold the object, are the starts."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
+from copy import copy
 from functools import cached_property
 
 import numpy as np
@@ -34,6 +34,12 @@ class PostureStart(RodStart):
             if name in start.on
         ]
         self.places = np.array(touched)
+
+    def changed(self, scene: HandScene) -> PostureStart:
+        """The start in a scene with other limits, or other places of its bases."""
+        search = copy(self._search)
+        search.scene, search._numbers = scene, {}
+        return PostureStart(search, self._start)
 
     @property
     def numbers(self) -> SceneNumbers:

@@ -97,7 +97,7 @@ def _orders(dimensions: int, order: int) -> list[tuple[int, ...]]:
 
 @cache
 def _series(dimensions: int, order: int) -> ca.Function:
-    """A point in a table, and its distance with derivatives up to an order, by point and data, cell and coefficients."""
+    """A point in a table, its distance and derivatives up to an order, by point and data, cell and coefficients."""
     given, cell = ca.SX.sym("given", 3 * dimensions + 2), ca.SX.sym("cell", dimensions)
     coefficients = ca.SX.sym("coefficients", 4**dimensions)
     point = ca.SX.sym("point", dimensions)
@@ -257,6 +257,13 @@ def difference_kind() -> BlockKind:
     parts = _Parts()
     first, last = parts.unknown("first"), parts.unknown("last")
     return parts.kind("difference", [last - first])
+
+
+@cache
+def share_kind() -> BlockKind:
+    """Row: an unknown times a number."""
+    unknown, factor = ca.SX.sym("unknown"), ca.SX.sym("factor")
+    return BlockKind("share", unknown, factor, factor * unknown)
 
 
 @cache

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.body.body import Body
+from continuum_grasp.grasp.body.bodies import body_of
 from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.rods.numbers import (
     REACH,
@@ -106,7 +106,7 @@ def _vector(value: complex) -> Array:
 
 def planar_table(scene: GraspScene) -> DistanceTable:
     """The table of a scene's object, per its size."""
-    body = Body.of(scene.object)
+    body = body_of(scene.object)
     reach = REACH * max(setup.finger.thickness_radius for setup in scene.setups)
     low, high = body.box
     step = (float((high - low).max()) + 2.0 * reach) / _CELLS

@@ -97,7 +97,7 @@ class GraspRods(BlockProblem):
     ) -> None:
         super().__init__("grasp", numbers.table.coefficients)
         self.numbers, self.geometry = numbers, numbers.geometry
-        self._joints = joints
+        self.places, self.near, self._joints = tuple(places), tuple(near), joints
         self.pose = self.unknown("pose", *numbers.pose_bounds)
         aims = numbers.aims
         self.margin = self.unknown("margin", 0.0, 1.0 if aims.margin else 0.0)

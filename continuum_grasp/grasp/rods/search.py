@@ -12,6 +12,7 @@ from continuum_grasp.base import Array
 from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.finger_map import Place, SceneMaps, places_of
 from continuum_grasp.grasp.finger_map.balance import ObjectBalance, Settled
+from continuum_grasp.grasp.finger_map.fill import FingerMap
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.rods.guess import ShotFinger
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
@@ -30,15 +31,35 @@ class Case:
 
     def __init__(self, search: RodSearch, on: frozenset[str], place: Place) -> None:
         self.search, self.on, self.place = search, on, place
-        pose, bases = place
-        pairs = zip(search.scene.setups, bases, strict=True)
-        self._maps = [search.maps.map_of(setup.name, base, pose, on, exact=True) for setup, base in pairs]
-        self.balance = ObjectBalance(search.scene, on, [one.finger for one in self._maps], pose)
+        self._scene = search.scene
+
+    def changed(self, scene: GraspScene) -> Case:
+        """The case in a scene with other limits, or other places of its bases; with the balance of this one."""
+        pose, bases = self.place
+        if any(
+            one.finger.base != other.finger.base for one, other in zip(scene.setups, self._scene.setups, strict=True)
+        ):
+            bases = tuple((*setup.finger.base.position, setup.finger.base.angle) for setup in scene.setups)
+        made = Case(self.search, self.on, (pose, bases))
+        made._scene, made.balance = scene, self.balance
+        return made
+
+    @cached_property
+    def _maps(self) -> list[FingerMap]:
+        """Maps of the fingers."""
+        pose, bases = self.place
+        pairs = zip(self.search.scene.setups, bases, strict=True)
+        return [self.search.maps.map_of(setup.name, base, pose, self.on, exact=True) for setup, base in pairs]
+
+    @cached_property
+    def balance(self) -> ObjectBalance:
+        """The balance of the object, as samples of the maps are combined."""
+        return ObjectBalance(self.search.scene, self.on, [one.finger for one in self._maps], self.place[0])
 
     @cached_property
     def numbers(self) -> SceneNumbers:
         """The scene in plain numbers."""
-        return planar_numbers(self.search.scene, self.on, self.place, self.balance.force, self.search.table)
+        return planar_numbers(self._scene, self.on, self.place, self.balance.force, self.search.table)
 
     @property
     def starts(self) -> list[SettledStart]:
@@ -75,6 +96,10 @@ class SettledStart(RodStart):
     def __init__(self, case: Case, x: Array, imbalance: float, aim: float, places: Array) -> None:
         self._case, self._x, self.on = case, x, case.on
         self.imbalance, self.aim, self.places = imbalance, aim, places
+
+    def changed(self, scene: GraspScene) -> SettledStart:
+        """The start in a scene with other limits, or other places of its bases."""
+        return SettledStart(self._case.changed(scene), self._x, self.imbalance, self.aim, self.places)
 
     @property
     def numbers(self) -> SceneNumbers:

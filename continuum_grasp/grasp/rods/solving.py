@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from continuum_grasp.base import Array
 from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places, table_misses, touched_places
 from continuum_grasp.grasp.rods.guess import FingerGuess, Held, filled
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
-from continuum_grasp.grasp.rods.problem import STAGES, GraspRods, NearPair, StagePlace
+from continuum_grasp.grasp.rods.problem import STAGES, GraspRods
 from continuum_grasp.nlp import Attempt, Budget, Settings, Solver
 
 STARTS = 6
@@ -63,6 +64,10 @@ class RodStart(ABC):
     places: Array
     imbalance: float
     aim: float
+
+    @abstractmethod
+    def changed(self, scene: Any) -> RodStart:
+        """The start in a scene with other limits, or other places of its bases."""
 
     @property
     @abstractmethod
@@ -160,15 +165,24 @@ class StartedSearch(ABC):
         yield from best
         yield from others[: most - len(best)]
 
-    def solved(self, start: RodStart) -> RodGrasp:
-        """Solve from a start; again with rows where a finger is in the object between nodes, or crosses another, and
+    def solved(
+        self, start: RodStart, widen: Callable[[GraspRods], None] | None = None, beside: RodGrasp | None = None
+    ) -> RodGrasp:
+        """Solve from a start, or from a grasp with other limits ``beside`` it, with a limit widened if one is given.
+
+        Solve again with rows where a finger is in the object between nodes, or crosses another, and
         with finer tables where contacts are not as exact as the object.
         """
-        places, near = list[StagePlace](), list[NearPair]()
-        numbers, x, rounds, finer = start.numbers, None, 0, 0
+        places = [] if beside is None else list(beside.problem.places)
+        near = [] if beside is None else list(beside.problem.near)
+        x = None if beside is None else beside.attempt.x
+        numbers, rounds, finer = start.numbers, 0, 0
         while True:
             problem = GraspRods(numbers, joints=start.joints, stages=self.stages, places=places, near=near)
-            first = start.x_of(problem) if x is None else x
+            if widen is not None:
+                widen(problem)
+            # Unknowns of a widened limit come last.
+            first = start.x_of(problem) if x is None else x[: problem.size]
             attempt = self._solver.solve(problem.nlp, problem.start(first), self.budget)
             crossing = Crossing(problem, attempt.x)
             grasp = RodGrasp(problem, attempt, start, crossing.depth > CROSSED)

@@ -9,7 +9,7 @@ from continuum_grasp.grasp.rods.geometry import Geometry, Matrix, Value, Values,
 
 
 class Spatial(Geometry):
-    """Space: states (place, unit quaternion q, moment M), all as the hand sees them; poses (place, turn by Cayley's map).
+    """Space: states (place, unit quaternion q, moment M) in the hand's frame; poses (place, turn by Cayley's map).
 
         p' = t,  q' = q (0, o) / 2,  M' = -t x F,
         o = (M.e / (l B), M.t / (g B), k0 + (M.z + m) / B)

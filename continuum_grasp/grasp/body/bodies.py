@@ -1,4 +1,4 @@
-"""The body of every solid of a hand's scene."""
+"""The body of every object that a scene describes."""
 
 from __future__ import annotations
 
@@ -7,11 +7,27 @@ from typing import Any
 
 import numpy as np
 
+from continuum_grasp.grasp.body.body import Body
 from continuum_grasp.grasp.body.mesh_surface import MeshSurface
+from continuum_grasp.grasp.body.outline_body import OutlineBody
 from continuum_grasp.grasp.body.plane_boundary import PlaneBoundary, RoundedRectangle
 from continuum_grasp.grasp.body.superquadric_surface import SuperquadricSurface
 from continuum_grasp.grasp.body.surface import SolidSurface
 from continuum_grasp.grasp.body.swept_surface import ExtrudedSurface, TurnedSurface
+
+
+def body_of(described: Any) -> Body:
+    """Make the body of an object of a planar scene, or of a solid of a hand's scene, in its own frame.
+
+    Examples
+    --------
+    >>> from continuum_grasp.scene import Circle
+    >>> disc = body_of(Circle(shape="circle", diameter=0.06, mass=0.1, position=(0.2, 0.1)))
+    >>> disc.distance([[0.05, 0.0]])
+    array([0.02])
+    """
+    # Objects in the plane consist of parts, solids do not.
+    return OutlineBody(described) if hasattr(described, "parts") else surface_of(described)
 
 
 def surface_of(solid: Any) -> SolidSurface:

@@ -1,0 +1,297 @@
+"""The certificate of a grasp of rods: every property that must hold, computed anew from the scene.
+
+It takes tensions, places and forces of contacts from the grasp. The shape of each finger follows from them: it is
+integrated as a nonlinear rod in space. Gaps, directions, depths and the balance of the object are then measured with
+the exact body of the scene. Nothing is shared with the problem that found the grasp.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from continuum_grasp.base import Numbers as Array
+from continuum_grasp.grasp.judge.clearance import SampledRod, apart, apart_from_itself
+from continuum_grasp.grasp.judge.findings import CLEAR, EXACT, Finding, Property, greatest
+from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods
+from continuum_grasp.grasp.judge.obstacles import ExactObject
+from continuum_grasp.grasp.judge.space_rod import TOLERANCE, RodLoad, SpaceRod
+from continuum_grasp.grasp.judge.stage import GraspStage
+from continuum_grasp.scene import FingerSetup, GraspScene, HandScene
+
+
+@dataclass(frozen=True, eq=False)
+class RodCertificate:
+    """What was found about a grasp.
+
+    Examples
+    --------
+    >>> from continuum_grasp.grasp.judge.findings import Finding, Property
+    >>> certificate = RodCertificate((Finding(Property.GAP, "finger.tip", 3e-9, 2e-7, "m"),))
+    >>> certificate.passed, str(certificate.worst)
+    (True, 'gap at the contact, finger.tip: 3e-09 m (limit 2e-07)')
+    """
+
+    findings: tuple[Finding, ...]
+    rods: tuple[SpaceRod, ...] = field(default=(), repr=False)
+    """Shapes of the fingers; none where the grasp is not one of the scene."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether every property holds."""
+        return all(finding.passed for finding in self.findings)
+
+    @property
+    def failed(self) -> tuple[Finding, ...]:
+        """Findings of what does not hold."""
+        return tuple(finding for finding in self.findings if not finding.passed)
+
+    @property
+    def worst(self) -> Finding:
+        """The finding that takes the greatest share of its limit."""
+        return max(self.findings, key=lambda finding: finding.share)
+
+    def of(self, wanted: Property, subject: str = "") -> Finding:
+        """The finding of a property and a finger, contact or support; the object's without.
+
+        Raises
+        ------
+        KeyError
+            There is no such finding.
+        """
+        for finding in self.findings:
+            if finding.property is wanted and finding.subject == subject:
+                return finding
+        raise KeyError(wanted, subject)
+
+
+def certify_rods(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: float = TOLERANCE) -> RodCertificate:
+    """Verify a grasp of rods.
+
+    Parameters
+    ----------
+    scene : GraspScene or HandScene
+    held : HeldRods
+        The grasp.
+    tolerance : float
+        Relative tolerance with which shapes are integrated [1].
+    """
+    stage = GraspStage.of(scene)
+    findings = [
+        Finding(Property.NUMBERS, "", float(held.not_finite), 0.0),
+        Finding(Property.CONTACTS, "", float(_strangers(stage, held)), 0.0),
+    ]
+    # Without these there is nothing to integrate.
+    if not all(finding.passed for finding in findings):
+        return RodCertificate(tuple(findings))
+    with np.errstate(all="ignore"):
+        grasp = _Grasp(stage, held, tolerance)
+        return RodCertificate((*findings, *grasp.findings()), tuple(line.rod for line in grasp.lines))
+
+
+def _strangers(stage: GraspStage, held: HeldRods) -> int:
+    """Count of fingers and contacts that are missing, unknown, there twice, or there although they are off."""
+    wrong = abs(len(held.fingers) - len(stage.setups))
+    wrong += sum(count - 1 for count in Counter(contact.name for contact in held.contacts).values())
+    for finger in held.fingers:
+        setup = stage.setups.get(finger.name)
+        if setup is None or finger.tensions.shape != (len(setup.finger.tendon_list),):
+            return wrong + 1
+        on = {contact.name for contact in finger.contacts}
+        wrong += len(on - setup.switches.keys())
+        wrong += sum(switch == ("off" if name in on else "on") for name, switch in setup.switches.items())
+        wrong += sum(not 0.0 <= contact.place <= setup.finger.rod.length for contact in finger.contacts)
+    present = Counter(_support_of(stage, contact.name) for contact in held.supports)
+    wrong += present[""] + sum(contact.position is None for contact in held.supports)
+    wrong += sum(each.touch == ("off" if present[each.name] else "on") for each in stage.obstacles)
+    return wrong
+
+
+def _support_of(stage: GraspStage, contact: str) -> str:
+    """Name of the support of a contact such as ``palm``, ``palm.1`` or ``palm_1``; empty of strangers."""
+    names = {obstacle.name for obstacle in stage.obstacles}
+    return next((name for name in (contact, contact[:-2]) if name in names), "")
+
+
+@dataclass(frozen=True, eq=False)
+class _Touch:
+    """A contact of the object with the geometry of the exact body."""
+
+    contact: HeldContact
+    point: Array  # (3,) where the object is touched [m]
+    normal: Array  # (3,) outward normal of the object
+    friction: float  # coefficient, less the reserve [1]
+    torsional: float  # greatest moment per normal force [m]
+    most: float  # greatest normal force [N]
+    gap: float  # [m]
+    length: float  # what gaps are compared with [m]
+
+    @property
+    def pressing(self) -> float:
+        """Force along the normal [N]; negative where it pulls."""
+        return float(self.contact.force @ self.normal)
+
+    @property
+    def across(self) -> float:
+        """Force across the normal, with the moment about it as the cone bears both [N]."""
+        along = float(np.linalg.norm(self.contact.force - self.pressing * self.normal))
+        if not self.contact.moment:
+            return along
+        # An ellipse: no moment where all friction is used, and the greatest where none is.
+        return (
+            float(np.hypot(along, self.contact.moment * self.friction / self.torsional)) if self.torsional else np.inf
+        )
+
+
+class _Grasp:
+    """The shapes of all fingers of a grasp, and what is measured along them."""
+
+    def __init__(self, stage: GraspStage, held: HeldRods, tolerance: float) -> None:
+        self.stage, self.held = stage, held
+        self.body: ExactObject = stage.body(held)
+        self.scale = stage.scale(held)
+        self.lines = [SampledRod(self._rod(finger, tolerance)) for finger in held.fingers]
+
+    def _rod(self, finger: HeldFinger, tolerance: float) -> SpaceRod:
+        setup = self.stage.setups[finger.name]
+        loads = [self._load(setup, contact) for contact in finger.contacts]
+        base, gravity = (finger.position, finger.axes), self.stage.finger_gravity
+        section = self.stage.section(setup)
+        rod = SpaceRod(setup, base, finger.tensions, loads, gravity, section, tolerance=tolerance)
+        rod.solve(finger.moment)
+        return rod
+
+    def _load(self, setup: FingerSetup, contact: HeldContact) -> RodLoad:
+        """The force of a contact, which acts at the skin: half a thickness from the center line to the object."""
+        half = float(setup.finger.profile.half_thickness(contact.place))
+
+        def couple(center: Array) -> Array:
+            normal = self.body.near(center[None])[1][0]
+            return np.asarray(contact.moment * normal - half * np.cross(normal, contact.force))
+
+        return RodLoad(contact.place, contact.force, couple)
+
+    def findings(self) -> Iterator[Finding]:
+        """All findings that need the shapes."""
+        yield from self.stage.poses(self.held)
+        touches = list[_Touch]()
+        for finger, line in zip(self.held.fingers, self.lines, strict=True):
+            yield from self._of_finger(finger, line)
+            for contact in finger.contacts:
+                touch, tangent = self._touch(finger, line, contact)
+                touches.append(touch)
+                if contact.name in self._middles(finger):
+                    yield Finding(Property.TANGENT, contact.name, abs(tangent), EXACT, "rad")
+        touches += [self._support_touch(contact) for contact in self.held.supports]
+        for touch in touches:
+            yield from self._of_contact(touch)
+        yield from self._balance(touches)
+        yield from self._clear()
+
+    # -- fingers -----------------------------------------------------------------------------------------------
+
+    def _middles(self, finger: HeldFinger) -> dict[str, tuple[float, float]]:
+        """Least and greatest position of middle contacts by name [m]."""
+        setup = self.stage.setups[finger.name]
+        return dict(zip(setup.middle_names, setup.contact_bounds, strict=True))
+
+    def _of_finger(self, finger: HeldFinger, line: SampledRod) -> Iterator[Finding]:
+        setup, name, rod = self.stage.setups[finger.name], finger.name, line.rod
+        scale = max(self.scale * rod.length, setup.stiffness / rod.length * 1e-3)
+        yield Finding(Property.SHAPE, name, float(np.abs(rod.missing).max()), EXACT * scale, "N m")
+        tendons, used = setup.tendons, setup.finger.tendons_used
+        over = []
+        for side, tension in zip(("left", "right"), finger.tensions, strict=True):
+            # A tendon that is not there cannot pull.
+            here = used in ("both", side)
+            over += [tension - (setup.max_tension if here else 0.0), tendons.min_tension * here - tension]
+        yield Finding(Property.TENSION, name, greatest(over), EXACT * setup.max_tension, "N")
+        strain = setup.finger.strain_limit
+        depth = setup.finger.profile.half_depth
+        if strain is not None and depth is not None:
+            bent = float((np.abs(line.places.curvature) * depth(line.s)).max())
+            yield Finding(Property.STRAIN, name, bent - strain, EXACT * strain)
+        for contact in finger.contacts:
+            low, high = self._middles(finger).get(contact.name, (rod.length, rod.length))
+            off = greatest([low - contact.place, contact.place - high])
+            yield Finding(Property.PLACE, contact.name, off, EXACT * rod.length, "m")
+
+    def _clear(self) -> Iterator[Finding]:
+        """Findings of bodies in each other."""
+        lines = dict(zip((finger.name for finger in self.held.fingers), self.lines, strict=True))
+        for finger, line in zip(self.held.fingers, self.lines, strict=True):
+            limit = CLEAR * line.rod.length
+            gap = line.least(lambda s, points, line=line: self.body.distance(points) - line.rod.half(s))
+            yield Finding(Property.DEPTH, finger.name, -gap, limit, "m")
+            for obstacle in self.stage.obstacles:
+                start, before = self.stage.clear_from(obstacle, finger)
+
+                def free(s: Array, points: Array, line=line, obstacle=obstacle, start=start, before=before) -> Array:
+                    needed = np.where(s < start, before, line.rod.half(s))
+                    return np.asarray(obstacle.distance(points) - needed)
+
+                gap = line.least(free, start if np.isinf(before) else 0.0)
+                yield Finding(Property.SUPPORT_DEPTH, f"{finger.name}, {obstacle.name}", -gap, limit, "m")
+            yield Finding(Property.CURLED, finger.name, -apart_from_itself(line), limit, "m")
+        for first, other in self.stage.pairs():
+            a, b = lines[first], lines[other]
+            limit = CLEAR * min(a.rod.length, b.rod.length)
+            yield Finding(Property.CROSSED, f"{first}, {other}", -apart(a, b), limit, "m")
+        for obstacle in self.stage.obstacles:
+            depth = obstacle.depth_of(self.body)
+            yield Finding(Property.OBJECT_DEPTH, obstacle.name, depth, 2.0 * EXACT * self.stage.size, "m")
+
+    # -- contacts ----------------------------------------------------------------------------------------------
+
+    def _touch(self, finger: HeldFinger, line: SampledRod, contact: HeldContact) -> tuple[_Touch, float]:
+        """A contact of a finger, and the slope at which its skin meets the surface [rad]."""
+        setup = self.stage.setups[finger.name]
+        half = setup.finger.profile.half_thickness
+        here = line.rod.at(np.array([contact.place]))
+        (distance,), (normal,) = self.body.near(here.points)
+        radius = float(half(contact.place))
+        touch = _Touch(
+            contact,
+            here.points[0] - radius * normal,
+            normal,
+            setup.held_friction,
+            self.stage.torsional,
+            setup.normal_force_max,
+            abs(float(distance) - radius),
+            line.rod.length,
+        )
+        # A finger is as thick as balls along it: where these grow, its skin leans by the slope of their radius.
+        return touch, float(normal @ here.axes[0, :, 1]) - half.slope(contact.place)
+
+    def _support_touch(self, contact: HeldContact) -> _Touch:
+        name = _support_of(self.stage, contact.name)
+        obstacle = next(each for each in self.stage.obstacles if each.name == name)
+        normal, off = obstacle.touched(contact, self.body)
+        most = self.stage.scene.contacts.normal_force_max
+        point = np.reshape(contact.position, 3)
+        # An object at rest may be two limits from its support.
+        return _Touch(contact, point, normal, obstacle.friction, 0.0, most, off, 2.0 * self.stage.size)
+
+    def _of_contact(self, touch: _Touch) -> Iterator[Finding]:
+        name, limit = touch.contact.name, EXACT * self.scale
+        yield Finding(Property.GAP, name, touch.gap, EXACT * touch.length, "m")
+        over = greatest([-touch.pressing, touch.pressing - touch.most])
+        yield Finding(Property.PRESSING, name, over, limit, "N")
+        yield Finding(Property.FRICTION, name, touch.across - touch.friction * touch.pressing, limit, "N")
+
+    def _balance(self, touches: list[_Touch]) -> Iterator[Finding]:
+        """Balance of the object's forces, and of their moments about its center of mass."""
+        center = self.stage.center(self.held)
+        force = self.stage.mass * self.stage.gravity
+        moment = np.zeros(3)
+        for touch in touches:
+            force = force - touch.contact.force
+            moment -= np.cross(touch.point - center, touch.contact.force) + touch.contact.moment * touch.normal
+        if self.stage.upright:
+            moment = moment[2:]
+        yield Finding(Property.FORCE, "", float(np.abs(force).max()), EXACT * self.scale, "N")
+        size = self.scale * self.stage.size
+        yield Finding(Property.MOMENT, "", float(np.abs(moment).max()), EXACT * size, "N m")
