@@ -107,7 +107,7 @@ class Crossing:
         hit = self._problem.geometry.cuts(*self._lines(k, m))
         if k == m:
             i, j = np.indices(hit.shape)
-            hit &= np.abs(i - j) > 1
+            hit = hit & (np.abs(i - j) > 1)
         return bool(hit.any())
 
 

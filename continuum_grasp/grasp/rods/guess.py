@@ -24,6 +24,9 @@ _FINE = 800
 class FingerGuess(ABC):
     """What is known of a finger."""
 
+    middles: tuple[float, ...]
+    """Places of its middle contacts [L]."""
+
     @abstractmethod
     def fill(self, problem: GraspRods, index: int, x: Array) -> None:
         """Set the unknowns of a finger by index, with the pose as it is in the unknowns."""
@@ -127,7 +130,7 @@ class PosedFinger(FingerGuess):
         self._forces(problem, finger, part, x)
 
     def _bent(self, s: Array | float) -> Array:
-        return np.interp(s, self.places, self.curvatures)
+        return np.asarray(np.interp(s, self.places, self.curvatures))
 
     def _moment(self, finger: FingerNumbers, s: float, near: float) -> float:
         """Moment at a place whose curvature is that near it."""

@@ -101,7 +101,9 @@ def _series(dimensions: int, order: int) -> ca.Function:
     given, cell = ca.SX.sym("given", 3 * dimensions + 2), ca.SX.sym("cell", dimensions)
     coefficients = ca.SX.sym("coefficients", 4**dimensions)
     point = ca.SX.sym("point", dimensions)
-    derivatives = {(): DistanceTable.distance(point, given[dimensions:], cell, coefficients)}
+    derivatives: dict[tuple[int, ...], ca.SX] = {
+        (): DistanceTable.distance(point, given[dimensions:], cell, coefficients)
+    }
     for directions in _orders(dimensions, order)[1:]:
         *before, last = directions
         derivatives[directions] = ca.jacobian(derivatives[tuple(before)], point[last])
