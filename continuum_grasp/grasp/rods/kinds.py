@@ -101,9 +101,8 @@ def _series(dimensions: int, order: int) -> ca.Function:
     given, cell = ca.SX.sym("given", 3 * dimensions + 2), ca.SX.sym("cell", dimensions)
     coefficients = ca.SX.sym("coefficients", 4**dimensions)
     point = ca.SX.sym("point", dimensions)
-    derivatives: dict[tuple[int, ...], ca.SX] = {
-        (): DistanceTable.distance(point, given[dimensions:], cell, coefficients)
-    }
+    distance = DistanceTable.distance(point, given[dimensions:], cell, coefficients)
+    derivatives: dict[tuple[int, ...], ca.SX] = {(): distance}
     for directions in _orders(dimensions, order)[1:]:
         *before, last = directions
         derivatives[directions] = ca.jacobian(derivatives[tuple(before)], point[last])
@@ -121,8 +120,8 @@ def _polynomial(shift: ca.SX, terms: ca.SX, order: int) -> ca.SX:
 
 
 @cache
-def stage_kind(geometry: Geometry, count: int) -> BlockKind:
-    """Rows (state): a stage ends where the rod leads from its begin."""
+def stage_kind(geometry: Geometry, count: int, steps: int) -> BlockKind:
+    """Rows (state): a stage ends where the rod leads from its begin, in some steps."""
     parts = _Parts(geometry)
     d = geometry.dimensions
     begin, end = parts.unknown("begin", geometry.state), parts.unknown("end", geometry.state)
@@ -133,8 +132,8 @@ def stage_kind(geometry: Geometry, count: int) -> BlockKind:
     s = segment[0] + u0 * span
     beyond = _beyond(force, gravity, integral(course.weight, segment[0], s), d)
     state, pull = ca.vertsplit(begin), pulls[0] - pulls[1]
-    reached = stage(geometry, course, sides, ca.vertsplit(gravity), state, beyond, pull, s, span * (u1 - u0))
-    return parts.kind(f"stage{count}", [a - b for a, b in zip(reached, ca.vertsplit(end), strict=True)])
+    reached = stage(geometry, course, sides, ca.vertsplit(gravity), state, beyond, pull, s, span * (u1 - u0), steps)
+    return parts.kind(f"stage{count}_{steps}", [a - b for a, b in zip(reached, ca.vertsplit(end), strict=True)])
 
 
 def _beyond(force: Any, gravity: Any, weight: Any, dimensions: int) -> list[Any]:

@@ -17,7 +17,8 @@ class Planar(Geometry):
     """
 
     name = "plane"
-    dimensions, state, oriented, sides, steps, pose, axes = 2, 4, 3, 0, 4, 3, 0
+    dimensions, state, oriented, sides, pose, axes = 2, 4, 3, 0, 3, 0
+    steps = fine_steps = 4
 
     def tangent(self, state: Values) -> Values:
         """Direction of the finger (2,)."""

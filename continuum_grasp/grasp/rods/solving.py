@@ -104,6 +104,11 @@ class RodGrasp:
     crosses: bool
 
     @property
+    def fine(self) -> bool:
+        """Whether it is as exact as it can be."""
+        return self.problem.fine
+
+    @property
     def tension(self) -> float:
         """Sum of all tensions [N]."""
         return self.problem.tension(self.attempt.x)
@@ -142,16 +147,21 @@ class StartedSearch(ABC):
         return min(held, key=lambda grasp: grasp.attempt.objective, default=None)
 
     def run(self, most: int = STARTS) -> None:
-        """Solve from the most promising starts; from further ones if none of these leads to a grasp."""
+        """Solve from the most promising starts; from further ones if none of these leads to a grasp.
+
+        The best grasp is solved again as exactly as it can be, and the next one if that is better then.
+        """
         self._try(self.starts, most)
         if self.best is None:
             self._try(self.further, most)
+        while (best := self.best) is not None and not best.fine and not self.budget.over:
+            self.tried[self.tried.index(best)] = self.solved(best.start, beside=best)
 
     def _try(self, starts: Sequence[RodStart], most: int) -> None:
         for start in self._chosen(starts, most):
             if self.budget.over:
                 return
-            self.tried.append(self.solved(start))
+            self.tried.append(self.solved(start, fine=False))
 
     def _chosen(self, starts: Sequence[RodStart], most: int) -> Iterator[RodStart]:
         """The most promising starts; of different places of contacts where there are as many."""
@@ -166,19 +176,24 @@ class StartedSearch(ABC):
         yield from others[: most - len(best)]
 
     def solved(
-        self, start: RodStart, widen: Callable[[GraspRods], None] | None = None, beside: RodGrasp | None = None
+        self,
+        start: RodStart,
+        widen: Callable[[GraspRods], None] | None = None,
+        beside: RodGrasp | None = None,
+        *,
+        fine: bool = True,
     ) -> RodGrasp:
         """Solve from a start, or from a grasp with other limits ``beside`` it, with a limit widened if one is given.
 
-        Solve again with rows where a finger is in the object between nodes, or crosses another, and
-        with finer tables where contacts are not as exact as the object.
+        Solve again with rows where a finger is in the object between nodes, or crosses another, and, if the grasp is to
+        be ``fine``, with finer tables where contacts are not as exact as the object.
         """
         places = [] if beside is None else list(beside.problem.places)
         near = [] if beside is None else list(beside.problem.near)
         x = None if beside is None else beside.attempt.x
         numbers, rounds, finer = start.numbers, 0, 0
         while True:
-            problem = GraspRods(numbers, joints=start.joints, stages=self.stages, places=places, near=near)
+            problem = GraspRods(numbers, joints=start.joints, stages=self.stages, places=places, near=near, fine=fine)
             if widen is not None:
                 widen(problem)
             # Unknowns of a widened limit come last.
@@ -201,7 +216,7 @@ class StartedSearch(ABC):
                 places += deep
                 x, rounds = attempt.x, rounds + 1
                 continue
-            if finer == FINER or not table_misses(problem, attempt.x):
+            if not fine or finer == FINER or not table_misses(problem, attempt.x):
                 return grasp
             thin = min(finger.course.half[0] * finger.length for finger in numbers.fingers)
             table = numbers.table.refined(touched_places(problem, attempt.x), FINE * thin / numbers.size)

@@ -20,7 +20,8 @@ class Spatial(Geometry):
     """
 
     name = "space"
-    dimensions, state, oriented, sides, steps, pose, axes = 3, 10, 7, 2, 1, 6, 9
+    dimensions, state, oriented, sides, pose, axes = 3, 10, 7, 2, 6, 9
+    steps, fine_steps = 1, 2
 
     def tangent(self, state: Values) -> Values:
         """Direction of the finger (3,)."""
