@@ -85,9 +85,10 @@ class ShotFinger(FingerGuess):
             along = np.array(cross(finger.across, normal))
             if k < len(self.middles):
                 pressed, rubbed = self.held[k]
-                force = force - (pressed * normal + rubbed * along)[: geometry.dimensions]
+                on_finger = pressed * normal + rubbed * along
+                force = force - on_finger[: geometry.dimensions]
                 state = state.copy()
-                state[moments] += polynomial(course.half, end) * rubbed
+                state[moments] += polynomial(course.half, end) * np.array(geometry.moment(cross(normal, on_finger)))
                 x[part.turns[k]] = state[moments]
             else:
                 left = np.array(geometry.in_space(list(force - finger.load)))
