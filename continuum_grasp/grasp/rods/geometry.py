@@ -36,9 +36,11 @@ class Geometry(ABC):
     sides: int
     """Numbers of a section beyond its course, as for its stiffness out of the plane in which it bends."""
     steps: int
-    """Steps of the fourth-order rule of Runge and Kutta in a stage of a search."""
-    fine_steps: int
-    """Steps in a stage of the grasp that the search returns: directions of 24 stages are exact to 5e-7 rad."""
+    """Steps of the fourth-order rule of Runge and Kutta in a stage."""
+    finer: int
+    """Factor on the stages of a search for the grasp that it returns: directions are exact to 5e-7 rad then."""
+    compiled: bool
+    """Whether kinds of blocks are so large that they are compiled."""
     pose: int
     """Numbers of an object's pose, the place first."""
     axes: int

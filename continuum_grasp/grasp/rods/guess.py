@@ -74,9 +74,7 @@ class ShotFinger(FingerGuess):
             for j in range(part.stages):
                 s = begin + each * j
                 beyond = force - gravity * integral(course.weight, begin, s)
-                state = np.array(
-                    stage(geometry, course, finger.sides, gravity, state, beyond, self.pull, s, each, problem.steps)
-                )
+                state = np.array(stage(geometry, course, finger.sides, gravity, state, beyond, self.pull, s, each))
                 x[part.nodes[k * part.stages + j + 1]] = state
             force = force - gravity * integral(course.weight, begin, end)
             if k == len(finger.contacts):

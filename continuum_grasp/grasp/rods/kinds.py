@@ -54,7 +54,8 @@ class _Parts:
         """The kind of these symbols."""
         name = name if self._geometry is None else f"{name}_{self._geometry.name}"
         data = ca.vertcat(*self._data) if self._data else ca.SX(0, 1)
-        return BlockKind(name, ca.vertcat(*self._unknowns), data, ca.vertcat(*rows), lookup)
+        compiled = self._geometry is not None and self._geometry.compiled
+        return BlockKind(name, ca.vertcat(*self._unknowns), data, ca.vertcat(*rows), lookup, compiled=compiled)
 
 
 class _Sight:
@@ -120,8 +121,8 @@ def _polynomial(shift: ca.SX, terms: ca.SX, order: int) -> ca.SX:
 
 
 @cache
-def stage_kind(geometry: Geometry, count: int, steps: int) -> BlockKind:
-    """Rows (state): a stage ends where the rod leads from its begin, in some steps."""
+def stage_kind(geometry: Geometry, count: int) -> BlockKind:
+    """Rows (state): a stage ends where the rod leads from its begin."""
     parts = _Parts(geometry)
     d = geometry.dimensions
     begin, end = parts.unknown("begin", geometry.state), parts.unknown("end", geometry.state)
@@ -132,8 +133,8 @@ def stage_kind(geometry: Geometry, count: int, steps: int) -> BlockKind:
     s = segment[0] + u0 * span
     beyond = _beyond(force, gravity, integral(course.weight, segment[0], s), d)
     state, pull = ca.vertsplit(begin), pulls[0] - pulls[1]
-    reached = stage(geometry, course, sides, ca.vertsplit(gravity), state, beyond, pull, s, span * (u1 - u0), steps)
-    return parts.kind(f"stage{count}_{steps}", [a - b for a, b in zip(reached, ca.vertsplit(end), strict=True)])
+    reached = stage(geometry, course, sides, ca.vertsplit(gravity), state, beyond, pull, s, span * (u1 - u0))
+    return parts.kind(f"stage{count}", [a - b for a, b in zip(reached, ca.vertsplit(end), strict=True)])
 
 
 def _beyond(force: Any, gravity: Any, weight: Any, dimensions: int) -> list[Any]:

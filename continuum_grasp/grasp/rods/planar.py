@@ -18,7 +18,7 @@ class Planar(Geometry):
 
     name = "plane"
     dimensions, state, oriented, sides, pose, axes = 2, 4, 3, 0, 3, 0
-    steps = fine_steps = 4
+    steps, finer, compiled = 4, 1, False
 
     def tangent(self, state: Values) -> Values:
         """Direction of the finger (2,)."""

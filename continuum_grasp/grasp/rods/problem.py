@@ -85,7 +85,7 @@ class GraspRods(BlockProblem):
     near : sequence of NearPair
         Nodes and chords of fingers that keep apart.
     fine : bool
-        Whether stages take the steps of a grasp that the search returns.
+        Whether there are as many stages as in a grasp that the search returns.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class GraspRods(BlockProblem):
         self.numbers, self.geometry = numbers, numbers.geometry
         self.places, self.near, self._joints = tuple(places), tuple(near), joints
         self.fine = fine
-        self.steps = self.geometry.fine_steps if fine else self.geometry.steps
+        stages *= self.geometry.finer if fine else 1
         self.pose = self.unknown("pose", *numbers.pose_bounds)
         aims = numbers.aims
         self.margin = self.unknown("margin", 0.0, 1.0 if aims.margin else 0.0)
@@ -177,7 +177,7 @@ class GraspRods(BlockProblem):
                 unknowns = [*begin, *end, *part.forces[k], *part.pulls, *ends]
                 data = [j / each, (j + 1) / each, *finger.gravity, *finger.sides, *course]
                 row = self.rows(f"rod, {finger.name}", key, "L", geometry.state)
-                self.add(kinds.stage_kind(geometry, count, self.steps), unknowns, row, data)
+                self.add(kinds.stage_kind(geometry, count), unknowns, row, data)
             name = finger.contacts[k] if k < len(finger.contacts) else None
             at = part.nodes[(k + 1) * each]
             if name is None:

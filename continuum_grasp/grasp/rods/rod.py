@@ -65,12 +65,11 @@ def stage(
     m: Value,
     s: Value,
     h: Value,
-    steps: int,
 ) -> Values:
-    """State at the end of a stage of length h from s in some steps, where the force beyond is ``force``."""
+    """State at the end of a stage of length h from s, where the force beyond is ``force``."""
     state = [*state]
     begin = s
-    h = h / steps
+    h = h / geometry.steps
 
     def rates(q: Values, at: Value) -> Values:
         weight = integral(course.weight, begin, at)
@@ -81,7 +80,7 @@ def stage(
     def moved(by: Values, share: Value) -> Values:
         return [q + share * rate for q, rate in zip(state, by, strict=True)]
 
-    for k in range(steps):
+    for k in range(geometry.steps):
         at = s + k * h
         first = rates(state, at)
         second = rates(moved(first, 0.5 * h), at + 0.5 * h)

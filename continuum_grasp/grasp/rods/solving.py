@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Array
+from continuum_grasp.grasp.rods.carried import carried, finer_pairs, finer_places
 from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places, table_misses, touched_places
 from continuum_grasp.grasp.rods.guess import FingerGuess, Held, filled
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
-from continuum_grasp.grasp.rods.problem import STAGES, GraspRods
+from continuum_grasp.grasp.rods.problem import STAGES, GraspRods, NearPair, StagePlace
 from continuum_grasp.nlp import Attempt, Budget, Settings, Solver
 
 STARTS = 6
@@ -124,6 +125,8 @@ class StartedSearch(ABC):
 
     apart: float
     """Distance of places from which on starts are different [m]."""
+    likely: float = np.inf
+    """Imbalance of starts beyond which they are left out if there is a grasp already."""
 
     def __init__(self, budget: Budget, stages: int = STAGES) -> None:
         self.budget, self.stages = budget, stages
@@ -161,6 +164,8 @@ class StartedSearch(ABC):
         for start in self._chosen(starts, most):
             if self.budget.over:
                 return
+            if start.imbalance > self.likely and self.best is not None:
+                continue
             self.tried.append(self.solved(start, fine=False))
 
     def _chosen(self, starts: Sequence[RodStart], most: int) -> Iterator[RodStart]:
@@ -188,16 +193,16 @@ class StartedSearch(ABC):
         Solve again with rows where a finger is in the object between nodes, or crosses another, and, if the grasp is to
         be ``fine``, with finer tables where contacts are not as exact as the object.
         """
-        places = [] if beside is None else list(beside.problem.places)
-        near = [] if beside is None else list(beside.problem.near)
-        x = None if beside is None else beside.attempt.x
+        places, near, known = list[StagePlace](), list[NearPair](), beside
+        if beside is not None:
+            times = beside.problem.geometry.finer if fine and not beside.fine else 1
+            places, near = finer_places(beside.problem.places, times), finer_pairs(beside.problem.near, times)
         numbers, rounds, finer = start.numbers, 0, 0
         while True:
             problem = GraspRods(numbers, joints=start.joints, stages=self.stages, places=places, near=near, fine=fine)
             if widen is not None:
                 widen(problem)
-            # Unknowns of a widened limit come last.
-            first = start.x_of(problem) if x is None else x[: problem.size]
+            first = start.x_of(problem) if known is None else carried(known.problem, known.attempt.x, problem)
             attempt = self._solver.solve(problem.nlp, problem.start(first), self.budget)
             crossing = Crossing(problem, attempt.x)
             grasp = RodGrasp(problem, attempt, start, crossing.depth > CROSSED)
@@ -209,15 +214,15 @@ class StartedSearch(ABC):
                 # From the sample: a solution that crosses does not come apart.
                 sample = Crossing(problem, start.x_of(problem))
                 near = list(dict.fromkeys([*near, *sample.near, *crossing.near]))
-                x, rounds = None, rounds + 1
+                known, rounds = None, rounds + 1
                 continue
             deep = [place for place in deep_places(problem, attempt.x) if place not in places]
             if deep and rounds < ROUNDS:
                 places += deep
-                x, rounds = attempt.x, rounds + 1
+                known, rounds = grasp, rounds + 1
                 continue
             if not fine or finer == FINER or not table_misses(problem, attempt.x):
                 return grasp
             thin = min(finger.course.half[0] * finger.length for finger in numbers.fingers)
             table = numbers.table.refined(touched_places(problem, attempt.x), FINE * thin / numbers.size)
-            numbers, x, finer = replace(numbers, table=table), attempt.x, finer + 1
+            numbers, known, finer = replace(numbers, table=table), grasp, finer + 1

@@ -1,6 +1,6 @@
 """The problem of rods in space, from inside: no door lets it through yet.
 
-Truths are finite differences, a rod of SciPy with rotation matrices, sums of forces by hand, and the problem of the plane.
+Truths are finite differences, a rod of SciPy with rotation matrices, sums of forces by hand, and the plane.
 """
 
 from __future__ import annotations
@@ -117,11 +117,11 @@ def test_a_stage_is_the_rod_of_scipy():
     turned = Rotation.from_rotvec([0.3, -0.8, 0.5])
     moment = np.array([0.4, -0.6, 0.9])
     state = [0.1, 0.2, -0.3, *quaternion_of(turned.as_matrix()), *moment]
-    count = 24
+    count = 48
     for k in range(count):
         s = k / count
         weight = 0.5 * s + 0.05 * s * s
-        state = stage(SPACE, course, sides, gravity, state, force - gravity * weight, pull, s, 1.0 / count, 2)
+        state = stage(SPACE, course, sides, gravity, state, force - gravity * weight, pull, s, 1.0 / count)
 
     def rates(s, y):
         axes, own = y[3:12].reshape(3, 3), y[12:]
