@@ -226,7 +226,7 @@ def test_certificate_travels_between_processes(wrapped):
 
 
 def test_certificate_shares_nothing_with_the_optimizer():
-    """It reaches itself, the exact rod, exact distances from bodies, the scene and numpy, and nothing else; the exact rod
+    """It reaches itself, the exact rod, exact distances of bodies, the scene and numpy, and nothing else; the exact rod
     may have scipy.
     """
     pending, seen = ["continuum_grasp.grasp.certificate.certificate"], set()

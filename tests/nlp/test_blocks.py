@@ -55,13 +55,19 @@ def table_problem(axes, counts, random):
         t = z[axis] - found[axis]
         weights.append([(1 - t) ** 3, 4 - 6 * t**2 + 3 * t**3, 1 + 3 * t + 3 * t**2 - 3 * t**3, t**3])
     value = sum(_product(weights, at) / 6**axes * found[axes + flat] for flat, at in enumerate(np.ndindex((4,) * axes)))
-    kind = BlockKind(f"read{axes}", z, d, value, Lookup(z, d[0], d[1:], found))
+    kind = BlockKind(f"read{axes}", z, d, value, Lookup(z, d[0], d[1:], z[:0], as_read(axes), found))
     problem = BlockProblem("table", np.concatenate([np.zeros(7), coefficients.ravel()]))
     unknowns = [problem.unknown(f"place {k}", np.zeros(axes), 99.0) for k in range(3)]
     rows = problem.rows("value", "table", "1", 2).ravel()
     for at, row in zip(unknowns, (0, 0, 1), strict=True):
         problem.add(kind, at, rows[row], [7.0, *counts])
     return problem, coefficients
+
+
+def as_read(axes):
+    """A series of a lookup that is the cell and its coefficients."""
+    given, cell, coefficients = ca.SX.sym("given", 0), ca.SX.sym("cell", axes), ca.SX.sym("coefficients", 4**axes)
+    return ca.Function("series", [given, cell, coefficients], [ca.vertcat(cell, coefficients)])
 
 
 def _product(weights, at):

@@ -16,7 +16,7 @@ CROSSED = 1e-4
 """Overlap that counts as crossing [L]."""
 NEAR = 0.03
 """Gap of chords that get rows after a crossing [L]."""
-MISSED, LEANS = 1e-6, 1e-4
+MISSED, LEANS = 3e-7, 3e-7
 """Error of a table at a contact from which on a finer one is made: of the distance [L], and of the normal."""
 
 

@@ -36,6 +36,10 @@ class Geometry(RodEquations):
     """Stiffnesses of a section out of the plane in which it bends."""
     steps: int
     """Steps of the fourth-order rule of Runge and Kutta in a stage."""
+    finer: int
+    """Factor on the stages of a search for the grasp that it returns: directions are exact to 5e-7 rad then."""
+    compiled: bool
+    """Whether kinds of blocks are so large that they are compiled."""
     pose: int
     """Numbers of an object's pose, the place first."""
     axes: int
@@ -55,6 +59,10 @@ class Geometry(RodEquations):
         """State (state,) of a finger that bends about one axis, by what its base (oriented,) sees."""
 
     @abstractmethod
+    def frame(self, base: Array) -> Array:
+        """Axes (3, 3) of a base (oriented,) as columns: across the finger in its plane, along it, and of bending."""
+
+    @abstractmethod
     def turn(self, pose: Values, axes: Values) -> Matrix:
         """Axes of the object as columns."""
 
@@ -69,6 +77,10 @@ class Geometry(RodEquations):
     def in_space(self, vector: Sequence[Any]) -> list[Any]:
         """Three coordinates of a vector (dimensions,)."""
         return [*vector, *[0.0] * (3 - self.dimensions)]
+
+    def moment_in_space(self, moment: Sequence[Any]) -> list[Any]:
+        """Three components of the moment of a state."""
+        return [*[0.0] * (3 - len(moment)), *moment]
 
     def moment(self, vector: Sequence[Any]) -> list[Any]:
         """Components of a moment (3,) that a state has."""

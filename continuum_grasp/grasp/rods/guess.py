@@ -26,7 +26,7 @@ class FingerGuess(ABC):
     """What is known of a finger."""
 
     middles: tuple[float, ...]
-    """About where its middle contacts are [L]."""
+    """Places of its middle contacts [L]."""
 
     @abstractmethod
     def fill(self, problem: GraspRods, index: int, x: Array) -> None:
@@ -113,9 +113,11 @@ class ShotFinger(FingerGuess):
             along = np.array(cross(finger.across, normal))
             if k < len(self.middles):
                 pressed, rubbed = self.held[k]
-                force = force - (pressed * normal + rubbed * along)[:d]
+                on_finger = pressed * normal + rubbed * along
+                force = force - on_finger[:d]
                 state = state.copy()
-                state[geometry.moments] += float(finger.half(x[span.ends[1]])) * rubbed
+                couple = np.array(geometry.moment(cross(normal, on_finger)))
+                state[geometry.moments] += float(finger.half(x[span.ends[1]])) * couple
                 x[part.turns[k]] = state[geometry.moments]
             else:
                 left = np.array(geometry.in_space(list(force - finger.load)))

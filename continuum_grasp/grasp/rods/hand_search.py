@@ -80,6 +80,10 @@ class PostureStart(RodStart):
 class HandRodSearch(StartedSearch):
     """Finds grasps of a hand as exact rods."""
 
+    likely = 0.5
+    """Residual of a start, in units of the problem of its forces: of 30 random hands, starts that led to a grasp leave
+    0.002 to 0.20, and 14 with 0.5 to 3.2 led to none."""
+
     def __init__(self, scene: HandScene, budget: Budget, stages: int = STAGES) -> None:
         super().__init__(budget, stages)
         self.scene = scene

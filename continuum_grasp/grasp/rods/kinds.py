@@ -62,7 +62,8 @@ class _Parts:
         """The kind of these symbols."""
         name = name if self._geometry is None else f"{name}_{self._geometry.name}"
         data = ca.vertcat(*self._data) if self._data else ca.SX(0, 1)
-        return BlockKind(name, ca.vertcat(*self._unknowns), data, ca.vertcat(*rows), lookup)
+        compiled = self._geometry is not None and self._geometry.compiled
+        return BlockKind(name, ca.vertcat(*self._unknowns), data, ca.vertcat(*rows), lookup, compiled=compiled)
 
 
 class _Sight:
@@ -109,9 +110,8 @@ def _series(dimensions: int, order: int) -> ca.Function:
     given, cell = ca.SX.sym("given", 3 * dimensions + 2), ca.SX.sym("cell", dimensions)
     coefficients = ca.SX.sym("coefficients", 4**dimensions)
     point = ca.SX.sym("point", dimensions)
-    derivatives: dict[tuple[int, ...], Any] = {
-        (): DistanceTable.distance(point, given[dimensions:], cell, coefficients)
-    }
+    distance = DistanceTable.distance(point, given[dimensions:], cell, coefficients)
+    derivatives: dict[tuple[int, ...], ca.SX] = {(): distance}
     for directions in _orders(dimensions, order)[1:]:
         *before, last = directions
         derivatives[directions] = ca.jacobian(derivatives[tuple(before)], point[last])

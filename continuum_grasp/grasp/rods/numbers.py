@@ -181,7 +181,7 @@ class SceneNumbers:
         With a contact, by the table around that.
         """
         d = self.geometry.dimensions
-        turn: Array = np.array(self.geometry.turn(pose, self.axes), dtype=float)
+        turn: Array = np.array(self.geometry.turn(pose, self.axes))
         gap, slope = self.table.values(self.local(finger, points, pose), contact)
         normal = np.zeros((len(slope), 3))
         # 1e-30: no division by zero where a table is flat
@@ -191,7 +191,7 @@ class SceneNumbers:
     def local(self, finger: FingerNumbers, points: Array, pose: Array) -> Array:
         """Points (n, dimensions) of a finger [L] in the object's frame [object size]."""
         d = self.geometry.dimensions
-        turn: Array = np.array(self.geometry.turn(pose, self.axes), dtype=float)[:d, :d]
+        turn: Array = np.array(self.geometry.turn(pose, self.axes))[:d, :d]
         return np.asarray((points * finger.length / self.size - pose[:d]) @ turn)
 
 

@@ -13,7 +13,8 @@ class Planar(PlaneRod, Geometry):
     """The plane: states (x, y, a, M) with the direction (-sin a, cos a), poses (x, y, angle)."""
 
     name = "plane"
-    dimensions, oriented, sides, steps, pose, axes = 2, 3, 0, 4, 3, 0
+    dimensions, oriented, sides, pose, axes = 2, 3, 0, 3, 0
+    steps, finer, compiled = 4, 1, False
 
     def tangent(self, state: Values) -> Values:
         """Direction of the finger (2,)."""
@@ -24,6 +25,10 @@ class Planar(PlaneRod, Geometry):
         """State (4,) by what the base (3,) sees."""
         cosine, sine = np.cos(base[2]), np.sin(base[2])
         return np.array([base[0] + cosine * x - sine * y, base[1] + sine * x + cosine * y, base[2] + angle, moment])
+
+    def frame(self, base: Array) -> Array:
+        """Axes (3, 3) of a base (3,) as columns."""
+        return np.array(self.turn(base, ()))
 
     def turn(self, pose: Values, axes: Values) -> Matrix:
         """Axes of the object as columns."""

@@ -98,6 +98,8 @@ class GraspRods(BlockProblem):
         Places that keep clear of the object, apart from nodes and half way between them.
     near : sequence of NearPair
         Nodes and chords of fingers that keep apart.
+    fine : bool
+        Whether there are as many stages as in a grasp that the search returns.
     """
 
     def __init__(
@@ -108,10 +110,14 @@ class GraspRods(BlockProblem):
         stages: int = STAGES,
         places: Sequence[StagePlace] = (),
         near: Sequence[NearPair] = (),
+        fine: bool = False,
     ) -> None:
         super().__init__("grasp", numbers.table.coefficients)
         self.numbers, self.geometry = numbers, numbers.geometry
         self.places, self.near, self._joints = tuple(places), tuple(near), joints
+        self.fine = fine
+        # A finer problem has a multiple of the stages of each span.
+        self._times = self.geometry.finer if fine else 1
         self.pose = self.unknown("pose", *numbers.pose_bounds)
         aims = numbers.aims
         self.margin = self.unknown("margin", 0.0, 1.0 if aims.margin else 0.0)
@@ -233,7 +239,7 @@ class GraspRods(BlockProblem):
                 low, high = np.clip(finger.places, section.places[piece], section.places[piece + 1])
                 end = self.unknown(f"place, {contact}", low, high)
             share = (at - before) / max(bounds[segment + 1] - bounds[segment], 1e-12)
-            count = max(1, round(each * share))
+            count = self._times * max(1, round(each * share))
             spans.append(Span(node, count, piece, np.concatenate([place, end]), force))
             node += count
             if contact is not None or at == 1.0:

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Array
+from continuum_grasp.grasp.rods.carried import carried, finer_pairs, finer_places
 from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places, table_misses, touched_places
 from continuum_grasp.grasp.rods.guess import FingerGuess, Held, filled
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
-from continuum_grasp.grasp.rods.problem import STAGES, GraspRods
+from continuum_grasp.grasp.rods.problem import STAGES, GraspRods, NearPair, StagePlace
 from continuum_grasp.nlp import Attempt, Budget, Settings, Solver
 
 STARTS = 6
@@ -104,6 +105,11 @@ class RodGrasp:
     crosses: bool
 
     @property
+    def fine(self) -> bool:
+        """Whether it is as exact as it can be."""
+        return self.problem.fine
+
+    @property
     def tension(self) -> float:
         """Sum of all tensions [N]."""
         return self.problem.tension(self.attempt.x)
@@ -119,6 +125,8 @@ class StartedSearch(ABC):
 
     apart: float
     """Distance of places from which on starts are different [m]."""
+    likely: float = np.inf
+    """Imbalance of starts beyond which they are left out if there is a grasp already."""
 
     def __init__(self, budget: Budget, stages: int = STAGES) -> None:
         self.budget, self.stages = budget, stages
@@ -143,13 +151,18 @@ class StartedSearch(ABC):
         return min(held, key=lambda grasp: grasp.attempt.objective, default=None)
 
     def run(self, most: int = STARTS) -> None:
-        """Solve from the most promising starts; from further ones if none of these leads to a grasp."""
+        """Solve from the most promising starts; from further ones if none of these leads to a grasp.
+
+        The best grasp is solved again as exactly as it can be, and the next one if that is better then.
+        """
         self._try(self.starts, most)
         if self.best is None:
             self._try(self.further, most)
+        while (best := self.best) is not None and not best.fine and not self.budget.over:
+            self.tried[self.tried.index(best)] = self.solved(best.start, beside=best)
 
     def agree(self, share: float) -> bool:
-        """Whether the most promising starts and those of other places lead to grasps of the same aim, within a share."""
+        """Whether the most promising starts and those of other places lead to the same aim, within a share."""
         ends = []
         for chosen in (True, False):
             aims = [g.attempt.objective for g in self.tried if g.holds and (g.start in self._promising) is chosen]
@@ -160,7 +173,9 @@ class StartedSearch(ABC):
         for start in self._chosen(starts, most):
             if self.budget.over:
                 return
-            self.tried.append(self.solved(start))
+            if start.imbalance > self.likely and self.best is not None:
+                continue
+            self.tried.append(self.solved(start, fine=False))
 
     def _chosen(self, starts: Sequence[RodStart], most: int) -> Iterator[RodStart]:
         """The most promising starts; of different places of contacts where there are as many."""
@@ -176,23 +191,28 @@ class StartedSearch(ABC):
         yield from others[: most - len(best)]
 
     def solved(
-        self, start: RodStart, widen: Callable[[GraspRods], None] | None = None, beside: RodGrasp | None = None
+        self,
+        start: RodStart,
+        widen: Callable[[GraspRods], None] | None = None,
+        beside: RodGrasp | None = None,
+        *,
+        fine: bool = True,
     ) -> RodGrasp:
         """Solve from a start, or from a grasp with other limits ``beside`` it, with a limit widened if one is given.
 
-        Solve again with rows where a finger is in the object between nodes, or crosses another, and
-        with finer tables where contacts are not as exact as the object.
+        Solve again with rows where a finger is in the object between nodes, or crosses another, and, if the grasp is to
+        be ``fine``, with finer tables where contacts are not as exact as the object.
         """
-        places = [] if beside is None else list(beside.problem.places)
-        near = [] if beside is None else list(beside.problem.near)
-        x = None if beside is None else beside.attempt.x
+        places, near, known = list[StagePlace](), list[NearPair](), beside
+        if beside is not None:
+            times = beside.problem.geometry.finer if fine and not beside.fine else 1
+            places, near = finer_places(beside.problem.places, times), finer_pairs(beside.problem.near, times)
         numbers, rounds, finer = start.numbers, 0, 0
         while True:
-            problem = GraspRods(numbers, joints=start.joints, stages=self.stages, places=places, near=near)
+            problem = GraspRods(numbers, joints=start.joints, stages=self.stages, places=places, near=near, fine=fine)
             if widen is not None:
                 widen(problem)
-            # Unknowns of a widened limit come last.
-            first = start.x_of(problem) if x is None else x[: problem.size]
+            first = start.x_of(problem) if known is None else carried(known.problem, known.attempt.x, problem)
             attempt = self._solver.solve(problem.nlp, problem.start(first), self.budget)
             crossing = Crossing(problem, attempt.x)
             grasp = RodGrasp(problem, attempt, start, crossing.depth > CROSSED)
@@ -204,15 +224,15 @@ class StartedSearch(ABC):
                 # From the sample: a solution that crosses does not come apart.
                 sample = Crossing(problem, start.x_of(problem))
                 near = list(dict.fromkeys([*near, *sample.near, *crossing.near]))
-                x, rounds = None, rounds + 1
+                known, rounds = None, rounds + 1
                 continue
             deep = [place for place in deep_places(problem, attempt.x) if place not in places]
             if deep and rounds < ROUNDS:
                 places += deep
-                x, rounds = attempt.x, rounds + 1
+                known, rounds = grasp, rounds + 1
                 continue
-            if finer == FINER or not table_misses(problem, attempt.x):
+            if not fine or finer == FINER or not table_misses(problem, attempt.x):
                 return grasp
             thin = min(float(finger.half(0.0)) * finger.length for finger in numbers.fingers)
             table = numbers.table.refined(touched_places(problem, attempt.x), FINE * thin / numbers.size)
-            numbers, x, finer = replace(numbers, table=table), attempt.x, finer + 1
+            numbers, known, finer = replace(numbers, table=table), grasp, finer + 1

@@ -20,7 +20,8 @@ class Spatial(Geometry):
     """
 
     name = "space"
-    dimensions, state, oriented, sides, steps, pose, axes = 3, 10, 7, 2, 1, 6, 9
+    dimensions, state, oriented, sides, pose, axes = 3, 10, 7, 2, 6, 9
+    steps, finer, compiled = 1, 2, True
 
     def tangent(self, state: Values) -> Values:
         """Direction of the finger (3,)."""
@@ -44,6 +45,10 @@ class Spatial(Geometry):
         e, t, z = (np.array(column) for column in columns(base[3:7]))
         about = [np.cos(0.5 * angle), 0.0, 0.0, np.sin(0.5 * angle)]
         return np.concatenate([base[:3] + x * e + y * t, multiplied(base[3:7], about), moment * z])
+
+    def frame(self, base: Array) -> Array:
+        """Axes (3, 3) of a base (7,) as columns."""
+        return np.column_stack(columns(base[3:7]))
 
     def turn(self, pose: Values, axes: Values) -> Matrix:
         """Axes of the object as columns."""

@@ -1,4 +1,4 @@
-"""What a search of rods may say of its best grasp: optimal, feasible and what is missing, or infeasible with a proof."""
+"""What a search of rods may say of its best grasp: optimal, feasible and what is missing, or infeasible by a proof."""
 
 from __future__ import annotations
 
