@@ -25,11 +25,9 @@ from .runtime_curves import CurvesSpec as CurvesSpec
 from .section import Section as Section
 from .section import SectionPull as SectionPull
 from .section_form import SectionForm as SectionForm
-from .stage import Acting as Acting
 from .stage import PlaneRod as PlaneRod
 from .stage import RodEquations as RodEquations
-from .stage import plane_stage as plane_stage
-from .stage import plane_states as plane_states
+from .stage import RodLoads as RodLoads
 from .stage import stage_end as stage_end
 from .stumpff_functions import stumpff as stumpff
 from .surfaces import nearest as nearest

@@ -19,7 +19,7 @@ import casadi as ca
 from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.rods.geometry import Geometry, cross, dot, exerted, transposed, turned
 from continuum_grasp.grasp.rods.rod import THICKNESS, between, half_thickness, taper
-from continuum_grasp.model import Acting, SectionForm, stage_end
+from continuum_grasp.model import RodLoads, SectionForm, stage_end
 from continuum_grasp.nlp import BlockKind, Lookup
 
 HELD = 4
@@ -42,9 +42,9 @@ class _Parts:
         """Symbols of data; a single one as a scalar."""
         return self._taken(self._data, name, size)
 
-    def acting(self, geometry: Geometry, form: SectionForm) -> Acting:
+    def acting(self, geometry: Geometry, form: SectionForm) -> RodLoads:
         """Force and pulls as unknowns, all else that acts on a finger as data."""
-        return Acting(
+        return RodLoads(
             self.unknown("force", geometry.dimensions),
             ca.vertcat(self.unknown("pulls", len(form.pulls))),
             self.datum("gravity", geometry.dimensions),
