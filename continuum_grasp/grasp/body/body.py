@@ -44,7 +44,7 @@ class Body(ABC):
     size: float
     """Greatest distance of the surface from the origin of the frame, in the plane from the center of mass [m]."""
     deviation: float = 0.0
-    """Greatest distance of the surface from the true one [m]; not zero for outlines and meshes of curves."""
+    """Greatest distance of the surface from the true one [m]; not zero for meshes and for drawn outlines."""
     least_step: float = 0.0
     """Step of a grid [m] below which a table gains no detail; not zero for meshes."""
 

@@ -68,9 +68,9 @@ def near_part(part: Part, points: Array) -> NearPart:
         The part is of a kind that has no distance here.
     """
     if isinstance(part, OffsetPolygon) and part.circle is not None:
-        center, disc = part.circle
-        distance, normal, _ = RoundedRectangle((0.0, 0.0), disc).from_points(points - np.array(center))
-        return NearPart(distance, normal, np.full(len(points), disc))
+        center, size = part.circle
+        distance, normal, _ = RoundedRectangle((0.0, 0.0), size).from_points(points - np.array(center))
+        return NearPart(distance, normal, np.full(len(points), size))
     if isinstance(part, OffsetPolygon):
         found = _core(part).from_points(points)
         with np.errstate(divide="ignore"):

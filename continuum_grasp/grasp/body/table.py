@@ -71,8 +71,8 @@ class DistanceTable:
     def of(cls, body: Body, low: Array, high: Array, step: float) -> DistanceTable:
         """Make the table of a body for places from ``low`` (d,) to ``high`` (d,) [m], ``step`` [m] apart.
 
-        The grid extends beyond both by the same length, so that images of a body have images of its table. Its step is
-        at least `Body.least_step`.
+        The grid extends beyond both by the same length, so that images of a body have images of its table.
+        Its step is at least `Body.least_step`.
         """
         step = max(step, body.least_step)
         low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
