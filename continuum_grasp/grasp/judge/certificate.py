@@ -15,12 +15,12 @@ import numpy as np
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.judge.clearance import Gap, SampledRod, apart, apart_from_itself
-from continuum_grasp.grasp.judge.findings import CLEAR, EXACT, Finding, Requirement, greatest
+from continuum_grasp.grasp.judge.findings import CROSSING, EXACT, FOLLOWED, Finding, Requirement, greatest
 from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, HeldSupport
 from continuum_grasp.grasp.judge.obstacles import ExactObject, Obstacle
 from continuum_grasp.grasp.judge.space_rod import TOLERANCE, RodLoad, SpaceRod
 from continuum_grasp.grasp.judge.stage import GraspStage
-from continuum_grasp.scene import FingerSetup, GraspScene, HandScene
+from continuum_grasp.scene import FingerSetup, GraspScene, HandScene, MotorDrive
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +83,7 @@ def certify_rods(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: fl
     findings = [
         Finding(Requirement.NUMBERS, "", float(held.not_finite), 0.0),
         Finding(Requirement.CONTACTS, "", float(_strangers(stage, held)), 0.0),
+        Finding(Requirement.LAWS, "", float(_not_certified(stage)), 0.0),
     ]
     # Without these there is nothing to integrate.
     if not all(finding.passed for finding in findings):
@@ -110,6 +111,13 @@ def _strangers(stage: GraspStage, held: HeldRods) -> int:
     return wrong
 
 
+def _not_certified(stage: GraspStage) -> int:
+    """Count of what a scene asks for that the certificate does not know: all histories of friction, one pulley."""
+    setups = stage.setups.values()
+    histories = stage.scene.friction_states == "any" and any(setup.friction_states for setup in setups)
+    return histories + sum(setup.drive is not None and setup.drive.pulley for setup in setups)
+
+
 def _support_of(stage: GraspStage, contact: str) -> str:
     """Name of the support of a contact such as ``palm``, ``palm.1`` or ``palm_1``; empty of strangers."""
     names = {obstacle.name for obstacle in stage.obstacles}
@@ -127,7 +135,7 @@ class _Touch:
     torsional: float  # greatest moment per normal force [m]
     most: float  # greatest normal force [N]
     gap: float  # [m]
-    length: float  # what gaps are compared with [m]
+    most_gap: float  # that passes [m]
 
     @property
     def pressing(self) -> float:
@@ -187,7 +195,7 @@ class _Grasp:
                 touch, tangent = self._touch(finger, line, contact)
                 touches.append(touch)
                 if contact.name in self._middles(finger):
-                    yield Finding(Requirement.TANGENT, contact.name, abs(tangent), EXACT, "rad")
+                    yield Finding(Requirement.TANGENT, contact.name, abs(tangent), FOLLOWED, "rad")
         touches += [self._support_touch(contact) for contact in self.held.supports]
         for touch in touches:
             yield from self._of_contact(touch)
@@ -204,7 +212,7 @@ class _Grasp:
     def _of_finger(self, finger: HeldFinger, line: SampledRod) -> Iterator[Finding]:
         setup, name, rod = self.stage.setups[finger.name], finger.name, line.rod
         scale = max(self.scale * rod.length, setup.stiffness / rod.length * 1e-3)
-        yield Finding(Requirement.SHAPE, name, float(np.abs(rod.missing).max()), EXACT * scale, "N m")
+        yield Finding(Requirement.SHAPE, name, float(np.abs(rod.missing).max()), FOLLOWED * scale, "N m")
         tendons, used = setup.tendons, setup.finger.tendons_used
         over = []
         for side, tension in zip(("left", "right"), finger.tensions, strict=True):
@@ -212,10 +220,11 @@ class _Grasp:
             here = used in ("both", side)
             over += [tension - (setup.max_tension if here else 0.0), tendons.min_tension * here - tension]
         yield Finding(Requirement.TENSION, name, greatest(over), EXACT * setup.max_tension, "N")
+        yield from _torque(setup, finger)
         strain = setup.finger.strain_limit
         depth = setup.finger.profile.half_depth
         if strain is not None and depth is not None:
-            bent = float((np.abs(line.places.curvature) * depth(line.s)).max())
+            bent = float((np.abs(rod.curvature(line.s)) * depth(line.s)).max())
             yield Finding(Requirement.STRAIN, name, bent - strain, EXACT * strain)
         for contact in finger.contacts:
             low, high = self._middles(finger).get(contact.name, (rod.length, rod.length))
@@ -226,16 +235,19 @@ class _Grasp:
         """Findings of bodies in each other."""
         lines = dict(zip((finger.name for finger in self.held.fingers), self.lines, strict=True))
         for finger, line in zip(self.held.fingers, self.lines, strict=True):
-            limit = CLEAR * line.rod.length
+            length = line.rod.length
+            limit = FOLLOWED * length + self.stage.deviation
             yield Finding(Requirement.DEPTH, finger.name, -line.least(self._above_object(line)), limit, "m")
             for obstacle in self.stage.obstacles:
                 start, before = self.stage.clear_from(obstacle, finger)
                 gap = line.least(_above(obstacle, line, start, before), start if np.isinf(before) else 0.0)
-                yield Finding(Requirement.SUPPORT_DEPTH, f"{finger.name}, {obstacle.name}", -gap, limit, "m")
-            yield Finding(Requirement.CURLED, finger.name, -apart_from_itself(line), limit, "m")
+                yield Finding(
+                    Requirement.SUPPORT_DEPTH, f"{finger.name}, {obstacle.name}", -gap, FOLLOWED * length, "m"
+                )
+            yield Finding(Requirement.CURLED, finger.name, -apart_from_itself(line), CROSSING * length, "m")
         for first, other in self.stage.pairs():
             a, b = lines[first], lines[other]
-            limit = CLEAR * min(a.rod.length, b.rod.length)
+            limit = CROSSING * min(a.rod.length, b.rod.length)
             yield Finding(Requirement.CROSSED, f"{first}, {other}", -apart(a, b), limit, "m")
         for obstacle in self.stage.obstacles:
             depth = obstacle.depth_of(self.body)
@@ -262,7 +274,7 @@ class _Grasp:
             self.stage.torsional,
             setup.normal_force_max,
             abs(float(distance) - radius),
-            line.rod.length,
+            FOLLOWED * line.rod.length,
         )
         # A finger is as thick as balls along it: where these grow, its skin leans by the slope of their radius.
         return touch, float(normal @ here.axes[0, :, 1]) - half.slope(contact.place)
@@ -272,15 +284,19 @@ class _Grasp:
         obstacle = next(each for each in self.stage.obstacles if each.name == name)
         normal, off = obstacle.touched(contact, self.body)
         most = self.stage.scene.contacts.normal_force_max
-        # An object at rest may be two limits from its support.
-        return _Touch(contact, contact.position, normal, obstacle.friction, 0.0, most, off, 2.0 * self.stage.size)
+        # 2.0: an object at rest may lie a limit off its support, and the contact as far off the object
+        return _Touch(
+            contact, contact.position, normal, obstacle.friction, 0.0, most, off, 2.0 * EXACT * self.stage.size
+        )
 
     def _of_contact(self, touch: _Touch) -> Iterator[Finding]:
         name, limit = touch.contact.name, EXACT * self.scale
-        yield Finding(Requirement.GAP, name, touch.gap, EXACT * touch.length, "m")
+        yield Finding(Requirement.GAP, name, touch.gap, touch.most_gap, "m")
         over = greatest([-touch.pressing, touch.pressing - touch.most])
         yield Finding(Requirement.PRESSING, name, over, limit, "N")
-        yield Finding(Requirement.FRICTION, name, touch.across - touch.friction * touch.pressing, limit, "N")
+        yield Finding(
+            Requirement.FRICTION, name, touch.across - touch.friction * touch.pressing, FOLLOWED * self.scale, "N"
+        )
 
     def _balance(self, touches: list[_Touch]) -> Iterator[Finding]:
         """Balance of the object's forces, and of their moments about its center of mass."""
@@ -294,9 +310,16 @@ class _Grasp:
             moment = moment[2:]
         yield Finding(Requirement.FORCE, "", float(np.abs(force).max()), EXACT * self.scale, "N")
         size = self.scale * self.stage.size
-        yield Finding(Requirement.MOMENT, "", float(np.abs(moment).max()), EXACT * size, "N m")
+        yield Finding(Requirement.MOMENT, "", float(np.abs(moment).max()), FOLLOWED * size, "N m")
 
 
 def _above(obstacle: Obstacle, line: SampledRod, start: float, before: float) -> Gap:
     """Gap between a finger and an obstacle: of its skin from a position on, and before of its center line."""
     return lambda s, points: obstacle.distance(points) - np.where(s < start, before, line.rod.half(s))
+
+
+def _torque(setup: FingerSetup, finger: HeldFinger) -> Iterator[Finding]:
+    """Torque with which each motor reaches its tension, its dry friction included."""
+    if setup.drive is not None and isinstance(motor := setup.drive.drive, MotorDrive):
+        torque = float(finger.tensions.max()) * motor.winch_radius + motor.coulomb_friction
+        yield Finding(Requirement.TORQUE, finger.name, torque - motor.torque_max, EXACT * motor.torque_max, "N m")

@@ -44,6 +44,11 @@ class GraspStage(ABC):
         return self.scene.object.size
 
     @property
+    def deviation(self) -> float:
+        """Greatest distance of the object's surface from the curve or mesh that it stands for [m]."""
+        return self.scene.object.deviation
+
+    @property
     def finger_gravity(self) -> Array:
         """Gravity (3,) that bends fingers [m/s2]."""
         return self.gravity

@@ -123,6 +123,7 @@ class StartedSearch(ABC):
     def __init__(self, budget: Budget, stages: int = STAGES) -> None:
         self.budget, self.stages = budget, stages
         self.tried: list[RodGrasp] = []
+        self._promising: list[RodStart] = []
         self._solver = rods_solver()
 
     @cached_property
@@ -147,6 +148,14 @@ class StartedSearch(ABC):
         if self.best is None:
             self._try(self.further, most)
 
+    def agree(self, share: float) -> bool:
+        """Whether the most promising starts and those of other places lead to grasps of the same aim, within a share."""
+        ends = []
+        for chosen in (True, False):
+            aims = [g.attempt.objective for g in self.tried if g.holds and (g.start in self._promising) is chosen]
+            ends.append(min(aims, default=np.inf))
+        return bool(np.isfinite(ends).all() and abs(ends[0] - ends[1]) <= share * abs(min(ends)))
+
     def _try(self, starts: Sequence[RodStart], most: int) -> None:
         for start in self._chosen(starts, most):
             if self.budget.over:
@@ -161,6 +170,7 @@ class StartedSearch(ABC):
             (left if any(alike) else different).append(start)
         half = (most + 1) // 2
         best = starts[:half]
+        self._promising = list(best)
         others = [start for start in different if not any(start is one for one in best)]
         yield from best
         yield from others[: most - len(best)]

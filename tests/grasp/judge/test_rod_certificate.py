@@ -22,6 +22,7 @@ from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.search import RodSearch
 from continuum_grasp.nlp import Budget, blocks
+from continuum_grasp.scene import Tendons
 from tests import certificate_cases as cases
 from tests import hand_cases
 from tests.marks import few
@@ -147,6 +148,46 @@ def test_limits_of_the_scene(scene, held, name):
     assert Requirement[name] in failed(certificate)
 
 
+def test_a_moment_in_the_base_is_not_trusted():
+    scene, held = pinched()
+    moment = 1e-4
+    fingers = (replace(held.fingers[0], moment=np.array([0.0, 0.0, moment])), held.fingers[1])
+    certificate = certify_rods(scene, replace(held, fingers=fingers))
+    # The finger is bent by a moment M in its base and pressed by P: M cos(L sqrt(P / B)) is left at its end.
+    left = moment * math.cos(cases.LENGTH * math.sqrt(6.0 / cases.STIFFNESS))
+    assert certificate.of(Requirement.SHAPE, "a").value == pytest.approx(abs(left), rel=1e-4)
+    assert Requirement.SHAPE in failed(certificate)
+
+
+def test_what_is_not_certified_does_not_pass():
+    finger = cases.make_finger(tendons=Tendons(offset=cases.OFFSET, max_tension=60.0, friction=0.1))
+    for states, passes in (("pulled", True), ("any", False)):
+        scene, arrays = cases.apart(finger, family="clothoid", friction_states=states)
+        certificate = certify_rods(scene, held_plane(scene, arrays))
+        assert (Requirement.LAWS not in failed(certificate)) is passes
+
+
+@pytest.mark.parametrize(("share", "passes"), [(1.001, True), (0.999, False)])
+def test_a_motor_reaches_its_tension(share, passes):
+    """A motor of radius r and dry friction c reaches a tension T with the torque T r + c."""
+    tension, radius, dry = 7.0, 0.008, 0.01
+    drive = {
+        "kind": "motor",
+        "winch_radius": radius,
+        "inertia": 1e-6,
+        "coulomb_friction": dry,
+        "torque_max": share * (tension * radius + dry),
+        "position_gain": 2.0,
+    }
+    stiff = {"axial_stiffness": 1e4, "series_stiffness": 1e4}
+    tendons = Tendons(offset=cases.OFFSET, max_tension=60.0, drive=drive, **stiff)
+    scene, arrays = cases.apart(
+        cases.make_finger(tendons=tendons), {"finger": {"tensions": (tension, 0.0)}}, family="clothoid"
+    )
+    certificate = certify_rods(scene, held_plane(scene, arrays))
+    assert certificate.of(Requirement.TORQUE, "finger").passed is passes
+
+
 def test_numbers_that_are_none_never_pass():
     scene, held = pinched()
     nan = float("nan")
@@ -250,7 +291,11 @@ def found(name):
     return scene, held_rods(search.best)
 
 
-SHIPPED = ["groove", "pinch", "box_edge", "table_peg", "mug", "mug_hanging", "spirob_cup"]
+COARSE = pytest.mark.xfail(reason="tables of distances follow sampled outlines, and are coarse at teeth", strict=True)
+SHIPPED = [
+    *("groove", "pinch", "box_edge", "table_peg", "mug", "wrap", "mug_hanging", "spirob_cup"),
+    *(pytest.param(name, marks=COARSE) for name in ("egg", "gear")),
+]
 
 
 @pytest.mark.parametrize("name", few(SHIPPED, 1))

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipk, ellipkinc
 
 from continuum_grasp.grasp.judge.space_rod import RodLoad, SideStiffness, SpaceRod
-from continuum_grasp.scene import PointMass, Rod
+from continuum_grasp.scene import PointMass, Rod, Tendons
 from tests import certificate_cases as cases
 
 LENGTH, STIFFNESS, OFFSET = cases.LENGTH, cases.STIFFNESS, cases.OFFSET
@@ -22,7 +22,7 @@ FORCE = STIFFNESS / LENGTH**2
 
 def rod_of(loads=(), tensions=(0.0, 0.0), gravity=FREE, section=None, base=UPRIGHT, guess=FREE, finger=None, **more):
     finger = cases.make_finger() if finger is None else finger
-    scene, _ = cases.apart(finger)
+    scene, _ = cases.apart(finger, family="clothoid")
     section = SideStiffness() if section is None else section
     rod = SpaceRod(scene.setups[0], base, np.array(tensions), list(loads), np.array(gravity), section, **more)
     rod.solve(np.array(guess))
@@ -52,7 +52,7 @@ def test_a_tendon_bends_a_rod_to_a_circle(tension):
     angle = curvature * s
     circle = np.column_stack([np.cos(angle) - 1.0, np.sin(angle), 0.0 * s]) / curvature
     assert rod.at(s).points == pytest.approx(circle, abs=1e-9 * LENGTH)
-    assert rod.at(s).curvature == pytest.approx(curvature, rel=1e-9)
+    assert rod.curvature(s) == pytest.approx(curvature, rel=1e-9)
 
 
 @pytest.mark.parametrize("push", [0.3, 2.0, 8.0])
@@ -70,7 +70,7 @@ def test_a_force_across_the_tip_makes_an_elastica(push):
     end = rod.at(np.array([LENGTH])).axes[0, :, 1]
     assert math.atan2(-end[0], end[1]) == pytest.approx(angle, abs=1e-8)
     # Energy integral: B k^2 / 2 at the base is the force times how far the tip points along it.
-    assert 0.5 * STIFFNESS * rod.at(np.zeros(1)).curvature[0] ** 2 == pytest.approx(push * FORCE * math.sin(angle))
+    assert 0.5 * STIFFNESS * rod.curvature(np.zeros(1))[0] ** 2 == pytest.approx(push * FORCE * math.sin(angle))
 
 
 @pytest.mark.parametrize("weight", [1.0, 6.0])
@@ -210,3 +210,38 @@ def test_the_moment_in_the_base_chooses_among_equilibria():
     assert ends[1] == pytest.approx(0.0, abs=1e-9)
     assert ends[0] == pytest.approx(-ends[2], rel=1e-6)
     assert abs(ends[0]) > 0.3 * LENGTH
+
+
+# -- friction ------------------------------------------------------------------------------------------------------
+
+
+def test_tendon_friction_winds_a_free_finger_less_and_less():
+    """The capstan equation of a free finger: theta' = T e exp(-mu theta) / B, so theta = ln(1 + mu T e s / B) / mu."""
+    friction, tension = 0.3, 12.0
+    tendons = Tendons(offset=OFFSET, max_tension=60.0, friction=friction, presliding=1e-8)
+    s = np.linspace(0.0, LENGTH, 9)
+    angle = np.log(1.0 + friction * tension * OFFSET / STIFFNESS * s) / friction
+    for side in (1.0, -1.0):
+        rod = rod_of(
+            tensions=(tension, 0.0) if side > 0.0 else (0.0, tension),
+            guess=FREE,
+            finger=cases.make_finger(tendons=tendons),
+        )
+        along = rod.at(s).axes[:, :, 1]
+        # The other tendon slides the other way, with the same loss of tension.
+        assert np.unwrap(np.arctan2(-side * along[:, 0], along[:, 1])) == pytest.approx(angle, abs=1e-6)
+
+
+def test_dry_friction_in_bending_slides_at_its_moment():
+    branches = ({"stiffness": 0.5 * STIFFNESS, "moment": 0.01}, {"stiffness": 0.2 * STIFFNESS, "moment": 0.03})
+    finger = cases.make_finger(damping={"dry_friction": branches})
+    for tension in (1.0, 12.0, -12.0, 40.0):
+        moment = abs(tension) * OFFSET
+
+        def resisted(bent, moment=moment):
+            held = sum(min(branch["stiffness"] * bent, branch["moment"]) for branch in branches)
+            return STIFFNESS * bent + held - moment
+
+        bent = brentq(resisted, 0.0, 1e3)
+        rod = rod_of(tensions=(max(tension, 0.0), max(-tension, 0.0)), finger=finger)
+        assert rod.curvature(np.array([0.0, 0.1])) == pytest.approx(math.copysign(bent, tension), rel=1e-9)
