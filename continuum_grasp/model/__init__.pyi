@@ -26,8 +26,8 @@ from .section import Section as Section
 from .section import SectionPull as SectionPull
 from .section_form import SectionForm as SectionForm
 from .stage import PlaneRod as PlaneRod
-from .stage import RodEquations as RodEquations
 from .stage import RodLoads as RodLoads
+from .stage import StageEquations as StageEquations
 from .stage import stage_end as stage_end
 from .stumpff_functions import stumpff as stumpff
 from .surfaces import nearest as nearest

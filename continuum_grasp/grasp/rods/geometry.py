@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.model import RodEquations
+from continuum_grasp.model import StageEquations
 
 Value = Any
 """A number, an array of numbers, or a symbol of CasADi."""
@@ -24,7 +24,7 @@ Matrix = list[list[Any]]
 """Three rows of three values."""
 
 
-class Geometry(RodEquations):
+class Geometry(StageEquations):
     """Sizes and equations of a rod and a pose in a plane, or in space."""
 
     name: str
