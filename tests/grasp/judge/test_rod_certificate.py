@@ -1,7 +1,4 @@
-"""The certificate of grasps of rods: it passes what holds, and measures what was changed.
-
-From inside: no door leads to it.
-"""
+"""The certificate of grasps of rods passes sound grasps and measures changes; from inside: no door leads to it."""
 
 from __future__ import annotations
 
