@@ -1,4 +1,4 @@
-"""How a section of a finger bends under a moment: its stiffness, its tendons, and friction of a pulled finger.
+"""Bending of a finger's sections under a moment: stiffness, tendons, and friction of a finger that was pulled.
 
     B (x + sum clip(k_j x, M_j) / B_0) = M + m,  x = k3 - k0,  m = sum arm T exp(-side l) shape
     l' = mu |k3| clip(offset w / presliding),  l(0) = 0,    w' = -shape x,  w(L) = 0
@@ -21,7 +21,7 @@ from continuum_grasp.scene import Curve, FingerSetup
 
 
 class SectionState(NamedTuple):
-    """Curvature of a section, and what changes along the finger with it."""
+    """Curvature of a section, and the rates at which tension and path change along the finger."""
 
     curvature: float
     """Curvature k3 [1/m]."""

@@ -1,4 +1,4 @@
-"""The certificate of a grasp of rods: every property that must hold, computed anew from the scene.
+"""The certificate of a grasp of rods: every requirement, measured anew from the scene.
 
 It takes tensions, places and forces of contacts from the grasp. The shape of each finger follows from them: it is
 integrated as a nonlinear rod in space. Gaps, directions, depths and the balance of the object are then measured with
@@ -25,7 +25,7 @@ from continuum_grasp.scene import FingerSetup, GraspScene, HandScene, MotorDrive
 
 @dataclass(frozen=True, eq=False)
 class RodCertificate:
-    """What was found about a grasp.
+    """Findings about a grasp.
 
     Examples
     --------
@@ -41,7 +41,7 @@ class RodCertificate:
 
     @property
     def passed(self) -> bool:
-        """Whether every property holds."""
+        """Whether every finding is within its limit."""
         return all(finding.passed for finding in self.findings)
 
     @property

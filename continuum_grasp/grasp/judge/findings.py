@@ -1,4 +1,4 @@
-"""What the certificate checks, and what it finds."""
+"""Requirements that the certificate checks, findings, and their limits."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Requirement(Enum):
 
 @dataclass(frozen=True)
 class Finding:
-    """What was measured for a requirement, and the greatest value that passes.
+    """The value measured for a requirement, and the greatest value that passes.
 
     Examples
     --------

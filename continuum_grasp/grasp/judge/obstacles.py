@@ -25,7 +25,7 @@ class ExactObject(ABC):
     @staticmethod
     def of(scene: GraspScene | HandScene, held: HeldRods) -> ExactObject:
         """The object of a scene."""
-        return _PlaneObject(scene, held) if isinstance(scene, GraspScene) else _SolidObject(scene)
+        return _PlaneObject(scene, held) if isinstance(scene, GraspScene) else _SolidObject(scene, held)
 
     @abstractmethod
     def near(self, points: Array) -> tuple[Array, Array]:
@@ -62,18 +62,25 @@ class _PlaneObject(ExactObject):
 
 
 class _SolidObject(ExactObject):
-    def __init__(self, scene: HandScene) -> None:
+    """The solid of a hand's scene, which stands where the scene has it: places are moved there."""
+
+    def __init__(self, scene: HandScene, held: HeldRods) -> None:
         self._body = PlacedSolid(scene)
+        self._own, self._held = np.array(scene.object.position), held.position
+        self._turn = scene.object.axes @ held.axes.T
 
     def near(self, points: Array) -> tuple[Array, Array]:
-        found = self._body.nearest(points)
-        return found.distance, found.normal
+        found = self._body.nearest(self._moved(points))
+        return found.distance, found.normal @ self._turn
 
     def distance(self, points: Array) -> Array:
-        return self._body.distance(points)
+        return self._body.distance(self._moved(points))
 
     def height(self, point: Array, normal: Array) -> float:
-        return self._body.height(point, normal)
+        return self._body.height(self._moved(point), self._turn @ normal)
+
+    def _moved(self, points: Array) -> Array:
+        return np.asarray(self._own + (points - self._held) @ self._turn.T)
 
 
 class Obstacle(ABC):

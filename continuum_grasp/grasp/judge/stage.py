@@ -1,4 +1,4 @@
-"""What the certificate asks of a scene, the same for the plane and for space."""
+"""The scene as the certificate sees it: one interface for the plane and for space."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class GraspStage(ABC):
     mass: float
     """Mass of the object [kg]."""
     upright: bool = False
-    """Whether something else than the contacts bears moments about x and y."""
+    """Whether something other than the contacts bears moments about x and y."""
 
     def __init__(self, scene: GraspScene | HandScene) -> None:
         self.scene = scene

@@ -1,4 +1,7 @@
-"""Records of grasps for the certificate of rods: of stored arrays, of images, and with single numbers changed."""
+"""Records of grasps for the certificate of rods; from inside: no door leads to these records.
+
+They come of stored arrays, of images, and with single numbers changed.
+"""
 
 from __future__ import annotations
 
