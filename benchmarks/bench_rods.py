@@ -72,13 +72,11 @@ def main() -> None:
         )
     own, other, few, seconds, few_seconds = np.array(rows).T
     least = np.fmin(own, few)
-    beaten = [int(np.sum(~(each <= 1.01 * least + 1e-9) & np.isfinite(least))) for each in (own, few)]
+    over = [int(np.sum(~(each <= 1.01 * least + 1e-9) & np.isfinite(least))) for each in (own, few)]
     # 1e-4: share of a tension by which an image may differ
     differ = np.sum((np.isfinite(own) != np.isfinite(other)) | (np.abs(own - other) > 1e-4 * own + 1e-9))
     held = [int(np.isfinite(each).sum()) for each in (own, few)]
-    print(
-        f"{len(rows)} scenes; held by rods and elements {held}, over by more than 1 % {beaten}; images differ {differ}"
-    )
+    print(f"{len(rows)} scenes; held by rods and elements {held}, over by more than 1 % {over}; images differ {differ}")
     print(f"CPU, median: {np.median(seconds):.2f} and {np.median(few_seconds):.2f} s")
 
 

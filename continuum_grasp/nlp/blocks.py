@@ -6,7 +6,7 @@ may add to the same row, as contacts do to the balance of an object. With consta
 
     g = S_g vec(rows),    nz(dg/dx) = S_J nz(d rows / dz),    nz(Hessian) = S_H nz(sum over r of lam_r d2 rows_r / dz2)
 
-The objective is c' x + x' diag(s) x / 2 with prices c and s.
+The objective is c' x + x' diag(s) x / 2 with costs c and s.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from continuum_grasp.nlp.sums import entries_at, scattered
 
 ORDER = 4
 """Coefficients of a cubic spline per axis that act in a cell."""
-_KEPT = 64
-"""Structures whose problems are kept in a process."""
+_STORED = 64
+"""Structures whose problems are stored in a process."""
 _problems: dict[tuple[object, ...], NLP] = {}
 
 
@@ -122,7 +122,7 @@ class BlockKind:
             setattr(self, name, function)
 
     def found(self, unknowns: ca.MX, data: ca.MX, table: ca.MX, count: int) -> ca.MX:
-        """What the lookups of blocks find, a column each."""
+        """Values that the lookups of blocks find, a column each."""
         if not self.axes:
             return ca.MX(0, count)
         at, first, counts, given = self.read.map(count)(unknowns, data)
@@ -193,7 +193,7 @@ class BlockProblem(Constraints):
     ...     [([0, 0], [0, 0]), ([-9, -9], [9, 9]), ([1, 0], [1, 0])])]
     >>> for first, last in zip(nodes, nodes[1:]):
     ...     rope.add(link, [*first, *last], rope.rows("length", "links", "m2", 1), [1.0])
-    >>> rope.price(nodes[1][1:], 1.0)
+    >>> rope.cost(nodes[1][1:], 1.0)
     >>> x = np.array([0, 0, 0.4, -1, 1, 0])
     >>> Settings().solver().solve(rope.nlp, rope.start(x), Budget()).x[2:4].round(6)
     array([ 0.5     , -0.866025])
@@ -207,7 +207,7 @@ class BlockProblem(Constraints):
         self._low: list[float] = []
         self._high: list[float] = []
         self._blocks: dict[str, _Blocks] = {}
-        self._prices: dict[int, tuple[float, float]] = {}
+        self._costs: dict[int, tuple[float, float]] = {}
 
     # -- writing -----------------------------------------------------------------------------------------------
 
@@ -231,11 +231,11 @@ class BlockProblem(Constraints):
         blocks.rows.append(parts[1])
         blocks.data.append(parts[2])
 
-    def price(self, at: ArrayLike, linear: float, square: float = 0.0) -> None:
-        """Add prices of unknowns to the objective: linear x + square x^2 / 2."""
+    def cost(self, at: ArrayLike, linear: float, square: float = 0.0) -> None:
+        """Add costs of unknowns to the objective: linear x + square x^2 / 2."""
         for place in np.ravel(np.asarray(at, int)).tolist():
-            before = self._prices.get(place, (0.0, 0.0))
-            self._prices[place] = before[0] + linear, before[1] + square
+            before = self._costs.get(place, (0.0, 0.0))
+            self._costs[place] = before[0] + linear, before[1] + square
 
     def bound(self, at: ArrayLike, low: ArrayLike | None = None, high: ArrayLike | None = None) -> None:
         """Change bounds of unknowns."""
@@ -259,12 +259,12 @@ class BlockProblem(Constraints):
 
     @property
     def parameters(self) -> Array:
-        """Data of all blocks, the table, and the prices."""
-        prices = np.zeros((2, self.size))
-        for place, pair in self._prices.items():
-            prices[:, place] = pair
+        """Data of all blocks, the table, and the costs."""
+        costs = np.zeros((2, self.size))
+        for place, pair in self._costs.items():
+            costs[:, place] = pair
         data = [np.concatenate(blocks.data) for blocks in self._blocks.values()]
-        return np.concatenate([*data, self.table, *prices])
+        return np.concatenate([*data, self.table, *costs])
 
     def start(self, x: Array) -> Start:
         """A start of a solver at unknowns (size,)."""
@@ -291,7 +291,7 @@ class BlockProblem(Constraints):
         )
         key = self.name, self.size, self.count, self.table.size, blocks
         if key not in _problems:
-            while len(_problems) >= _KEPT:
+            while len(_problems) >= _STORED:
                 del _problems[next(iter(_problems))]
             _problems[key] = _Sum(self.name, self.size, self.count, self.table.size, list(self._blocks.values())).nlp
         return _problems[key]

@@ -29,7 +29,7 @@ def chain(count, length):
     for first, last in itertools.pairwise(nodes):
         problem.add(link_kind(), [*first, *last], problem.rows("length", "links", "m2", 1), [length / count])
     for node in nodes:
-        problem.price(node[1], 1.0)
+        problem.cost(node[1], 1.0)
     return problem, nodes
 
 

@@ -46,7 +46,7 @@ def _set_nodes(before: GraspRods, x: Array, problem: GraspRods, index: int, y: A
 
 
 def finer_places(places: Sequence[StagePlace], times: int) -> list[StagePlace]:
-    """The same places where every stage is so many."""
+    """Give the places in a problem that has several stages for each one."""
     found = list[StagePlace]()
     for place in places:
         along = place.share * times
@@ -56,7 +56,7 @@ def finer_places(places: Sequence[StagePlace], times: int) -> list[StagePlace]:
 
 
 def finer_pairs(pairs: Sequence[NearPair], times: int) -> list[NearPair]:
-    """The same nodes, and the chords next to the same places, where every stage is so many."""
+    """Give the nodes and the chords next to the same places in a problem that has several stages for each one."""
     return [
         NearPair(pair.finger, times * pair.node, pair.other, times * pair.chord + k)
         for pair in pairs

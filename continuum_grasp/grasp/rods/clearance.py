@@ -1,4 +1,4 @@
-"""Where a solution is in the way of itself: fingers in the object between nodes, and fingers in each other."""
+"""Overlaps in a solution: of fingers and the object between nodes, and of fingers with each other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a finger lives: in a plane, or in space. All of a grasp that differs between both is here.
+"""Geometry of fingers: a plane, or space. It holds everything in which grasps of both differ.
 
 A finger's state at a node is its place, its direction and the moment that the part beyond exerts. Bodies, contact
 forces and the balance of the object have three coordinates in both: a planar grasp lies in the plane z = 0.

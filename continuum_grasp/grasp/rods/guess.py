@@ -1,4 +1,4 @@
-"""Unknowns of a problem from what a search knows of each finger: an equilibrium, or a posture with forces."""
+"""Unknowns of a problem by knowledge about each finger: an equilibrium, or a posture with forces."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FINE = 800
 
 
 class FingerGuess(ABC):
-    """What is known of a finger."""
+    """Knowledge about a finger from which its unknowns follow."""
 
     middles: tuple[float, ...]
     """Places of its middle contacts [L]."""
@@ -112,8 +112,8 @@ class ShotFinger(FingerGuess):
             normal = problem.numbers.seen(finger, state[None, :d], x[problem.pose])[1][0]
             along = np.array(cross(finger.across, normal))
             if k < len(self.middles):
-                pressed, rubbed = self.held[k]
-                on_finger = pressed * normal + rubbed * along
+                pressed, along_force = self.held[k]
+                on_finger = pressed * normal + along_force * along
                 force = force - on_finger[:d]
                 state = state.copy()
                 couple = np.array(geometry.moment(cross(normal, on_finger)))
@@ -121,8 +121,8 @@ class ShotFinger(FingerGuess):
                 x[part.turns[k]] = state[geometry.moments]
             else:
                 left = np.array(geometry.in_space(list(force - finger.load)))
-                pressed, rubbed = left @ normal, left @ along
-            x[problem.contacts[finger.contacts[k]]] = pressed, rubbed, out, 0.0
+                pressed, along_force = left @ normal, left @ along
+            x[problem.contacts[finger.contacts[k]]] = pressed, along_force, out, 0.0
 
 
 def bent_moment(finger: FingerNumbers, s: float, curvature: float) -> float:

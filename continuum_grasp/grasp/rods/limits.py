@@ -1,7 +1,7 @@
-"""Why a scene has no grasp: its limits, one at a time, widened at a price in the same problem from the same starts.
+"""Reasons why a scene has no grasp: its limits, one at a time, widened at a cost in the same problem from the same starts.
 
 A limit says how the problem is widened, how much of that a solution uses, and how the scene's keys change by as much.
-The least amount is found by going down: from the amount that the price leaves, until 0.97 of it holds from no start.
+The least amount is found by going down: from the amount that the cost leaves, until 0.97 of it holds from no start.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from continuum_grasp.scene import GraspScene
 
 FAR = 16.0
 """Factor on a limit from which on it is no reason."""
-PRICE = 3.0
-"""Price of a limit's relative amount, of which an unborne force costs 100 and all tensions together 1."""
+COST = 3.0
+"""Cost of a limit's relative amount, of which an unborne force costs 100 and all tensions together 1."""
 SURE = 0.97
 """Share of a change that must not hold."""
 STARTS = 6
@@ -48,7 +48,7 @@ class WidenedLimit(ABC):
 
     @abstractmethod
     def widen(self, problem: GraspRods) -> None:
-        """Let the problem go beyond the limit, at a price."""
+        """Let the problem go beyond the limit, at a cost."""
 
     @abstractmethod
     def used(self, problem: GraspRods, x: Array) -> float:
@@ -83,7 +83,7 @@ class WidenedFriction(WidenedLimit):
 
     def widen(self, problem: GraspRods) -> None:
         problem.bound(problem.margin, low=1.0 - FAR)
-        problem.price(problem.margin, -PRICE)
+        problem.cost(problem.margin, -COST)
 
     def used(self, problem: GraspRods, x: Array) -> float:
         return max(0.0, -float(x[problem.margin][0]))
@@ -105,7 +105,7 @@ class WidenedTension(WidenedLimit):
 
     def widen(self, problem: GraspRods) -> None:
         more = problem.unknown("more tension", 0.0, FAR - 1.0)
-        problem.price(more, PRICE)
+        problem.cost(more, COST)
         for part, finger in zip(problem.parts, problem.numbers.fingers, strict=True):
             for at, most, pull in zip(part.pulls, finger.pulls, finger.section.pulls, strict=True):
                 if most > 0.0:
@@ -129,7 +129,7 @@ class WidenedNormalForce(WidenedLimit):
 
     def widen(self, problem: GraspRods) -> None:
         more = problem.unknown("more force", 0.0, FAR - 1.0)
-        problem.price(more, PRICE)
+        problem.cost(more, COST)
         _, high = problem.limits
         for held in problem.contacts.values():
             if math.isfinite(high[held[0]]):
@@ -156,7 +156,7 @@ class WidenedMass(WidenedLimit):
 
     def widen(self, problem: GraspRods) -> None:
         less = problem.unknown("less mass", 0.0, 1.0)
-        problem.price(less, PRICE)
+        problem.cost(less, COST)
         for row, weight in zip(problem.balance, problem.numbers.weight, strict=True):
             if weight:
                 problem.add(kinds.share_kind(), less, [row], [-weight])
@@ -188,7 +188,7 @@ class WidenedBase(WidenedLimit):
         for part, finger in zip(problem.parts, problem.numbers.fingers, strict=True):
             for at, place in zip(part.nodes[0][:2], finger.base[:2], strict=True):
                 problem.bound(at, low=place - MOVED, high=place + MOVED)
-                problem.price(at, -2.0 * PRICE / MOVED * place, 2.0 * PRICE / MOVED)
+                problem.cost(at, -2.0 * COST / MOVED * place, 2.0 * COST / MOVED)
 
     def used(self, problem: GraspRods, x: Array) -> float:
         return max(float(np.linalg.norm(shift)) for shift in self._shifts(problem, x))

@@ -146,7 +146,7 @@ class SupportNumbers:
 
 @dataclass(frozen=True, eq=False)
 class GraspAims:
-    """What a grasp is to have, as prices: of the tension, per sum of the greatest ones, and of the friction margin."""
+    """Aims of a grasp as costs: of the tension, per sum of the greatest ones, and of the friction margin."""
 
     tension: float = 1.0
     margin: float = 0.0

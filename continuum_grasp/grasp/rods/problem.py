@@ -3,7 +3,7 @@
 Unknowns: the pose of the object; per finger the moments of two tendons, the ends of its segments between base, middle
 contacts and tip, the force that acts beyond the begin of each segment, the moment there where a contact changes it, and
 the states at all nodes; per contact its force (N, f, g) and moment; the friction margin; and the parts of the balance
-that nothing bears, at a price, so that every start has a feasible point nearby. A `Geometry` says what a state is.
+that nothing bears, at a cost, so that every start has a feasible point nearby. A `Geometry` says what a state is.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ FEWEST = 6
 APEX = 1e-4
 """Rounding of the apex of a friction cone in space, per unit of force."""
 UNBORNE = 100.0
-"""Price of a force or moment that nothing bears; 10 and 1000 did alike."""
+"""Cost of a force or moment that nothing bears; 10 and 1000 did alike."""
 SHORTEST = 0.02
 """Least length of a segment, per finger."""
 ALONG = 1e-3
@@ -54,7 +54,7 @@ class NearPair:
 
 
 @dataclass(frozen=True)
-class Span:
+class StageSpan:
     """Stages between two places at which a finger may touch or its section jumps."""
 
     first: int  # node at its begin
@@ -64,7 +64,7 @@ class Span:
     force: Indices  # beyond its begin
 
     def shares(self, node: int) -> tuple[float, float]:
-        """Where the stage before a node begins and ends, as shares of the span."""
+        """Begin and end of the stage before a node, as shares of the span."""
         j = node - self.first
         return (j - 1) / self.stages, j / self.stages
 
@@ -74,13 +74,13 @@ class FingerPlaces:
     """Places of a finger's unknowns."""
 
     nodes: list[Indices]
-    spans: list[Span]
+    spans: list[StageSpan]
     touching: list[int]  # node of each contact
     turns: list[Indices]  # moments beyond each middle contact
     pulls: Indices
 
-    def span_of(self, node: int) -> Span:
-        """Span of the stage before a node; the first one for the base."""
+    def span_of(self, node: int) -> StageSpan:
+        """StageSpan of the stage before a node; the first one for the base."""
         return next(span for span in reversed(self.spans) if span.first < max(node, 1))
 
 
@@ -121,7 +121,7 @@ class GraspRods(BlockProblem):
         self.pose = self.unknown("pose", *numbers.pose_bounds)
         aims = numbers.aims
         self.margin = self.unknown("margin", 0.0, 1.0 if aims.margin else 0.0)
-        self.price(self.margin, -aims.margin)
+        self.cost(self.margin, -aims.margin)
         self.balance = np.concatenate([self._balanced(k, name) for k, name in enumerate(_BALANCE)])
         self.contacts: dict[str, Indices] = {}
         self.parts = [self._finger(k, finger, stages) for k, finger in enumerate(numbers.fingers)]
@@ -133,13 +133,13 @@ class GraspRods(BlockProblem):
             self._clear(place, self.parts[place.finger])
         for pair in near:
             self._apart(pair)
-        # 1e-5: least price of tensions where another objective does not have one
+        # 1e-5: least cost of tensions where another objective does not have one
         total = sum(finger.setup.max_tension for finger in numbers.fingers)
         for part, finger in zip(self.parts, numbers.fingers, strict=True):
             for at, pull in zip(part.pulls, finger.section.pulls, strict=True):
-                self.price(at, max(aims.tension, 1e-5) * pull.unit / total)
+                self.cost(at, max(aims.tension, 1e-5) * pull.unit / total)
         for held in self.contacts.values():
-            self.price(held, 0.0, 2e-8)
+            self.cost(held, 0.0, 2e-8)
 
     # -- parts -------------------------------------------------------------------------------------------------
 
@@ -152,7 +152,7 @@ class GraspRods(BlockProblem):
         if binds:
             unborne = self.unknown(f"unborne, {name}", [0.0, 0.0], np.inf)
             self.add(kinds.difference_kind(), unborne, row, [])
-            self.price(unborne, UNBORNE)
+            self.cost(unborne, UNBORNE)
         return row
 
     def _held(self, name: str, friction: float, most: float, unit: float, *, bears_moment: bool) -> Indices:
@@ -228,7 +228,7 @@ class GraspRods(BlockProblem):
         place = self.unknown(f"base place, {name}", 0.0, 0.0)
         previous, before, segment, node = place, 0.0, 0, 0
         force = self.unknown(f"force 0, {name}", -anything, anything)
-        spans, touching, turns = list[Span](), list[int](), list[Indices]()
+        spans, touching, turns = list[StageSpan](), list[int](), list[Indices]()
         for at, contact in marks:
             piece = section.piece_at(0.5 * (before + at))
             if at == 1.0:
@@ -240,7 +240,7 @@ class GraspRods(BlockProblem):
                 end = self.unknown(f"place, {contact}", low, high)
             share = (at - before) / max(bounds[segment + 1] - bounds[segment], 1e-12)
             count = self._times * max(1, round(each * share))
-            spans.append(Span(node, count, piece, np.concatenate([place, end]), force))
+            spans.append(StageSpan(node, count, piece, np.concatenate([place, end]), force))
             node += count
             if contact is not None or at == 1.0:
                 if len(finger.middles):
@@ -297,7 +297,7 @@ class GraspRods(BlockProblem):
             self.add(kinds.bend_kind(geometry, form), unknowns, row, data)
 
     def _marks(self, index: int, finger: FingerNumbers, part: FingerPlaces) -> list[float]:
-        """About where the nodes are along a finger."""
+        """Approximate places of the nodes along a finger."""
         about = sorted([*finger.section.places, *self._middles(index, finger)])
         marks = [0.0]
         for span, (begin, end) in zip(part.spans, itertools.pairwise(about), strict=True):
@@ -305,7 +305,7 @@ class GraspRods(BlockProblem):
         return marks
 
     def _middles(self, index: int, finger: FingerNumbers) -> list[float]:
-        """About where a finger's middle contacts are."""
+        """Approximate places of a finger's middle contacts."""
         if self._joints:
             return list(self._joints[index])
         first, last = finger.places

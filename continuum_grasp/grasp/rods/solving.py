@@ -47,7 +47,7 @@ def rods_solver() -> Solver:
 
 
 class RodStart(ABC):
-    """What a problem of rods starts from.
+    """Start of a problem of rods.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class RodStart(ABC):
     @property
     @abstractmethod
     def guesses(self) -> Sequence[FingerGuess]:
-        """What is known of each finger."""
+        """Knowledge about each finger."""
 
     @property
     @abstractmethod
@@ -87,7 +87,7 @@ class RodStart(ABC):
 
     @property
     def joints(self) -> list[tuple[float, ...]]:
-        """About where the middle contacts of each finger are [L]."""
+        """Approximate places of the middle contacts of each finger [L]."""
         return [guess.middles for guess in self.guesses]
 
     def x_of(self, problem: GraspRods) -> Array:

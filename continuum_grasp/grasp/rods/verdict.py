@@ -1,4 +1,4 @@
-"""What a search of rods may say of its best grasp: optimal, feasible and what is missing, or infeasible by a proof."""
+"""Verdict on a search of rods: optimal, feasible and the reason why no better, or infeasible by a proof."""
 
 from __future__ import annotations
 

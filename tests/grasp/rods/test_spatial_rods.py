@@ -80,8 +80,8 @@ def test_derivatives_are_those_of_finite_differences():
     jacobian = at(0.0)[1]
     assert np.array(jacobian @ along).ravel() == pytest.approx((after - before) / (2 * step), rel=1e-6, abs=1e-6)
     hessian = np.array(functions["hess_lag"](x, p, 1.0, forces))
-    prices = problem.parameters[-x.size :]
-    slopes = np.array((last - first).T @ forces).ravel() / (2 * step) + prices * along
+    costs = problem.parameters[-x.size :]
+    slopes = np.array((last - first).T @ forces).ravel() / (2 * step) + costs * along
     whole = hessian + np.triu(hessian, 1).T
     assert whole @ along == pytest.approx(slopes, rel=1e-5, abs=1e-4)
 
