@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import pairwise
 
 import casadi as ca
@@ -9,7 +10,7 @@ import numpy as np
 from scipy.optimize import root
 
 import continuum_grasp as cg
-from continuum_grasp.model import Section, plane_stage, plane_states
+from continuum_grasp.model import PlaneRod, RodLoads, Section, stage_end
 
 LENGTH, STIFFNESS, OFFSET = 0.2, 0.05, 0.005
 ROD = {"length": LENGTH, "bending_stiffness": STIFFNESS, "linear_density": 0.1}
@@ -21,14 +22,28 @@ def finger(**keys):
     return cg.Finger.model_validate({"rod": ROD, "tendons": PAIR, **keys})
 
 
+PLANE = PlaneRod()
+
+
+@cache
+def stage_of(form, rod, substeps=4):
+    """A stage of a rod as a function of state, force, pulls, begin, end, gravity, sides, history and numbers."""
+    space = 2 if rod.state == PLANE.state else 3
+    sizes = [rod.state + len(form.sliding_names), space, len(form.pulls), 1, 1, space, 2 * (space - 2)]
+    given = [ca.SX.sym(f"given_{k}", size) for k, size in enumerate([*sizes, len(form.history_names), form.size])]
+    state, force, pulls, begin, end, gravity, sides, history, numbers = given
+    loads = RodLoads(force, pulls, gravity, history, numbers, sides)
+    return ca.Function("stage", given, [ca.vertcat(*stage_end(form, rod, state, begin, end, loads, substeps))])
+
+
 class Stages:
     """A finger as stages that end where its pieces end, about so many in all."""
 
     def __init__(self, of, count=24, *, rounding=0.0, gravity=(0.0, 0.0), substeps=4):
         self.section = Section.of(of, rounding=rounding)
         self.form = self.section.form
-        self.stage, self.gravity = plane_stage(self.form, substeps), gravity
-        self.names = plane_states(self.form)
+        self.stage, self.gravity = stage_of(self.form, PLANE, substeps), gravity
+        self.names = ("x", "y", "angle", "moment", *self.form.sliding_names)
         self.slides = [k for k, name in enumerate(self.names) if name.startswith("slide")]
         self.losses = [k for k, name in enumerate(self.names) if name.startswith("loss")]
         self.ends = []
@@ -41,11 +56,12 @@ class Stages:
         self._entering = ca.Function("entering", [entering, history], [ca.vertcat(*losses)])
 
     def along(self, start, force, pulls, history=None):
-        """States (stages + 1, n) from those at the base."""
+        """States (stages + 1, n) from those at the base; one history, or one per stage."""
         history = self.section.pulled if history is None else history
+        every = np.broadcast_to(history, (len(self.ends), len(self.form.history_names)))
         states = [np.array(start, dtype=float)]
-        for begin, end, piece in self.ends:
-            given = (states[-1], force, pulls, begin, end, 0.0, self.gravity, history, self.section.numbers(piece))
+        for (begin, end, piece), own in zip(self.ends, every, strict=True):
+            given = (states[-1], force, pulls, begin, end, self.gravity, [], own, self.section.numbers(piece))
             states.append(np.array(self.stage(*given)).ravel())
         return np.array(states)
 
@@ -62,7 +78,7 @@ class Stages:
             start = np.zeros(len(self.names))
             start[3], start[self.slides] = unknown[0], unknown[1:]
             if self.losses:
-                start[self.losses] = np.array(self._entering(start[4:], history)).ravel()
+                start[self.losses] = np.array(self._entering(start[4:], np.atleast_2d(history)[0])).ravel()
             return start
 
         def missing(unknown):

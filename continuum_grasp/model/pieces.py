@@ -1,7 +1,7 @@
 """Curves along a finger as polynomials on few common pieces.
 
-Places are in units of the finger's length. On each piece every curve is a polynomial of degree `DEGREE` at most of the
-distance from the start of the piece: the stiffness of a linear taper is such a polynomial all along.
+Places are in units of the finger's length. On each piece, every curve is a polynomial of the distance from the start
+of the piece; its degree is at most `DEGREE`. The stiffness of a linear taper is one such polynomial.
 """
 
 from __future__ import annotations
@@ -29,24 +29,18 @@ _SAMPLES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8.0)
 
 @dataclass(frozen=True)
 class CurvePiece:
-    """A part of a finger, from start to end per length, and a polynomial per curve: coefficients of the powers of
-    ``s - start``.
-    """
+    """A part of a finger between two places, with the coefficients of each curve in powers of ``s - start``."""
 
     start: float
     end: float
     polynomials: tuple[tuple[float, ...], ...]
 
-    def at(self, curve: int, s: float) -> float:
-        """Value of the polynomial of a curve at a place."""
-        return float(Polynomial(self.polynomials[curve])(s - self.start))
-
 
 def pieces_of(length: float, curves: Sequence[Curve], cuts: Iterable[float] = ()) -> tuple[CurvePiece, ...]:
-    """Cut a finger of a length [m] into as few pieces as polynomials within `MISFIT` of all curves allow.
+    """Cut a finger of a length [m] into few pieces on which polynomials come within `MISFIT` of all curves.
 
-    ``cuts`` are further places [m] where a piece ends, increasing. A curve with a jump or a kink never passes through
-    one polynomial, so that pieces end there; knots of a spline that leave no misfit do not end a piece.
+    No polynomial follows a jump or a kink, so pieces end there. A knot of a spline ends a piece only if polynomials
+    miss the spline otherwise. Pieces end at the places ``cuts`` [m], too, which increase.
     """
     scales = [max(map(abs, curve.extremes)) or 1.0 for curve in curves]
     inside = [at for at in cuts if SAME * length < at < (1.0 - SAME) * length]
@@ -55,7 +49,7 @@ def pieces_of(length: float, curves: Sequence[Curve], cuts: Iterable[float] = ()
         left = [_Sampled.of(curves, *panel) for panel in Panels.of(length, curves, start, end)]
         while left:
             piece, used = None, 0
-            # As many panels as one polynomial per curve goes through.
+            # Take as many panels as one polynomial per curve follows.
             while used < len(left) and (longer := _fitted(left[: used + 1], scales, length)) is not None:
                 piece, used = longer, used + 1
             if piece is None:
@@ -87,7 +81,7 @@ class _Sampled:
 
 
 def _fitted(panels: Sequence[_Sampled], scales: Sequence[float], length: float) -> CurvePiece | None:
-    """The polynomials through all curves on some panels; None where one of them misses its curve."""
+    """Fit a polynomial to each curve on some panels; None if one of them misses its curve."""
     start, end = panels[0].start / length, panels[-1].end / length
     distance = np.concatenate([panel.places for panel in panels]) / length - start
     values = np.hstack([panel.values for panel in panels])

@@ -1,4 +1,4 @@
-"""Cross-sections of a finger, without elements: their numbers along it, for stages of exact rods."""
+"""Cross-sections of a finger without elements: their numbers along the finger, for stages of exact rods."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from continuum_grasp.model.tendon_friction import SlidingSet, sliding_sets
 from continuum_grasp.scene import Finger
 
 ROUNDING = 0.05
-"""Width of the rounded corners of the direction of friction [1]: 0 to 0.3 change the tension of grasps by less than
-1e-6, and IPOPT needs second derivatives."""
+"""Width of the rounded corners of the direction of friction [1]. IPOPT needs second derivatives; a sharp corner changes
+the least tension that moves a tip by 2e-5 (`tests/model/test_stage.py`, the nonlinear problem)."""
 
 
 @dataclass(frozen=True)
 class SectionPull:
     """A tension [N] or a pressure [Pa] that acts on a finger, as an unknown p from 0 to ``most``.
 
-    ``p + least`` is the moment at the base, or of a chamber where it bends, in units of the finger.
+    ``p + least`` is the moment of a tendon at the base, or of a chamber along it, in units of the finger.
     """
 
     least: float
@@ -55,8 +55,8 @@ class Section:
     stiffness: float  # B0 [N m2], of the rod itself at the base
     pieces: tuple[CurvePiece, ...]
     pulls: tuple[SectionPull, ...]
-    tip_mass: float  # of point masses at the tip, which no piece has
-    rest_slides: tuple[float, ...]  # per set, what its shape draws in while the finger is at rest, per arm [rad]
+    tip_mass: float  # point masses at the tip, which no piece has
+    rest_slides: tuple[float, ...]  # per set, length that the unloaded shape draws in, per arm [rad]
     _numbers: tuple[tuple[float, ...], ...]
 
     @classmethod
@@ -102,11 +102,8 @@ class Section:
 
     @property
     def mass(self) -> float:
-        """Mass of the finger, with all point masses."""
-        start, before, *rest = self._numbers[-1]
-        at = sum(degree + 1 for degree in self.form.degrees[:2])
-        density = rest[at : at + self.form.degrees[2] + 1]
-        return float(before + polynomial(antiderivative(density), 1.0 - start)) + self.tip_mass
+        """Mass of the finger with all point masses, as a force per m/s^2."""
+        return float(self.form.at(1.0, self._numbers[-1]).mass) + self.tip_mass
 
     def piece_at(self, s: float) -> int:
         """Return the piece on which a place lies; at an end, the one on the base side."""
@@ -136,7 +133,7 @@ class _Making:
         self._moment = self._stiffness / self._length
         self._per_mass = self._length**2 / self._stiffness
         parameters = Parameters(finger, (0.0, 0.0), (self._length,), ())
-        # What damps or relaxes does not act at rest.
+        # Laws that damp or relax exert nothing at rest.
         self._laws = [law for law in laws_of(finger, parameters) if law.kind in ("elastic", "friction")]
         self._apart = finger.tendon_channels(apart=True)
         alike = sliding_sets(self._apart, finger.tendon_list, frictional=False)
@@ -209,13 +206,12 @@ class _Making:
         """The sections of the finger."""
         finger, form = self._finger, self._form
         tip = sum(mass.mass * self._per_mass for mass in finger.masses if finger.rod.is_tip(mass.at))
-        slides = [
-            sum(
-                float((Polynomial(p.polynomials[1]) * Polynomial(p.polynomials[3 + channel])).integ()(p.end - p.start))
-                for p in self._pieces
-            )
-            for channel, _ in form.sets
-        ]
-        return Section(
-            form, self._length, self._stiffness, self._pieces, self._pulls, tip, tuple(slides), tuple(self._numbers())
-        )
+        slides = tuple(sum(_slide(piece, channel) for piece in self._pieces) for channel, _ in form.sets)
+        numbers = tuple(self._numbers())
+        return Section(form, self._length, self._stiffness, self._pieces, self._pulls, tip, slides, numbers)
+
+
+def _slide(piece: CurvePiece, channel: int) -> float:
+    """Integral over a piece of the rest curvature times the shape of a channel."""
+    rest, shape = (Polynomial(piece.polynomials[k]) for k in (1, 3 + channel))
+    return float((rest * shape).integ()(piece.end - piece.start))

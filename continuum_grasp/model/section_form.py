@@ -1,16 +1,16 @@
-"""Expressions of the cross-sections of a finger: how each bends under a moment, and what its tendons lose there.
+"""Expressions of the cross-sections of a finger: the curvature under a moment, and the losses of the tendons.
 
-They know neither elements nor stages. Laws, tendons and friction are the objects that the elements take, too:
+These expressions know neither elements nor stages. They take the same laws, tendons and friction as the elements do:
 
     B(s) (k + sum of SectionLaw.moment(k)) = M + sum over pulls of side shape(s) (p + least) exp(-side l)
 
-with k the curvature above the one at rest, M the moment of what acts beyond s, and p the moment of a pull at the base
-above its least one. Per set of tendons that slide alike, with the total curvature kappa,
+k is the curvature above the one at rest, M the moment that the part beyond s exerts, and p the moment of a pull at the
+base above its least one. Per set of tendons that slide alike, with the total curvature kappa,
 
     l' = mu d rounded(kappa),  w' = -shape k,  w(L) = 0,  d = clip(z + h w arm / presliding),
 
-where exp(-l) is the share of the tension at the drive that is left at s, and ``w arm`` is how far the tendon has slid
-there since the unloaded shape. ``z`` and ``h`` state the history (``Memory``).
+where exp(-l) is the share of the drive's tension that arrives at s, and ``w arm`` is how far the tendon has slid there
+since the unloaded shape. ``z`` and ``h`` state the history (``Memory``).
 
 All is in units of the finger: length L, moment B0 / L, force B0 / L^2, with the bending stiffness B0 of the rod itself
 at the base. Gravity stays in m/s^2, so that a mass has the unit of force per m/s^2.
@@ -92,17 +92,29 @@ class SectionPlace:
 
 
 @dataclass(frozen=True)
-class SectionForm:
-    """Everything of a section that is no number: sections of equal forms share all symbolic functions.
+class _Numbers:
+    """Numbers of a piece by their meaning, in their order."""
 
-    ``degrees`` are those of the polynomials of stiffness, rest curvature, mass per length, the shape of each channel,
-    and the curves of each law.
+    start: Scalar
+    mass: Scalar  # before the start
+    curves: Sequence[Sequence[Scalar]]  # coefficients
+    laws: Sequence[SectionLaw]
+    tendons: Sequence[tuple[Scalar, ...]]  # per set friction, slide per presliding, bend of the conduit
+    least: Sequence[Scalar]  # per pull
+
+
+@dataclass(frozen=True)
+class SectionForm:
+    """A section without its numbers: sections of equal forms share all symbolic functions.
+
+    ``degrees`` belong to the polynomials of the stiffness, the rest curvature, the mass per length, the shape of each
+    channel, and the curves of each law.
     """
 
     degrees: tuple[int, ...]
     pulls: tuple[tuple[int, float, int | None], ...]  # channel, side, set of each
     sets: tuple[tuple[int, bool], ...]  # channel of each, and whether it has friction
-    laws: tuple[SectionLaw, ...]  # without their numbers
+    laws: tuple[SectionLaw, ...]  # all their numbers are zero
     curves: tuple[int, ...]  # of each law
     rounding: float
 
@@ -127,56 +139,48 @@ class SectionForm:
 
     @property
     def size(self) -> int:
-        """Count of numbers of a piece."""
-        return 2 + sum(d + 1 for d in self.degrees) + sum(map(len, map(numbers_of_law, self.laws))) + self._of_pulls
+        """Count of the numbers of a piece."""
+        of_laws = sum(len(numbers_of_law(law)) for law in self.laws)
+        return 2 + sum(degree + 1 for degree in self.degrees) + of_laws + 3 * len(self.sets) + len(self.pulls)
 
-    @property
-    def _of_pulls(self) -> int:
-        return 3 * len(self.sets) + len(self.pulls)
+    def _split(self, numbers: Any) -> _Numbers:
+        entries = iter(scalars(numbers))
+        return _Numbers(
+            next(entries),
+            next(entries),
+            [list(islice(entries, degree + 1)) for degree in self.degrees],
+            [law_with(law, entries) for law in self.laws],
+            [tuple(islice(entries, 3)) for _ in self.sets],
+            list(entries),
+        )
 
     # -- expressions ----------------------------------------------------------------------------------------------
 
     def at(self, s: Scalar, numbers: Any) -> SectionPlace:
         """Evaluate the curves at a place on the piece that has the numbers."""
-        start, before, *rest = scalars(numbers)
-        entries, distance = iter(rest), s - start
-        curves = [list(islice(entries, degree + 1)) for degree in self.degrees]
-        values = [polynomial(curve, distance) for curve in curves]
-        grown = antiderivative(curves[2])
-        channels = len(values) - 3 - sum(self.curves)
-        own = iter(values[3 + channels :])
-        return SectionPlace(
-            values[0],
-            values[1],
-            before + polynomial(grown, distance),
-            values[3 : 3 + channels],
-            [list(islice(own, count)) for count in self.curves],
-        )
-
-    def laws_with(self, numbers: Any) -> list[SectionLaw]:
-        """Return the laws with the numbers of a piece."""
-        entries = iter(scalars(numbers)[2 + sum(d + 1 for d in self.degrees) :])
-        return [law_with(law, entries) for law in self.laws]
-
-    def _tendons(self, numbers: Any) -> list[tuple[Scalar, Scalar, Scalar]]:
-        """Per set the friction coefficient, the slide w per presliding, and the bend of the conduit."""
-        entries = iter(scalars(numbers)[self.size - self._of_pulls :])
-        return [(next(entries), next(entries), next(entries)) for _ in self.sets]
+        known = self._split(numbers)
+        distance = s - known.start
+        stiffness, rest, _, *values = (polynomial(curve, distance) for curve in known.curves)
+        mass = known.mass + polynomial(antiderivative(known.curves[2]), distance)
+        channels = len(values) - sum(self.curves)
+        own = iter(values[channels:])
+        return SectionPlace(stiffness, rest, mass, values[:channels], [list(islice(own, n)) for n in self.curves])
 
     def _slides(self, sliding: Any) -> Iterator[tuple[Scalar, Scalar]]:
-        """Per set its loss, zero without friction, and its slide."""
+        """Loss of each set, zero without friction, and its slide."""
         entries = iter(scalars(sliding))
         for _, friction in self.sets:
             yield (next(entries) if friction else 0.0), next(entries)
 
     def load(self, place: SectionPlace, moment: Scalar, pulls: Any, sliding: Any, numbers: Any) -> Scalar:
-        """Add the moments of the pulls to the moment of what acts beyond the place."""
-        entries = scalars(numbers)[self.size - len(self.pulls) :]
+        """Add the moments of the pulls at a place to the moment that the part beyond it exerts."""
         grown = [
             ca.exp(loss) if friction else 1.0
             for (loss, _), (_, friction) in zip(self._slides(sliding), self.sets, strict=True)
         ]
-        for (channel, side, tendons), p, least in zip(self.pulls, scalars(pulls), entries, strict=True):
+        for (channel, side, tendons), p, least in zip(
+            self.pulls, scalars(pulls), self._split(numbers).least, strict=True
+        ):
             tension = p + least
             if tendons is not None and self.sets[tendons][1]:
                 tension = tension / grown[tendons] if side > 0.0 else tension * grown[tendons]
@@ -186,7 +190,7 @@ class SectionForm:
     def curvature(
         self, s: Scalar, moment: Scalar, pulls: Any, sliding: Any, numbers: Any, history: Any
     ) -> tuple[Scalar, Scalar]:
-        """Return the curvature at a place above the one at rest, and the total one."""
+        """Compute the curvature at a place above the one at rest, and the total curvature."""
         place = self.at(s, numbers)
         bend = self.bent(place, self.load(place, moment, pulls, sliding, numbers), numbers, history)
         return bend, place.rest + bend
@@ -215,7 +219,7 @@ class SectionForm:
         left = iter(states[sum(friction for _, friction in self.sets) :])
         values, total = iter(own), bend
         memory = Memory(1.0, moved, rounding=self.rounding)
-        for law, count in zip(self.laws_with(numbers), self.curves, strict=True):
+        for law, count in zip(self._split(numbers).laws, self.curves, strict=True):
             seen = Bend(bend, rest, 0.0, memory, list(islice(values, count)), [next(left) for _ in law.names(1)])
             total = total + law.moment(seen)
         return total
@@ -226,11 +230,11 @@ class SectionForm:
     def sliding_rates(
         self, place: SectionPlace, bend: Scalar, sliding: Any, numbers: Any, history: Any
     ) -> list[Scalar]:
-        """Rates along the finger of the states of the tendons, at a curvature above the one at rest."""
+        """Compute the derivatives of the states of the tendons along the finger, by the curvature above rest."""
         moved, *states = scalars(history)
         left, rates = iter(states), list[Scalar]()
         for (channel, friction), (mu, per_slide, _), (_, slide) in zip(
-            self.sets, self._tendons(numbers), self._slides(sliding), strict=True
+            self.sets, self._split(numbers).tendons, self._slides(sliding), strict=True
         ):
             if friction:
                 (way,) = self._directions([per_slide * slide], [next(left)], moved)
@@ -239,14 +243,14 @@ class SectionForm:
         return rates
 
     def first_losses(self, sliding: Any, numbers: Any, history: Any) -> list[Scalar]:
-        """Losses that tendons with friction have where they enter the finger: those of their conduits.
+        """Compute the loss of each set with friction where it enters the finger: its conduit causes it.
 
-        The entries z of the history are those of the conduits here.
+        The friction states z of this history belong to the conduits.
         """
         moved, *states = scalars(history)
         left, losses = iter(states), list[Scalar]()
         for (_, friction), (mu, per_slide, conduit), (_, slide) in zip(
-            self.sets, self._tendons(numbers), self._slides(sliding), strict=True
+            self.sets, self._split(numbers).tendons, self._slides(sliding), strict=True
         ):
             if friction:
                 (way,) = self._directions([per_slide * slide], [next(left)], moved)
@@ -256,10 +260,10 @@ class SectionForm:
 
 @cache
 def _inverse(form: SectionForm) -> tuple[ca.Function, ca.Function, ca.Function]:
-    """Functions that lead to the curvature above rest that resists a moment per stiffness.
+    """Functions that find the curvature above rest that resists a moment per stiffness.
 
-    The first gives a curvature and bounds of the wanted one. The second takes a Newton step within bounds, which it
-    makes closer, or halves them where the step leaves them; the third takes a Newton step.
+    The first one starts: it gives a curvature and two bounds of the solution. The second one takes a Newton step and
+    moves the bounds closer; a step that leaves the bounds goes to their middle. The third one takes a Newton step.
     """
     names = "bend", "low", "high", "ratio", "rest"
     bend, low, high, ratio, rest = (ca.SX.sym(name) for name in names)
@@ -273,7 +277,7 @@ def _inverse(form: SectionForm) -> tuple[ca.Function, ca.Function, ca.Function]:
     inside = ca.logic_and(step >= below, step <= above)
     halved = ca.if_else(inside, step, 0.5 * (below + above))
     # The moment rises by slopes between these.
-    slopes = [law.slopes for law in form.laws_with(numbers)]
+    slopes = [law.slopes for law in form._split(numbers).laws]
     least, greatest = (sum(bounds, 1.0) for bounds in zip(*slopes, strict=True))
     left = ratio - ca.substitute(moment, bend, 0.0)
     ends = left / least, left / greatest

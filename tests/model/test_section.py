@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import brentq
 
 from continuum_grasp.base import InputError
-from continuum_grasp.model import Memory, Section, plane_stage
+from continuum_grasp.model import Memory, Section
 from tests.rod_stages import LENGTH, OFFSET, PAIR, ROD, STIFFNESS, finger
 
 CONE = {"length": LENGTH, "youngs_modulus": 1e9, "density": 1100.0, "diameter": [0.012, 0.004]}
@@ -140,26 +140,46 @@ def test_pulls_are_tensions_and_pressures_by_their_moments():
     assert section.form.load(section.form.at(0.1, section.numbers(0)), 0.0, [0, 0, 9.0], [], section.numbers(0)) == 0.0
 
 
-def test_fingers_that_differ_by_numbers_share_all_functions():
-    soft = {
-        "softening": {"curvature": 4.0, "stiffness_ratio": 0.3},
-        "damping": {"dry_friction": [{"stiffness": 0.02, "moment": 0.03}]},
-    }
+def test_fingers_that_differ_by_numbers_have_the_same_form():
+    branch = {"stiffness": 0.02, "moment": 0.03}
+    soft = {"softening": {"curvature": 4.0, "stiffness_ratio": 0.3}, "damping": {"dry_friction": [branch]}}
     other = {
+        "rod": {**ROD, "bending_stiffness": 0.7, "length": 0.5},
+        "tendons": {"offset": 0.01, "max_tension": 9.0, "min_tension": 1.0},
         "softening": {"curvature": 7.0, "stiffness_ratio": 0.6, "rounding": 0.5},
-        "damping": {"dry_friction": [{"stiffness": 0.01, "moment": 0.07}]},
+        "damping": {"dry_friction": [{"stiffness": 0.01, "moment": 0.07}], "friction_cells": 3},
     }
-    rod = {**ROD, "bending_stiffness": 0.7, "length": 0.5}
-    first, second = (
-        Section.of(finger(**soft)),
-        Section.of(finger(rod=rod, tendons={"offset": 0.01, "max_tension": 9.0, "min_tension": 1.0}, **other)),
-    )
+    first, second = Section.of(finger(**soft)), Section.of(finger(**other))
     assert first.key == second.key
-    assert plane_stage(first.form) is plane_stage(second.form)
+    assert first.form == second.form
+    assert hash(first.form) == hash(second.form)
     third = Section.of(finger(tendons={**PAIR, "friction": 0.1}, **soft))
     assert third.key != first.key
     fewer = Section.of(finger(softening=soft["softening"]))
     assert fewer.key != first.key
+
+
+def test_similar_fingers_have_the_same_numbers():
+    """Twice as long, eight times as stiff, with the same density, and all moments four times as large."""
+    by = {"length": 2.0, "bending_stiffness": 8.0, "curvature": 0.5, "stiffness": 8.0, "moment": 4.0}
+    by |= {"offset": 2.0, "presliding": 2.0, "rest_curvature": 0.5, "min_tension": 2.0, "max_tension": 2.0}
+
+    def scaled(value, key=""):
+        if isinstance(value, dict):
+            return {name: scaled(entry, name) for name, entry in value.items()}
+        return [scaled(entry) for entry in value] if isinstance(value, list) else value * by.get(key, 1.0)
+
+    keys = {
+        "rod": ROD,
+        "tendons": {**PAIR, "min_tension": 2.0, "friction": 0.2, "presliding": 1e-4, "conduit_bend": 1.0},
+        "rest_curvature": 3.0,
+        "stops": {"curvature": 9.0, "stiffness_ratio": 30.0},
+        "softening": {"curvature": 4.0, "stiffness_ratio": 0.3, "rounding": 0.2},
+        "damping": {"dry_friction": [{"stiffness": 0.02, "moment": 0.03}]},
+    }
+    first, second = Section.of(finger(**keys)), Section.of(finger(**scaled(keys)))
+    assert second.numbers(0) == pytest.approx(first.numbers(0), rel=1e-12)
+    assert second.pulls[0].most == pytest.approx(first.pulls[0].most)
 
 
 # -- the curvature under a moment --------------------------------------------------------------------------------------

@@ -10,7 +10,6 @@ from scipy.optimize import brentq
 from scipy.special import ellipk, ellipkinc
 
 import continuum_grasp as cg
-from continuum_grasp.model import plane_stage
 from tests.marks import few
 from tests.rod_stages import LENGTH, OFFSET, PAIR, ROD, STIFFNESS, Stages, finger
 from tests.rods import order, without_compiler  # noqa: F401
@@ -289,6 +288,30 @@ def test_it_is_the_rod_of_scipy_with_sharp_friction():
     assert q[6:] == pytest.approx([0.0, 0.0], abs=1e-7)
 
 
+def test_histories_may_change_along_the_finger():
+    """Friction of tendons and of bending in given directions on quarters of it: there SciPy needs no history."""
+    ways, branches, (k, m) = [1.0, -1.0, -1.0, 1.0], [-1.0, 1.0, -1.0, -1.0], (0.02, 0.05)
+    mu, tension, force = 0.3, 30.0, (-1.2, 0.8)
+    of = finger(tendons={**PAIR, "friction": mu}, damping={"dry_friction": [{"stiffness": k, "moment": m}]})
+    rod = Stages(of, 40)
+    quarters = [min(int(2.0 * (a + b)), 3) for a, b, _ in rod.ends]
+    history = [[0.0, ways[quarter], branches[quarter]] for quarter in quarters]
+    states = rod.at_rest((tension, 0.0), force, history=history)
+    q = np.array([0.0, 0.0, 0.0, states[0, 3] * rod.section.moment, 0.0])
+    for quarter in range(4):
+
+        def rate(_, q, quarter=quarter):
+            load = q[3] + tension * OFFSET * np.exp(-q[4])
+            kappa = (load - m * branches[quarter]) / STIFFNESS
+            bent = np.sin(q[2]) * force[1] + np.cos(q[2]) * force[0]
+            return [-np.sin(q[2]), np.cos(q[2]), kappa, bent, mu * ways[quarter] * abs(kappa)]
+
+        span = quarter * LENGTH / 4.0, (quarter + 1) * LENGTH / 4.0
+        q = solve_ivp(rate, span, q, rtol=1e-9, atol=1e-11, max_step=0.002).y[:, -1]
+    assert q[:2] / LENGTH == pytest.approx(states[-1, :2], abs=1e-6)
+    assert q[3] == pytest.approx(0.0, abs=1e-7)
+
+
 # -- symmetry, derivatives -------------------------------------------------------------------------------------------
 
 
@@ -322,12 +345,11 @@ def test_its_derivatives_are_those_of_differences():
         damping=DRY,
     )
     rod = Stages(of, rounding=0.05)
-    stage = plane_stage(rod.form)
     z = ca.SX.sym("z", len(rod.names) + 6)
     n = len(rod.names)
     numbers = rod.section.numbers(0)
-    given = [z[:n], z[n : n + 2], z[n + 2 : n + 4], z[n + 4], z[n + 5], 0.0, [0.0, 0.0], rod.section.pulled, numbers]
-    after = stage(*[ca.SX(each) if not isinstance(each, ca.SX) else each for each in map(ca.SX, given)])
+    given = [z[:n], z[n : n + 2], z[n + 2 : n + 4], z[n + 4], z[n + 5], [0.0, 0.0], [], rod.section.pulled, numbers]
+    after = rod.stage(*[ca.SX(each) if not isinstance(each, ca.SX) else each for each in map(ca.SX, given)])
     weights = np.random.default_rng(1).standard_normal(n)
     scalar = ca.dot(ca.DM(weights), after)
     hessian, gradient = ca.hessian(scalar, z)
@@ -343,3 +365,34 @@ def test_its_derivatives_are_those_of_differences():
         seconds = np.array([np.array(slope(at + step * e) - slope(at - step * e)).ravel() for e in np.eye(len(at))])
         exact = np.array(curved(at))
         assert exact == pytest.approx(seconds / (2 * step), abs=1e-4 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("rounding", few([0.05, 0.0], 1))
+def test_stages_are_rows_of_a_nonlinear_problem(rounding):
+    """IPOPT finds the least tensions that move the tip, from a straight finger, with all laws and friction at once."""
+    laws = {
+        "softening": {"curvature": 6.0, "stiffness_ratio": 0.4},
+        "stops": {"curvature": 9.0, "stiffness_ratio": 30.0},
+    }
+    rod = Stages(finger(tendons=ENDING, damping=DRY, **laws), 8, rounding=rounding, gravity=(0.0, -9.81), substeps=2)
+    section, size, count = rod.section, len(rod.names), len(rod.ends)
+    states, pulls = ca.MX.sym("states", size, count + 1), ca.MX.sym("pulls", 2)
+    force = np.array(rod.gravity) * section.mass
+    given = [(a, b, rod.gravity, [], section.pulled, section.numbers(piece)) for a, b, piece in rod.ends]
+    rows = [rod.stage(states[:, k], force, pulls, *each) - states[:, k + 1] for k, each in enumerate(given)]
+    low, high = np.full((size, count + 1), -np.inf), np.full((size, count + 1), np.inf)
+    ends = [(slice(3), 0, 0.0), (rod.losses, 0, 0.0), (3, -1, 0.0), (rod.slides, -1, 0.0), (0, -1, -0.5)]
+    for row, column, value in ends:
+        low[row, column] = high[row, column] = value
+    problem = {"x": ca.vertcat(ca.vec(states), pulls), "f": ca.sumsqr(pulls), "g": ca.vertcat(*rows)}
+    options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.mu_init": 1e-5}
+    solver = ca.nlpsol("least", "ipopt", problem, options)
+    straight = np.zeros((size, count + 1))
+    straight[1, 1:] = [end for _, end, _ in rod.ends]
+    bounds = {"lbx": np.append(low.ravel("F"), [0.0, 0.0]), "ubx": np.append(high.ravel("F"), [50.0, 50.0])}
+    found = np.array(solver(x0=np.append(straight.ravel("F"), [1.0, 1.0]), lbg=0.0, ubg=0.0, **bounds)["x"]).ravel()
+    assert solver.stats()["success"]
+    assert solver.stats()["iter_count"] < 20
+    tensions = [pull.value(p) for pull, p in zip(section.pulls, found[-2:], strict=True)]
+    assert rod.at_rest(tensions)[-1, 0] == pytest.approx(-0.5, abs=1e-6)
+    assert tensions[1] == pytest.approx(0.0, abs=1e-3)

@@ -31,7 +31,7 @@ def body_of(described: Any) -> Body:
 
 
 def surface_of(solid: Any) -> SolidSurface:
-    """Make the surface of a solid in its own frame; those of the last few shapes are stored."""
+    """Make the surface of a solid in its own frame; a cache holds the last four shapes."""
     nowhere = {"position": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0), "against": None}
     return _surface(solid.replaced(mass=1.0, density=None, center_of_mass=None, **nowhere))
 

@@ -1,4 +1,4 @@
-"""The body that a grasp holds: its signed distance, in the plane and in space by one class.
+"""The body that a grasp holds: one class for its signed distance in the plane and in space.
 
 A grasp asks a body for nothing else. The certificate takes the exact distances, normals and curvatures of a `Body`; the
 problem takes a `DistanceTable` of them, which is smooth enough for a solver.
@@ -14,8 +14,8 @@ import numpy as np
 from continuum_grasp.base import Numbers as Array
 
 _SHARPEST = 1e-9
-"""Least radius of curvature, per size of the body [1]: sharp edges have it. A tip 1 mm thick does not tell it from
-zero, and squares of its inverse are still finite."""
+"""Radius of curvature of sharp edges, per size of the body [1]: so small that a tip 1 mm thick does not tell it from
+zero, and so large that squares of its inverse are finite."""
 
 
 @dataclass(frozen=True)
@@ -25,34 +25,33 @@ class NearBody:
     distance: Array
     """Signed distances (n,) [m], negative inside."""
     normal: Array
-    """Outward unit normals (n, d) at the nearest places: gradients of the distance, but on smoothed meshes."""
+    """Outward unit normals (n, d) at the nearest places: gradients of the distance, except on smoothed meshes."""
     curvature: Array
-    """Curvatures of the surface at the nearest places [1/m], positive where it is convex. In the plane (n,), in space
-    the shape operators (n, 3, 3): symmetric, zero along the normal, their other eigenvectors and eigenvalues are the
+    """Curvatures of the surface at the nearest places [1/m], positive where it is convex. In the plane (n,). In space
+    the shape operators (n, 3, 3): symmetric and zero along the normal; the other eigenvectors and eigenvalues are the
     principal directions and curvatures."""
 
 
 class Body(ABC):
-    """A body in its own frame; d is the number of its dimensions. `body_of` makes that of every object of a scene.
+    """A body in its own frame; d is the number of its dimensions. `body_of` makes the body of an object of a scene.
 
-    Where the nearest place is on a sharp edge or at a corner, the normal is the direction to the point from there, or a
-    normal of one of the sides if the point is on it, and the curvature across it is 1e9 / size.
+    If the nearest place is on a sharp edge or a corner, the normal is the direction from there to the point, or the
+    normal of one side if the point is on the edge itself. The curvature across the edge is 1e9 / size.
     """
 
     dimensions: int
     """2 in the plane, 3 in space."""
     size: float
-    """Greatest distance of the surface from the origin of the frame [m]."""
+    """Greatest distance of the surface from the origin of the frame, in the plane from the center of mass [m]."""
     deviation: float = 0.0
-    """Greatest distance of the surface from the true one [m]: of outlines and meshes that stand for a curve."""
-
+    """Greatest distance of the surface from the true one [m]; not zero for outlines and meshes that stand for curves."""
     least_step: float = 0.0
-    """Step of a grid [m] below which a table shows no more of the surface: of facets."""
+    """Step of a grid [m] below which a table gains no detail; not zero for meshes."""
 
     @property
     @abstractmethod
     def box(self) -> tuple[Array, Array]:
-        """Least and greatest coordinates (d,) of an upright box around the body [m]."""
+        """Least and greatest coordinates (d,) of the surface [m], to within 2e-3 of its size."""
 
     @abstractmethod
     def distance(self, points: Array) -> Array:
@@ -63,9 +62,9 @@ class Body(ABC):
         """Return distances, outward normals and curvatures of the surface at the places nearest to points (n, d)."""
 
     def on_grid(self, axes: tuple[Array, ...]) -> Array:
-        """Return what tables interpolate, at the places of a grid with d even axes: the distances [m].
+        """Return the values that tables interpolate, at the places of a grid with d even axes: distances [m].
 
-        A body whose distance is rough, as of facets, has a smooth field that is close to it instead.
+        A mesh, whose distance is rough, returns a smooth field that is close to the distance.
         """
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
         return self.distance(grid.reshape(-1, len(axes))).reshape(grid.shape[:-1])

@@ -1,4 +1,4 @@
-"""A smooth field in place of the distance from facets, on a grid."""
+"""A smooth field on a grid that stands for the distance from facets."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from scipy.sparse.linalg import cg
 from continuum_grasp.base import Numbers as Array
 
 _EXACT, _STEPS = 1e-8, 500
-"""Residual of the normal equations, relative, and steps of the conjugate gradients at most: 60 to 120 are enough."""
+"""Relative residual of the normal equations, and limit of the steps of conjugate gradients; 60 to 120 are enough."""
 
 
 def evened(distance: Array, normals: Array, step: float, reach: float) -> Array:
-    """Return the field that is nearest to distances, and whose slope is nearest to normals.
+    """Return the field u that minimizes the sum over the grid of |grad u - n|^2 + (u - d)^2 / reach^2.
 
-    It is the least sum over the grid of |grad u - n|^2 + (u - d)^2 / reach^2: facets shorter than ``reach`` leave no
-    trace in it.
+    It is smooth: facets shorter than ``reach`` leave no trace in it.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ COARSE, BAND = 2000, 0.6
 ON_EDGE = 1e-9
 """Barycentric coordinate below which a place is on an edge [1]: rounding."""
 NEAR = 0.7
-"""Part of the reach of a table within which its normals are smooth ones [1]; beyond, those of nearest triangles do."""
+"""Part of the reach of a table within which its field follows smooth normals [1]; beyond, normals of triangles do."""
 PER_FACET = 3.0
 """Steps of the finest grid per facet [1]: with 3.6 the curvature of a ball of 320 facets is off by 0.17, with 6 by
 0.13, which takes 6 times as long."""
@@ -174,6 +174,10 @@ class MeshSurface(SolidSurface):
         return np.concatenate(distance), np.concatenate(gradient)
 
     def to_second_order(self, points: Array) -> tuple[Array, Array, Array]:
+        return self.with_slopes(points)[:3]
+
+    def with_slopes(self, points: Array) -> tuple[Array, Array, Array, Array]:
+        """Distance (K,), smooth outward normals (K, 3), derivatives (K, 3, 3) of these, gradients of the distance."""
         distance, outward = self.from_triangles(points)
         farthest = (1.0 + SLACK) * np.abs(distance) + 1e-12 * self.size
         owner, candidates = self._within(points, farthest)
@@ -203,7 +207,7 @@ class MeshSurface(SolidSurface):
         forms = np.stack([a, b - a, np.zeros_like(a), one, two - one, three - one, four - three - two + one], axis=1)
         middle = np.full((len(owner), 2), 0.5)
         self._project(points, distance, owner, forms, middle, (best, normal, turning), triangle=False)
-        return distance, normal, turning
+        return distance, normal, turning, outward
 
     def _project(
         self,

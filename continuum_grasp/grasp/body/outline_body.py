@@ -9,12 +9,11 @@ import numpy as np
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.body.body import Body, NearBody
-from continuum_grasp.grasp.body.plane_boundary import PlaneBoundary
+from continuum_grasp.grasp.body.plane_boundary import PlaneBoundary, RoundedRectangle
 from continuum_grasp.scene import GraspObject, OffsetPolygon, Part, SuperellipsePart
 
 _SPREAD = np.linspace(0.0, 1.0, 33)
-"""Places spread along the quarter of a circle, where the points of a superellipse that are tried first would be without
-its elongation."""
+"""Shares of a quarter turn at which the search for the nearest point of a superellipse tries points first."""
 
 
 class NearPart(NamedTuple):
@@ -31,8 +30,8 @@ class NearPart(NamedTuple):
 class OutlineBody(Body):
     """An object of a planar scene, in its own frame.
 
-    The distance from a union is the least from its parts: exact outside. Inside, where parts overlap, the surface is no
-    nearer than that; nor is it inside of a part with an offset, near a reflex corner.
+    The distance from a union is the least distance from its parts, which is exact outside. Inside, the surface may be
+    deeper than that in overlaps of parts, and near reflex corners of a part with an offset.
     """
 
     dimensions = 2
@@ -68,6 +67,10 @@ def near_part(part: Part, points: Array) -> NearPart:
     TypeError
         The part is of a kind that has no distance here.
     """
+    if isinstance(part, OffsetPolygon) and part.circle is not None:
+        center, radius = part.circle
+        distance, normal, _ = RoundedRectangle((0.0, 0.0), radius).from_points(points - np.array(center))
+        return NearPart(distance, normal, np.full(len(points), radius))
     if isinstance(part, OffsetPolygon):
         found = _core(part).from_points(points)
         with np.errstate(divide="ignore"):

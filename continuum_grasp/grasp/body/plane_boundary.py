@@ -1,4 +1,4 @@
-"""Distance of points from closed boundaries in the plane: lines and arcs, and rectangles with round corners."""
+"""Distances from closed boundaries in the plane: lines and arcs, and rectangles with round corners."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from continuum_grasp.base import Numbers as Array
 from continuum_grasp.scene import Face
 
 _PAIRS = 1_000_000
-"""Pairs of points and faces that are looked at together: 100 MB."""
+"""Pairs of points and faces that are in memory together: 100 MB."""
 _ON = 1e-9
-"""Distance, per size, below which a point is on the boundary, and takes the normal there: of the direction from the
-nearest place, rounding leaves seven digits."""
+"""Distance, per size, below which a point counts as on the boundary and takes the normal of a face [1]: rounding leaves
+seven digits of the direction from the nearest place."""
 
 
 class PlaneDistance(NamedTuple):
-    """Boundary in the plane around points: distances to second order."""
+    """Distance from a boundary in the plane, to second order."""
 
     distance: Array
     """Signed distances (n,) [m], negative inside."""
@@ -34,7 +34,7 @@ class Boundary(Protocol):
     size: float
 
     def from_points(self, points: Array) -> PlaneDistance:
-        """Distance of points (n, 2)."""
+        """Return the distance of points (n, 2)."""
 
     def ring(self) -> tuple[Array, Array]:
         """Points around the boundary (N, 2), and normals there (N, 2), for pictures."""
@@ -49,11 +49,11 @@ class RoundedRectangle:
         self.size = float(np.hypot(*self.half)) + radius
 
     def from_points(self, points: Array) -> PlaneDistance:
-        """Distance of points (n, 2)."""
+        """Return the distance of points (n, 2)."""
         beyond = np.abs(points) - self.half
         outside = np.maximum(beyond, 0.0)
         away = np.hypot(*outside.T)
-        # Inside of the rectangle, the nearest face is that to which the least is missing.
+        # Inside the rectangle, the nearest face is on the axis along which the point is least deep.
         face = np.eye(2)[beyond.argmax(axis=1)]
         gradient = np.where(away[:, None] > 0.0, outside / np.maximum(away, 1e-300)[:, None], face)
         at_corner = ((outside > 0.0) | (self.half == 0.0)).all(axis=1)
@@ -70,9 +70,9 @@ class RoundedRectangle:
 
 
 class PlaneBoundary:
-    """A closed boundary of lines and arcs, counter-clockwise, that is going to be grown by a radius.
+    """A closed boundary of lines and arcs, counter-clockwise, which a part may grow by a radius.
 
-    Around a point, and on both sides of a segment, which is there and back, everything is outside.
+    A point and a segment (two lines, there and back) have no inside.
     """
 
     def __init__(self, faces: Sequence[Face], grown: float = 0.0) -> None:
@@ -83,26 +83,29 @@ class PlaneBoundary:
         radius = np.array([face.radius for face in faces])
         self.is_arc = (self.turn != 0.0) & (radius != 0.0)
         self.radius = np.where(self.is_arc, radius, 1.0)
-        direction = np.column_stack([np.cos(self.normal), np.sin(self.normal)])
-        self.center = self.start - self.radius[:, None] * direction
+        self._direction = np.column_stack([np.cos(self.normal), np.sin(self.normal)])
+        self.center = self.start - self.radius[:, None] * self._direction
+        self._span = self.end - self.start
+        # 1e-300: a line of no length is its start
+        self._square = np.maximum((self._span**2).sum(axis=1), 1e-300)
         self.size = float(np.ptp(self.start, axis=0).max() + np.abs(radius).max()) + grown
         self._has_inside = len(faces) > 2 or bool(self.is_arc.any())
-        # A circle about each face; an arc reaches no farther from its middle than its ends do, or half around.
+        # A circle around each face: no place of an arc is farther from its middle than its ends, or than half a turn.
         every = np.arange(len(faces))
         self._middle = self.at(every, np.full(len(faces), 0.5))
         arcs = 2.0 * np.abs(radius) * np.sin(0.5 * np.minimum(0.5 * np.abs(self.turn), np.pi))
-        lines = 0.5 * np.linalg.norm(self.end - self.start, axis=1)
+        lines = 0.5 * np.hypot(*self._span.T)
         self._reach = np.where(self.is_arc, arcs, lines)
 
     def at(self, face: Array, share: Array) -> Array:
         """Points (N, 2) of faces at shares of their lengths."""
         angle = self.normal[face] + share * self.turn[face]
         arc = self.center[face] + self.radius[face, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-        line = self.start[face] + share[:, None] * (self.end - self.start)[face]
+        line = self.start[face] + share[:, None] * self._span[face]
         return np.asarray(np.where(self.is_arc[face, None], arc, line))
 
     def from_points(self, points: Array) -> PlaneDistance:
-        """Distance of points (n, 2)."""
+        """Return the distance of points (n, 2)."""
         step = max(1, _PAIRS // len(self.start))
         parts = [self._from_few(points[k : k + step]) for k in range(0, max(len(points), 1), step)]
         return PlaneDistance(*(np.concatenate(part) for part in zip(*parts, strict=True)))
@@ -110,14 +113,14 @@ class PlaneBoundary:
     def _from_few(self, points: Array) -> PlaneDistance:
         apart = np.hypot(*(points.T[:, :, None] - self._middle.T[:, None]))
         # Pairs of points and the faces that may be as near as the nearest middle of a face.
-        nearest = apart.min(axis=1, keepdims=True)
-        owner, face = np.nonzero(apart - self._reach <= nearest + _ON * self.size)
+        owner, face = np.nonzero(apart - self._reach <= apart.min(axis=1, keepdims=True) + _ON * self.size)
         place, outward, curvature = self._nearest(points[owner], face)
         away = points[owner] - place
         apart = np.hypot(*away.T)
         first = np.searchsorted(owner, np.arange(len(points)))
         least = np.minimum.reduceat(apart, first) if len(points) else np.zeros(0)
-        best = np.lexsort((apart, owner))[first]
+        nearest = np.flatnonzero(apart == least[owner])
+        best = nearest[np.searchsorted(owner[nearest], np.arange(len(points)))]
         # At a corner both sides say together where a point is.
         heights = np.where(apart <= (least + _ON * self.size)[owner], (away * outward).sum(axis=1), 0.0)
         height = np.add.reduceat(heights, first) if len(points) else least
@@ -135,22 +138,27 @@ class PlaneBoundary:
     def _nearest(self, points: Array, face: Array) -> tuple[Array, Array, Array]:
         """Nearest places (N, 2) of faces (N,), outward normals there, and curvatures (N,), infinite at ends."""
         start = self.start[face]
-        span = (self.end - self.start)[face]
-        share = ((points - start) * span).sum(axis=1) / np.maximum((span * span).sum(axis=1), 1e-300)
-        line = start + np.clip(share, 0.0, 1.0)[:, None] * span
-        side = np.sign(self.radius[face])
+        span = self._span[face]
+        share = ((points - start) * span).sum(axis=1) / self._square[face]
+        place = start + np.clip(share, 0.0, 1.0)[:, None] * span
+        outward = self._direction[face]
+        curvature = np.where((share < 0.0) | (share > 1.0) | (self._square[face] < 1e-200), np.inf, 0.0)
+        arcs = np.flatnonzero(self.is_arc[face])
+        if not len(arcs):
+            return place, outward, curvature
+        face = face[arcs]
+        radius = self.radius[face]
+        side = np.sign(radius)
         whole = np.abs(self.turn[face])
-        away = side[:, None] * (points - self.center[face])
+        away = side[:, None] * (points[arcs] - self.center[face])
         turned = (side * (np.arctan2(away[:, 1], away[:, 0]) - self.normal[face])) % (2.0 * np.pi)
         inside = turned <= whole
         turned = np.where(inside, turned, np.where(turned < 0.5 * whole + np.pi, whole, 0.0))
-        is_arc = self.is_arc[face]
-        angle = self.normal[face] + np.where(is_arc, side * turned, 0.0)
-        outward = np.column_stack([np.cos(angle), np.sin(angle)])
-        arc = self.center[face] + self.radius[face][:, None] * outward
-        ends = np.where(is_arc, ~inside, (share < 0.0) | (share > 1.0) | ~span.any(axis=1))
-        curvature = np.where(ends, np.inf, np.where(is_arc, 1.0 / self.radius[face], 0.0))
-        return np.where(is_arc[:, None], arc, line), outward, curvature
+        angle = self.normal[face] + side * turned
+        outward[arcs] = np.column_stack([np.cos(angle), np.sin(angle)])
+        place[arcs] = self.center[face] + radius[:, None] * outward[arcs]
+        curvature[arcs] = np.where(inside, 1.0 / radius, np.inf)
+        return place, outward, curvature
 
     def ring(self) -> tuple[Array, Array]:
         """Points around the boundary (N, 2) from face to face, and normals there (N, 2), for pictures."""

@@ -19,12 +19,12 @@ LEAST = 0.2
 """Least factor 1 + d k between a curvature k of the surface and that at a distance d: deep inside, no surface is
 nearest."""
 CLOSE, NEARLY = 1e-14, 1e-8
-"""Distances, per size, of a place from the normal through the point, at which it is the nearest one: of rounding; and
-where distances alone are sought, which are off by the square of it."""
+"""Distances [1], per size, between a place and the normal line through the point at which the place counts as nearest:
+rounding; and for distances alone, whose error is its square."""
 
 
 class SuperquadricSurface(SolidSurface):
-    """A superquadric along its axes; with exponents of 2 an ellipsoid. Points move to the octant of its samples."""
+    """A superquadric along its axes; an ellipsoid if both exponents are 2. Its samples are in one octant."""
 
     def __init__(self, extents: Sequence[float], exponents: Sequence[float], size: float) -> None:
         self.half, (self.p, self.q) = 0.5 * np.array(extents), exponents

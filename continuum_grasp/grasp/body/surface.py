@@ -19,7 +19,7 @@ class SolidSurface(Body):
     def to_second_order(self, points: Array) -> tuple[Array, Array, Array]:
         """Return distances (n,) of points (n, 3) [m], normals (n, 3), and derivatives of these (n, 3, 3) [1/m].
 
-        The derivatives are symmetric: Hessians of the distance, but on smoothed meshes.
+        The derivatives are symmetric: the Hessians of the distance, except on smoothed meshes.
         """
 
     def scan(self, points: Array) -> tuple[Array, Array]:

@@ -5,9 +5,9 @@ The exact distance of a body has kinks and jumps of its curvature, at which solv
     u(p) = sum_k c_k prod_j B(x_j - k_j),     x = (p - origin) / step,
 
 with B the cubic B-spline: it interpolates the exact distances at the places of the grid and has two continuous
-derivatives. Its error falls with the fourth power of the step where the distance is smooth. Within a cell of the grid,
-u depends on 4^d coefficients, which are data for the solver: they change from cell to cell, where u and two derivatives
-are the same from both sides. So one CasADi function serves all bodies.
+derivatives. Its error falls with the fourth power of the step if the distance is smooth. Within a cell of the grid, u
+depends on 4^d coefficients, which are data for the solver: they change only between cells, and there u and two
+derivatives are the same from both sides. So one CasADi function serves all bodies.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.body.body import Body
 
 _AWAY = 0.7
-"""Part of the distance from the grid that is added beyond it [1]. The gradient at the border leans by less than 45
-degrees from it where the grid is wider than the body, so that the sum is no more than the distance, and grows."""
+"""Part of the distance from the grid that is added beyond it [1]: cos 45 degrees. If a body fills its box, the gradient
+at the border is within 45 degrees of the border's normal: the sum grows outward and is at most the distance."""
 _INSIDE = 1e-9
-"""Distance of the last place of a grid from its border [cells]: rounding of the largest numbers of cells."""
+"""Distance between the last place of a grid and its border [cells], so that rounding leaves it in the last cell."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class DistanceTable:
         Numbers (2 d + 2,) of the table: its origin (d,), 1 / step, index of its first coefficient, counts (d,) of
         coefficients along the axes.
     coefficients
-        Coefficients (m,) of the table and all its patches, of each the last axis runs fastest.
+        Coefficients (m,) of the table, then of all its patches; the last axis runs fastest.
     unit
         Length [m] that is 1 in the table.
     patches
@@ -71,8 +71,7 @@ class DistanceTable:
     def of(cls, body: Body, low: Array, high: Array, step: float) -> DistanceTable:
         """Make the table of a body for places from ``low`` (d,) to ``high`` (d,) [m], ``step`` [m] apart.
 
-        The grid reaches beyond both alike, so that mirror images of a body have mirror images of its table. Its step is
-        at least the `Body.least_step`.
+        The grid extends beyond both by the same length, so that images of a body have images of its table. Its step is at least `Body.least_step`.
         """
         step = max(step, body.least_step)
         low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
@@ -110,10 +109,10 @@ class DistanceTable:
         )
 
     def refined(self, places: Mapping[str, Array], step: float, count: int = 13) -> DistanceTable:
-        """Return the table with fine tables around places (d,) by name, in place of those that it has.
+        """Return the table with fine tables around named places (d,), which replace former ones.
 
-        Each has ``count`` places along each axis, ``step`` apart; all lengths are in the table's unit. A body of facets
-        gets none: a finer table shows no more of it.
+        Each has ``count`` places along each axis, ``step`` apart; all lengths are in the table's unit. A mesh gets none
+        below its `Body.least_step`.
         """
         if self.unit * step < self.body.least_step:
             places = {}
@@ -130,16 +129,16 @@ class DistanceTable:
         return replace(self, coefficients=np.concatenate(coefficients), patches=patches)
 
     def data_at(self, name: str) -> Array:
-        """Return the data of the fine table around a place, or of the whole table if it has none."""
+        """Return the data of the fine table around a named place, or of the whole table if there is none."""
         return self.patches.get(name, self.data)
 
     # -- for a solver --------------------------------------------------------------------------------------------
 
     @staticmethod
     def cell(point: Any, data: Any) -> Any:
-        """Return where a CasADi point (d,) is on the grid (d,), at its border if beyond it.
+        """Return the place of a CasADi point (d,) on the grid (d,) in cells, clipped to its border.
 
-        Its whole part is the ``cell`` of `distance`. `nlp.Lookup` takes it, the first index and the counts.
+        The whole part is the ``cell`` of `distance`. `nlp.Lookup` takes it, the first index and the counts.
         """
         d = point.numel()
         return ca.fmin(ca.fmax((point - data[:d]) * data[d], 1.0), data[d + 2 :] - 2.0 - _INSIDE)
@@ -166,9 +165,9 @@ class DistanceTable:
     # -- in numpy ------------------------------------------------------------------------------------------------
 
     def values(self, points: Array, name: str = "") -> tuple[Array, Array]:
-        """Return distances (n,) and their gradients (n, d) at points (n, d), as the solver has them.
+        """Return distances (n,) and their gradients (n, d) at points (n, d), the same as the solver's.
 
-        With a ``name``, of the fine table around that place.
+        A ``name`` chooses the fine table around that place.
         """
         d = self.body.dimensions
         data = self.data_at(name)

@@ -54,10 +54,12 @@ class BodySurface:
     def near(self, points: Array) -> Nearby:
         """Distance of points (K, 3) with its first and second derivative, by the nearest place of the surface."""
         local = (points - self.center) @ self.axes
-        away, normal, bending = self._local.to_second_order(local)
         slope = None
         if isinstance(self._local, MeshSurface):
-            slope = self._local.from_triangles(local)[1] @ self.axes.T
+            away, normal, bending, slope = self._local.with_slopes(local)
+            slope = slope @ self.axes.T
+        else:
+            away, normal, bending = self._local.to_second_order(local)
         return Nearby(away, normal @ self.axes.T, self.axes @ bending @ self.axes.T, slope)
 
     def sections(self, frame: PlaneFrame, count: int = 161) -> list[Array]:

@@ -14,13 +14,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.judge.clearance import SampledRod, apart, apart_from_itself
-from continuum_grasp.grasp.judge.findings import CLEAR, EXACT, Finding, Property, greatest
-from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods
-from continuum_grasp.grasp.judge.obstacles import ExactObject
+from continuum_grasp.grasp.judge.clearance import Gap, SampledRod, apart, apart_from_itself
+from continuum_grasp.grasp.judge.findings import CROSSING, EXACT, FOLLOWED, Finding, Requirement, greatest
+from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, HeldSupport
+from continuum_grasp.grasp.judge.obstacles import ExactObject, Obstacle
 from continuum_grasp.grasp.judge.space_rod import TOLERANCE, RodLoad, SpaceRod
 from continuum_grasp.grasp.judge.stage import GraspStage
-from continuum_grasp.scene import FingerSetup, GraspScene, HandScene
+from continuum_grasp.scene import FingerSetup, GraspScene, HandScene, MotorDrive
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +29,8 @@ class RodCertificate:
 
     Examples
     --------
-    >>> from continuum_grasp.grasp.judge.findings import Finding, Property
-    >>> certificate = RodCertificate((Finding(Property.GAP, "finger.tip", 3e-9, 2e-7, "m"),))
+    >>> from continuum_grasp.grasp.judge.findings import Finding, Requirement
+    >>> certificate = RodCertificate((Finding(Requirement.GAP, "finger.tip", 3e-9, 2e-7, "m"),))
     >>> certificate.passed, str(certificate.worst)
     (True, 'gap at the contact, finger.tip: 3e-09 m (limit 2e-07)')
     """
@@ -54,7 +54,7 @@ class RodCertificate:
         """The finding that takes the greatest share of its limit."""
         return max(self.findings, key=lambda finding: finding.share)
 
-    def of(self, wanted: Property, subject: str = "") -> Finding:
+    def of(self, wanted: Requirement, subject: str = "") -> Finding:
         """The finding of a property and a finger, contact or support; the object's without.
 
         Raises
@@ -63,7 +63,7 @@ class RodCertificate:
             There is no such finding.
         """
         for finding in self.findings:
-            if finding.property is wanted and finding.subject == subject:
+            if finding.requirement is wanted and finding.subject == subject:
                 return finding
         raise KeyError(wanted, subject)
 
@@ -81,8 +81,9 @@ def certify_rods(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: fl
     """
     stage = GraspStage.of(scene)
     findings = [
-        Finding(Property.NUMBERS, "", float(held.not_finite), 0.0),
-        Finding(Property.CONTACTS, "", float(_strangers(stage, held)), 0.0),
+        Finding(Requirement.NUMBERS, "", float(held.not_finite), 0.0),
+        Finding(Requirement.CONTACTS, "", float(_strangers(stage, held)), 0.0),
+        Finding(Requirement.LAWS, "", float(_not_certified(stage)), 0.0),
     ]
     # Without these there is nothing to integrate.
     if not all(finding.passed for finding in findings):
@@ -105,9 +106,16 @@ def _strangers(stage: GraspStage, held: HeldRods) -> int:
         wrong += sum(switch == ("off" if name in on else "on") for name, switch in setup.switches.items())
         wrong += sum(not 0.0 <= contact.place <= setup.finger.rod.length for contact in finger.contacts)
     present = Counter(_support_of(stage, contact.name) for contact in held.supports)
-    wrong += present[""] + sum(contact.position is None for contact in held.supports)
+    wrong += present[""]
     wrong += sum(each.touch == ("off" if present[each.name] else "on") for each in stage.obstacles)
     return wrong
+
+
+def _not_certified(stage: GraspStage) -> int:
+    """Count of what a scene asks for that the certificate does not know: all histories of friction, one pulley."""
+    setups = stage.setups.values()
+    histories = stage.scene.friction_states == "any" and any(setup.friction_states for setup in setups)
+    return histories + sum(setup.drive is not None and setup.drive.pulley for setup in setups)
 
 
 def _support_of(stage: GraspStage, contact: str) -> str:
@@ -120,14 +128,14 @@ def _support_of(stage: GraspStage, contact: str) -> str:
 class _Touch:
     """A contact of the object with the geometry of the exact body."""
 
-    contact: HeldContact
+    contact: HeldContact | HeldSupport
     point: Array  # (3,) where the object is touched [m]
     normal: Array  # (3,) outward normal of the object
     friction: float  # coefficient, less the reserve [1]
     torsional: float  # greatest moment per normal force [m]
     most: float  # greatest normal force [N]
     gap: float  # [m]
-    length: float  # what gaps are compared with [m]
+    most_gap: float  # that passes [m]
 
     @property
     def pressing(self) -> float:
@@ -161,7 +169,10 @@ class _Grasp:
         base, gravity = (finger.position, finger.axes), self.stage.finger_gravity
         section = self.stage.section(setup)
         rod = SpaceRod(setup, base, finger.tensions, loads, gravity, section, tolerance=tolerance)
-        rod.solve(finger.moment)
+        if finger.moment is None:
+            rod.solve(np.zeros(3))
+        else:
+            rod.integrate(finger.moment)
         return rod
 
     def _load(self, setup: FingerSetup, contact: HeldContact) -> RodLoad:
@@ -184,7 +195,7 @@ class _Grasp:
                 touch, tangent = self._touch(finger, line, contact)
                 touches.append(touch)
                 if contact.name in self._middles(finger):
-                    yield Finding(Property.TANGENT, contact.name, abs(tangent), EXACT, "rad")
+                    yield Finding(Requirement.TANGENT, contact.name, abs(tangent), FOLLOWED, "rad")
         touches += [self._support_touch(contact) for contact in self.held.supports]
         for touch in touches:
             yield from self._of_contact(touch)
@@ -201,48 +212,50 @@ class _Grasp:
     def _of_finger(self, finger: HeldFinger, line: SampledRod) -> Iterator[Finding]:
         setup, name, rod = self.stage.setups[finger.name], finger.name, line.rod
         scale = max(self.scale * rod.length, setup.stiffness / rod.length * 1e-3)
-        yield Finding(Property.SHAPE, name, float(np.abs(rod.missing).max()), EXACT * scale, "N m")
+        yield Finding(Requirement.SHAPE, name, float(np.abs(rod.missing).max()), FOLLOWED * scale, "N m")
         tendons, used = setup.tendons, setup.finger.tendons_used
         over = []
         for side, tension in zip(("left", "right"), finger.tensions, strict=True):
             # A tendon that is not there cannot pull.
             here = used in ("both", side)
             over += [tension - (setup.max_tension if here else 0.0), tendons.min_tension * here - tension]
-        yield Finding(Property.TENSION, name, greatest(over), EXACT * setup.max_tension, "N")
+        yield Finding(Requirement.TENSION, name, greatest(over), EXACT * setup.max_tension, "N")
+        yield from _torque(setup, finger)
         strain = setup.finger.strain_limit
         depth = setup.finger.profile.half_depth
         if strain is not None and depth is not None:
-            bent = float((np.abs(line.places.curvature) * depth(line.s)).max())
-            yield Finding(Property.STRAIN, name, bent - strain, EXACT * strain)
+            bent = float((np.abs(rod.curvature(line.s)) * depth(line.s)).max())
+            yield Finding(Requirement.STRAIN, name, bent - strain, EXACT * strain)
         for contact in finger.contacts:
             low, high = self._middles(finger).get(contact.name, (rod.length, rod.length))
             off = greatest([low - contact.place, contact.place - high])
-            yield Finding(Property.PLACE, contact.name, off, EXACT * rod.length, "m")
+            yield Finding(Requirement.PLACE, contact.name, off, EXACT * rod.length, "m")
 
     def _clear(self) -> Iterator[Finding]:
         """Findings of bodies in each other."""
         lines = dict(zip((finger.name for finger in self.held.fingers), self.lines, strict=True))
         for finger, line in zip(self.held.fingers, self.lines, strict=True):
-            limit = CLEAR * line.rod.length
-            gap = line.least(lambda s, points, line=line: self.body.distance(points) - line.rod.half(s))
-            yield Finding(Property.DEPTH, finger.name, -gap, limit, "m")
+            length = line.rod.length
+            limit = FOLLOWED * length + self.stage.deviation
+            yield Finding(Requirement.DEPTH, finger.name, -line.least(self._above_object(line)), limit, "m")
             for obstacle in self.stage.obstacles:
                 start, before = self.stage.clear_from(obstacle, finger)
-
-                def free(s: Array, points: Array, line=line, obstacle=obstacle, start=start, before=before) -> Array:
-                    needed = np.where(s < start, before, line.rod.half(s))
-                    return np.asarray(obstacle.distance(points) - needed)
-
-                gap = line.least(free, start if np.isinf(before) else 0.0)
-                yield Finding(Property.SUPPORT_DEPTH, f"{finger.name}, {obstacle.name}", -gap, limit, "m")
-            yield Finding(Property.CURLED, finger.name, -apart_from_itself(line), limit, "m")
+                gap = line.least(_above(obstacle, line, start, before), start if np.isinf(before) else 0.0)
+                yield Finding(
+                    Requirement.SUPPORT_DEPTH, f"{finger.name}, {obstacle.name}", -gap, FOLLOWED * length, "m"
+                )
+            yield Finding(Requirement.CURLED, finger.name, -apart_from_itself(line), CROSSING * length, "m")
         for first, other in self.stage.pairs():
             a, b = lines[first], lines[other]
-            limit = CLEAR * min(a.rod.length, b.rod.length)
-            yield Finding(Property.CROSSED, f"{first}, {other}", -apart(a, b), limit, "m")
+            limit = CROSSING * min(a.rod.length, b.rod.length)
+            yield Finding(Requirement.CROSSED, f"{first}, {other}", -apart(a, b), limit, "m")
         for obstacle in self.stage.obstacles:
             depth = obstacle.depth_of(self.body)
-            yield Finding(Property.OBJECT_DEPTH, obstacle.name, depth, 2.0 * EXACT * self.stage.size, "m")
+            yield Finding(Requirement.OBJECT_DEPTH, obstacle.name, depth, 2.0 * EXACT * self.stage.size, "m")
+
+    def _above_object(self, line: SampledRod) -> Gap:
+        """Gap between a finger and the object along the finger."""
+        return lambda s, points: self.body.distance(points) - line.rod.half(s)
 
     # -- contacts ----------------------------------------------------------------------------------------------
 
@@ -261,26 +274,29 @@ class _Grasp:
             self.stage.torsional,
             setup.normal_force_max,
             abs(float(distance) - radius),
-            line.rod.length,
+            FOLLOWED * line.rod.length,
         )
         # A finger is as thick as balls along it: where these grow, its skin leans by the slope of their radius.
         return touch, float(normal @ here.axes[0, :, 1]) - half.slope(contact.place)
 
-    def _support_touch(self, contact: HeldContact) -> _Touch:
+    def _support_touch(self, contact: HeldSupport) -> _Touch:
         name = _support_of(self.stage, contact.name)
         obstacle = next(each for each in self.stage.obstacles if each.name == name)
         normal, off = obstacle.touched(contact, self.body)
         most = self.stage.scene.contacts.normal_force_max
-        point = np.reshape(contact.position, 3)
-        # An object at rest may be two limits from its support.
-        return _Touch(contact, point, normal, obstacle.friction, 0.0, most, off, 2.0 * self.stage.size)
+        # 2.0: an object at rest may lie a limit off its support, and the contact as far off the object
+        return _Touch(
+            contact, contact.position, normal, obstacle.friction, 0.0, most, off, 2.0 * EXACT * self.stage.size
+        )
 
     def _of_contact(self, touch: _Touch) -> Iterator[Finding]:
         name, limit = touch.contact.name, EXACT * self.scale
-        yield Finding(Property.GAP, name, touch.gap, EXACT * touch.length, "m")
+        yield Finding(Requirement.GAP, name, touch.gap, touch.most_gap, "m")
         over = greatest([-touch.pressing, touch.pressing - touch.most])
-        yield Finding(Property.PRESSING, name, over, limit, "N")
-        yield Finding(Property.FRICTION, name, touch.across - touch.friction * touch.pressing, limit, "N")
+        yield Finding(Requirement.PRESSING, name, over, limit, "N")
+        yield Finding(
+            Requirement.FRICTION, name, touch.across - touch.friction * touch.pressing, FOLLOWED * self.scale, "N"
+        )
 
     def _balance(self, touches: list[_Touch]) -> Iterator[Finding]:
         """Balance of the object's forces, and of their moments about its center of mass."""
@@ -292,6 +308,18 @@ class _Grasp:
             moment -= np.cross(touch.point - center, touch.contact.force) + touch.contact.moment * touch.normal
         if self.stage.upright:
             moment = moment[2:]
-        yield Finding(Property.FORCE, "", float(np.abs(force).max()), EXACT * self.scale, "N")
+        yield Finding(Requirement.FORCE, "", float(np.abs(force).max()), EXACT * self.scale, "N")
         size = self.scale * self.stage.size
-        yield Finding(Property.MOMENT, "", float(np.abs(moment).max()), EXACT * size, "N m")
+        yield Finding(Requirement.MOMENT, "", float(np.abs(moment).max()), FOLLOWED * size, "N m")
+
+
+def _above(obstacle: Obstacle, line: SampledRod, start: float, before: float) -> Gap:
+    """Gap between a finger and an obstacle: of its skin from a position on, and before of its center line."""
+    return lambda s, points: obstacle.distance(points) - np.where(s < start, before, line.rod.half(s))
+
+
+def _torque(setup: FingerSetup, finger: HeldFinger) -> Iterator[Finding]:
+    """Torque with which each motor reaches its tension, its dry friction included."""
+    if setup.drive is not None and isinstance(motor := setup.drive.drive, MotorDrive):
+        torque = float(finger.tensions.max()) * motor.winch_radius + motor.coulomb_friction
+        yield Finding(Requirement.TORQUE, finger.name, torque - motor.torque_max, EXACT * motor.torque_max, "N m")

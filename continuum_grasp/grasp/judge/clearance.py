@@ -15,6 +15,9 @@ _ROUNDS = 4
 """Rounds about a least gap, each eight times as fine: to 6e-7 of the length, and gaps to the square of that."""
 _FINE = np.linspace(0.0, 1.0, 17)
 
+Gap = Callable[[Array, Array], Array]
+"""Gaps (n,) [m] at positions (n,) along a rod [m], whose points are (n, 3) [m]."""
+
 
 class SampledRod:
     """A rod with its center line densely sampled."""
@@ -30,11 +33,8 @@ class SampledRod:
         """Greatest distance between samples along the rod [m]."""
         return float(np.diff(self.s).max())
 
-    def least(self, gap: Callable[[Array, Array], Array], start: float = 0.0) -> float:
-        """Least of gaps (n,) [m] that are functions of positions (n,) and points (n, 3), from a position on.
-
-        A gap changes by no more than the position does.
-        """
+    def least(self, gap: Gap, start: float = 0.0) -> float:
+        """Least gap [m] from a position on; a gap changes by no more than the position does."""
         s = self.s[self.s >= start]
         if not s.size:
             return np.inf
@@ -42,7 +42,7 @@ class SampledRod:
         if not np.isfinite(sampled).all():
             return np.nan
         padded = np.concatenate([[np.inf], sampled, [np.inf]])
-        least = (sampled <= padded[:-2]) & (sampled <= padded[2:]) & (sampled < sampled.min() + 2.0 * self.step)
+        least = (sampled <= padded[:-2]) & (sampled <= padded[2:]) & (sampled <= sampled.min() + 2.0 * self.step)
         k = np.flatnonzero(least)
         low, high = s[np.maximum(k - 1, 0)], s[np.minimum(k + 1, s.size - 1)]
         for _ in range(_ROUNDS):
@@ -62,8 +62,8 @@ def apart(first: SampledRod, other: SampledRod) -> float:
 def apart_from_itself(rod: SampledRod) -> float:
     """Least gap between parts of a finger [m]; its length where none can meet.
 
-    Parts are half a circle of the finger's half thickness from each other along it: a rod that bends no sharper than its
-    skin allows cannot touch itself closer by.
+    Parts are half a circle of the finger's half thickness from each other along it: a rod that bends no sharper than
+    its skin allows cannot touch itself closer by.
     """
     tangents = rod.places.axes[:, :, 1]
     turn = np.arccos(np.clip((tangents[:-1] * tangents[1:]).sum(axis=1), -1.0, 1.0))
@@ -80,6 +80,8 @@ def _least_gap(first: SampledRod, other: SampledRod, p: Array, q: Array) -> floa
     thick = np.maximum(first.half[p], first.half[p + 1]) + np.maximum(other.half[q], other.half[q + 1])
     # Chords whose ends are far apart are farther than others, whatever lies between.
     ends = np.linalg.norm(a - c, axis=1) - thick
+    if np.isnan(ends).any():
+        return np.nan
     near = ends <= ends.min() + 2.0 * (first.step + other.step)
     return float((chord_distance(a[near], b[near], c[near], d[near]) - thick[near]).min())
 

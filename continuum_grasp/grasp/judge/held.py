@@ -9,34 +9,36 @@ import numpy as np
 
 from continuum_grasp.base import Numbers as Array
 
-UNKNOWN = float("nan")
-
 
 @dataclass(frozen=True, eq=False)
 class HeldContact:
-    """A contact of the object with a finger or a support, in the world.
+    """A contact of a finger with the object, in the world.
 
     Examples
     --------
-    >>> HeldContact("finger.tip", force=np.array([2.0, 0.0, 0.0]), place=0.2).force
+    >>> HeldContact("finger.tip", np.array([2.0, 0.0, 0.0]), place=0.2).force
     array([2., 0., 0.])
     """
 
     name: str
     force: Array
-    """Force (3,) on what touches the object [N]."""
-    place: float = UNKNOWN
-    """Position along the finger [m]; NaN of supports."""
+    """Force (3,) on the finger [N]."""
+    place: float
+    """Position along the finger [m]."""
     moment: float = 0.0
-    """Moment about the outward normal of the object, on the finger [N m]."""
-    position: Array | None = None
-    """Position (3,) of a contact with a support [m]; None of fingers, whose contacts follow from their shapes."""
+    """Moment on the finger about the outward normal of the object [N m]."""
 
-    @property
-    def numbers(self) -> Array:
-        """All numbers of the contact."""
-        place = [self.place] if self.position is None else self.position
-        return np.concatenate([np.ravel(self.force), np.ravel(place), [self.moment]])
+
+@dataclass(frozen=True, eq=False)
+class HeldSupport:
+    """A contact of a palm, a line, a peg or a table with the object, in the world."""
+
+    name: str
+    force: Array
+    """Force (3,) on the support [N]."""
+    position: Array
+    """Position (3,) [m]."""
+    moment: float = field(default=0.0, init=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,15 +53,16 @@ class HeldFinger:
     tensions: Array
     """Tension of each tendon [N]."""
     contacts: tuple[HeldContact, ...] = ()
-    moment: Array = field(default_factory=lambda: np.zeros(3))
-    """Moment (3,) in the base in the world [N m]. It only says which of several equilibria is meant: the certificate
-    begins there and finds the moment anew."""
+    moment: Array | None = None
+    """Moment (3,) in the base in the world [N m]: the shape follows from it, and nothing may be left of it at the tip.
+    None: the one with which nothing is left is found from the loads, where they leave one shape alone."""
 
     @property
     def numbers(self) -> Array:
         """All numbers of the finger."""
-        own = [self.position, self.axes, self.tensions, self.moment]
-        return np.concatenate([np.ravel(part) for part in (*own, *(c.numbers for c in self.contacts))])
+        touching = (part for c in self.contacts for part in (c.force, c.place, c.moment))
+        own = (self.position, self.axes, self.tensions, () if self.moment is None else self.moment)
+        return np.concatenate([np.ravel(part) for part in (*own, *touching)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,11 +74,10 @@ class HeldRods:
     axes: Array
     """Columns (3, 3): the axes of the object's frame in the world."""
     fingers: tuple[HeldFinger, ...]
-    supports: tuple[HeldContact, ...] = ()
-    """Contacts of the object with palms, lines, pegs and tables."""
+    supports: tuple[HeldSupport, ...] = ()
 
     @property
-    def contacts(self) -> Iterator[HeldContact]:
+    def contacts(self) -> Iterator[HeldContact | HeldSupport]:
         """All contacts."""
         for finger in self.fingers:
             yield from finger.contacts
@@ -84,9 +86,9 @@ class HeldRods:
     @property
     def not_finite(self) -> int:
         """Count of NaN and infinite numbers."""
-        parts = [np.ravel(self.position), np.ravel(self.axes)]
-        parts += [finger.numbers for finger in self.fingers] + [contact.numbers for contact in self.supports]
-        return int((~np.isfinite(np.concatenate(parts))).sum())
+        parts = [self.position, self.axes, *(finger.numbers for finger in self.fingers)]
+        parts += [part for support in self.supports for part in (support.force, support.position)]
+        return int((~np.isfinite(np.concatenate([np.ravel(part) for part in parts]))).sum())
 
 
 def in_plane(pose: Array | tuple[float, float, float]) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ import numpy as np
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
 from continuum_grasp.grasp.hand.surfaces import PlacedSolid
-from continuum_grasp.grasp.judge.held import HeldContact, HeldRods
+from continuum_grasp.grasp.judge.held import HeldRods, HeldSupport
 from continuum_grasp.scene import GraspScene, HandScene, Peg, Wall
 
 _ALONG = np.linspace(0.0, 1.0, 41)
@@ -110,7 +110,7 @@ class Obstacle(ABC):
         """Depth of the object in it [m], negative where they are apart."""
 
     @abstractmethod
-    def touched(self, contact: HeldContact, body: ExactObject) -> tuple[Array, float]:
+    def touched(self, contact: HeldSupport, body: ExactObject) -> tuple[Array, float]:
         """Outward normal (3,) of the object at a contact, and by how much its position misses both surfaces [m]."""
 
 
@@ -147,8 +147,8 @@ class _Flat(Obstacle):
             low, high = places[max(k - 1, 0)], places[min(k + 1, _ALONG.size - 1)]
         return -float(away[k])
 
-    def touched(self, contact: HeldContact, body: ExactObject) -> tuple[Array, float]:
-        place = np.reshape(contact.position, (1, 3))
+    def touched(self, contact: HeldSupport, body: ExactObject) -> tuple[Array, float]:
+        place = contact.position[None]
         heights, beside = self._parts(place)
         off = math.hypot(float(heights[0]), max(float(beside[0]), 0.0))
         return -self._normal, max(abs(float(body.distance(place)[0])), off)
@@ -173,8 +173,8 @@ class _Round(Obstacle):
     def depth_of(self, body: ExactObject) -> float:
         return self._radius - float(body.distance(self._center[None])[0])
 
-    def touched(self, contact: HeldContact, body: ExactObject) -> tuple[Array, float]:
+    def touched(self, contact: HeldSupport, body: ExactObject) -> tuple[Array, float]:
         distance, normal = body.near(self._center[None])
         place = self._center - self._radius * normal[0]
-        off = float(np.linalg.norm(place - np.reshape(contact.position, 3)))
+        off = float(np.linalg.norm(place - contact.position))
         return normal[0], max(abs(float(distance[0]) - self._radius), off)

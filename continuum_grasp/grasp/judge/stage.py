@@ -8,14 +8,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.judge.findings import EXACT, Finding, Property, greatest
+from continuum_grasp.grasp.judge.findings import EXACT, Finding, Requirement, greatest
 from continuum_grasp.grasp.judge.held import HeldFinger, HeldRods, in_plane
 from continuum_grasp.grasp.judge.obstacles import ExactObject, Obstacle
-from continuum_grasp.grasp.judge.space_rod import RodSection
+from continuum_grasp.grasp.judge.space_rod import SideStiffness
 from continuum_grasp.scene import FingerSetup, GraspScene, HandScene
 
-TRACE = 1e-4
-"""Share of E I / L^2 that the forces in play count as at least."""
+TRACE = 1e-2
+"""Share of E I / L^2 that the forces in play count as at least: solvers leave 1e-9 of it."""
 
 
 class GraspStage(ABC):
@@ -44,6 +44,11 @@ class GraspStage(ABC):
         return self.scene.object.size
 
     @property
+    def deviation(self) -> float:
+        """Greatest distance of the object's surface from the curve or mesh that it stands for [m]."""
+        return self.scene.object.deviation
+
+    @property
     def finger_gravity(self) -> Array:
         """Gravity (3,) that bends fingers [m/s2]."""
         return self.gravity
@@ -54,7 +59,7 @@ class GraspStage(ABC):
         return 0.0
 
     @abstractmethod
-    def section(self, setup: FingerSetup) -> RodSection:
+    def section(self, setup: FingerSetup) -> SideStiffness:
         """Section of a finger."""
 
     @abstractmethod
@@ -97,19 +102,19 @@ class _PlaneStage(GraspStage):
     def finger_gravity(self) -> Array:
         return self.gravity * [1.0, 1.0, 0.0]
 
-    def section(self, setup: FingerSetup) -> RodSection:
-        return RodSection()
+    def section(self, setup: FingerSetup) -> SideStiffness:
+        return SideStiffness()
 
     def center(self, held: HeldRods) -> Array:
         return np.asarray(held.position + held.axes @ np.array([*self.scene.object.com, 0.0]))
 
     def poses(self, held: HeldRods) -> Iterator[Finding]:
         off = _beyond(self.scene.object.pose_bounds, (held.position, held.axes), self.size)
-        yield Finding(Property.POSE, "", off, EXACT)
+        yield Finding(Requirement.POSE, "", off, EXACT)
         for finger in held.fingers:
             setup = self.setups[finger.name]
             off = _beyond(setup.finger.base_bounds, (finger.position, finger.axes), setup.finger.rod.length)
-            yield Finding(Property.BASE, finger.name, off, EXACT)
+            yield Finding(Requirement.BASE, finger.name, off, EXACT)
 
     def clear_from(self, obstacle: Obstacle, finger: HeldFinger) -> tuple[float, float]:
         half = float(self.setups[finger.name].finger.profile.half_thickness(0.0))
@@ -139,9 +144,9 @@ class _HandStage(GraspStage):
     def torsional(self) -> float:
         return self.scene.contacts.torsional_friction
 
-    def section(self, setup: FingerSetup) -> RodSection:
+    def section(self, setup: FingerSetup) -> SideStiffness:
         section = (self._bases[setup.name].finger or self.scene.hand.finger).cross_section
-        return RodSection(section.lateral, section.torsion)
+        return SideStiffness(section.lateral, section.torsion)
 
     def center(self, held: HeldRods) -> Array:
         return np.asarray(held.position + held.axes @ np.array(self.scene.object.local_com))
@@ -149,7 +154,7 @@ class _HandStage(GraspStage):
     def poses(self, held: HeldRods) -> Iterator[Finding]:
         body = self.scene.object
         off = _differs((held.position, held.axes), (np.array(body.position), body.axes), self.size)
-        yield Finding(Property.POSE, "", off, EXACT)
+        yield Finding(Requirement.POSE, "", off, EXACT)
         for finger in held.fingers:
             base, length = self._bases[finger.name], self.setups[finger.name].finger.rod.length
             along = np.array(base.direction) / np.linalg.norm(base.direction)
@@ -158,7 +163,7 @@ class _HandStage(GraspStage):
             normal /= np.linalg.norm(normal)
             axes = np.column_stack([np.cross(along, normal), along, normal])
             off = _differs((finger.position, finger.axes), (np.array(base.position), axes), length)
-            yield Finding(Property.BASE, finger.name, off, EXACT)
+            yield Finding(Requirement.BASE, finger.name, off, EXACT)
 
     def clear_from(self, obstacle: Obstacle, finger: HeldFinger) -> tuple[float, float]:
         base, half = self._bases[finger.name], self.setups[finger.name].finger.thickness_radius

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
 
 from continuum_grasp.base import Array
+from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.problem import GraspRods, NearPair, StagePlace
-from continuum_grasp.grasp.rods.rod import integral, stage
 
 
 def carried(before: GraspRods, x: Array, problem: GraspRods) -> Array:
     """Unknowns of a problem with as many stages as another, or a multiple, by those of the other."""
     y = np.zeros(problem.size)
     for name, at in problem.at.items():
-        if not name.startswith("node "):
+        # Another problem may have unknowns of a limit that is widened.
+        if name in before.at and not name.startswith("node "):
             y[at] = x[before.at[name]]
     for index in range(len(problem.parts)):
         _set_nodes(before, x, problem, index, y)
@@ -25,23 +25,24 @@ def carried(before: GraspRods, x: Array, problem: GraspRods) -> Array:
 
 def _set_nodes(before: GraspRods, x: Array, problem: GraspRods, index: int, y: Array) -> None:
     """States of a finger: at its former nodes, and from there on between them."""
-    finger, part, coarse = problem.numbers.fingers[index], problem.parts[index], before.parts[index]
-    geometry, times = problem.geometry, part.stages // coarse.stages
-    pull = float(y[part.pulls] @ [1.0, -1.0])
-    for node, (first, _) in enumerate(itertools.pairwise(coarse.nodes)):
-        segment = coarse.segment_of(node + 1)
-        begin, end = x[coarse.segments[segment]]
-        state = x[first].copy()
-        y[part.nodes[times * node]] = state
-        if segment and node == coarse.first[segment]:
-            state[geometry.moments] = x[coarse.turns[segment - 1]]
-        each = (end - begin) / part.stages
-        for k in range(1, times):
-            s = begin + each * (times * (node - coarse.first[segment]) + k - 1)
-            force = x[coarse.forces[segment]] - finger.gravity * integral(finger.course.weight, begin, s)
-            state = np.array(stage(geometry, finger.course, finger.sides, finger.gravity, state, force, pull, s, each))
-            y[part.nodes[times * node + k]] = state
-    y[part.nodes[-1]] = x[coarse.nodes[-1]]
+    finger, part, former = problem.numbers.fingers[index], problem.parts[index], before.parts[index]
+    geometry = problem.geometry
+    stage = kinds.stage_kind(geometry, finger.section.form)
+    for span, coarse in zip(part.spans, former.spans, strict=True):
+        times = span.stages // coarse.stages
+        for k in range(coarse.stages):
+            node, first = coarse.first + k, span.first + times * k
+            state = x[former.nodes[node]].copy()
+            y[part.nodes[first]] = state
+            if k == 0 and node in former.touching:
+                state[geometry.moments] = x[former.turns[former.touching.index(node)]]
+            for j in range(1, times):
+                unknowns = [*state, *np.zeros(len(state)), *x[coarse.force], *x[former.pulls], *x[coarse.ends]]
+                data = [*finger.acting(span.piece), *span.shares(first + j)]
+                # The row is where the stage leads less where it ends.
+                state = stage.value(np.array(unknowns), np.array(data), np.zeros(0))
+                y[part.nodes[first + j]] = state
+    y[part.nodes[-1]] = x[former.nodes[-1]]
 
 
 def finer_places(places: Sequence[StagePlace], times: int) -> list[StagePlace]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.rods.problem import GraspRods, NearPair, StagePlace
-from continuum_grasp.grasp.rods.rod import between, polynomial
+from continuum_grasp.grasp.rods.rod import between
 
 DEEP = 3e-6
 """Depth between nodes at which a row is added there [L]."""
@@ -25,12 +25,12 @@ def deep_places(problem: GraspRods, x: Array) -> list[StagePlace]:
     pose = x[problem.pose]
     found = list[StagePlace]()
     for k, (finger, part) in enumerate(zip(problem.numbers.fingers, problem.parts, strict=True)):
-        states = x[np.array(part.nodes)]
+        states = x[np.array(part.nodes)][:, : problem.geometry.oriented]
         s = places_of_nodes(problem, x, k)
         share = (np.arange(1, FINE) / FINE)[:, None]
         place = between(problem.geometry, states[:-1].T, states[1:].T, np.diff(s), share)
         gap, _ = problem.numbers.seen(finger, np.stack([part.ravel() for part in place], axis=1), pose)
-        half = polynomial(finger.course.half, s[:-1] + np.diff(s) * share)
+        half = finger.half(s[:-1] + np.diff(s) * share)
         depth = half - gap.reshape(share.size, -1) - problem.numbers.deviation / finger.length
         for j in np.flatnonzero(depth.max(axis=0) > DEEP).tolist():
             found.append(StagePlace(k, j + 1, float(share[depth[:, j].argmax(), 0])))
@@ -39,10 +39,11 @@ def deep_places(problem: GraspRods, x: Array) -> list[StagePlace]:
 
 def places_of_nodes(problem: GraspRods, x: Array, finger: int) -> Array:
     """Places of a finger's nodes along it [L]."""
-    part = problem.parts[finger]
-    shares = np.arange(1, part.stages + 1) / part.stages
-    ends = [x[segment] for segment in part.segments]
-    return np.concatenate([[0.0], *[begin + (end - begin) * shares for begin, end in ends]])
+    places = [np.zeros(1)]
+    for span in problem.parts[finger].spans:
+        begin, end = x[span.ends]
+        places.append(begin + (end - begin) * np.arange(1, span.stages + 1) / span.stages)
+    return np.concatenate(places)
 
 
 class Crossing:
@@ -61,7 +62,7 @@ class Crossing:
             gaps = [self._nearest(a, b)[1].min() for a, b in ((k, m), (m, k))]
             deepest = max(deepest, -min(gaps))
             if self._cut(k, m):
-                deepest = max(deepest, float(self._problem.numbers.fingers[k].course.half[0]))
+                deepest = max(deepest, float(self._problem.numbers.fingers[k].half(0.0)))
         return float(deepest)
 
     @property
@@ -83,7 +84,7 @@ class Crossing:
     def _nearest(self, k: int, m: int) -> tuple[Array, Array]:
         """Nearest chord of finger m to each node of finger k, and the gap between both [L of k]."""
         one, other = (self._problem.numbers.fingers[i] for i in (k, m))
-        reach = one.course.half[0] + other.length / one.length * other.course.half[0]
+        reach = float(one.half(0.0) + other.length / one.length * other.half(0.0))
         p, q = self._lines(k, m)
         chords = q[1:] - q[:-1]
         away = p[:, None] - q[None, :-1]
@@ -95,7 +96,7 @@ class Crossing:
             at = s[:-1] + share * np.diff(s)
             i, j = np.indices(gap.shape)
             # A half circle of its skin touches itself by bending alone.
-            beside = np.abs(s[:, None] - at) < np.pi * one.course.half[0] + np.diff(s).max()
+            beside = np.abs(s[:, None] - at) < np.pi * one.half(0.0) + np.diff(s).max()
             gap[beside | (np.abs(i - j) <= 1) | (np.abs(i - j - 1) <= 1)] = np.inf
         else:
             gap[0, 0] = np.inf  # bases may be next to each other
@@ -115,7 +116,7 @@ def touched_places(problem: GraspRods, x: Array) -> dict[str, Array]:
     """Places of the contacts of fingers in the object's frame (dimensions,) [object size], by name."""
     d, found = problem.geometry.dimensions, dict[str, Array]()
     for finger, part in zip(problem.numbers.fingers, problem.parts, strict=True):
-        for name, node in zip(finger.contacts, part.first[1:], strict=False):
+        for name, node in zip(finger.contacts, part.touching, strict=True):
             place = x[part.nodes[node]][None, :d]
             found[name] = problem.numbers.local(finger, place, x[problem.pose])[0]
     return found

@@ -6,7 +6,7 @@ forces and the balance of the object have three coordinates in both: a planar gr
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Array
+from continuum_grasp.model import RodEquations
 
 Value = Any
 """A number, an array of numbers, or a symbol of CasADi."""
@@ -23,18 +24,16 @@ Matrix = list[list[Any]]
 """Three rows of three values."""
 
 
-class Geometry(ABC):
-    """Sizes and laws of a rod and a pose in a plane, or in space."""
+class Geometry(RodEquations):
+    """Sizes and equations of a rod and a pose in a plane, or in space."""
 
     name: str
     dimensions: int
     """Coordinates of a place, a force or a normal that a finger sees."""
-    state: int
-    """Numbers of a state."""
     oriented: int
     """Numbers of a state that say its place and direction; they come first, then the moment."""
     sides: int
-    """Numbers of a section beyond its course, as for its stiffness out of the plane in which it bends."""
+    """Stiffnesses of a section out of the plane in which it bends."""
     steps: int
     """Steps of the fourth-order rule of Runge and Kutta in a stage."""
     finer: int
@@ -56,26 +55,8 @@ class Geometry(ABC):
         """Direction of the finger (dimensions,)."""
 
     @abstractmethod
-    def bending(self, state: Values) -> Value:
-        """Moment about the axis of bending."""
-
-    @abstractmethod
-    def rates(
-        self, state: Values, force: Values, stiffness: Value, rest: Value, pulled: Value, sides: Values
-    ) -> Values:
-        """Derivatives (state,) of a state along the finger, without those of the force.
-
-        The force is that of the part beyond. The section has a stiffness, a curvature at rest and the moment of its
-        tendons about the axis of bending.
-        """
-
-    @abstractmethod
     def bent(self, base: Array, x: float, y: float, angle: float, moment: float) -> Array:
         """State (state,) of a finger that bends about one axis, by what its base (oriented,) sees."""
-
-    @abstractmethod
-    def frame(self, base: Array) -> Array:
-        """Axes (3, 3) of a base (oriented,) as columns: across the finger in its plane, along it, and of bending."""
 
     @abstractmethod
     def turn(self, pose: Values, axes: Values) -> Matrix:
@@ -92,10 +73,6 @@ class Geometry(ABC):
     def in_space(self, vector: Sequence[Any]) -> list[Any]:
         """Three coordinates of a vector (dimensions,)."""
         return [*vector, *[0.0] * (3 - self.dimensions)]
-
-    def moment_in_space(self, moment: Sequence[Any]) -> list[Any]:
-        """Three components of the moment of a state."""
-        return [*[0.0] * (3 - len(moment)), *moment]
 
     def moment(self, vector: Sequence[Any]) -> list[Any]:
         """Components of a moment (3,) that a state has."""

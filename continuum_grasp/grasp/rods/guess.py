@@ -10,10 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from continuum_grasp.base import Array
+from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.geometry import cross, exerted
 from continuum_grasp.grasp.rods.numbers import FingerNumbers
 from continuum_grasp.grasp.rods.problem import FingerPlaces, GraspRods
-from continuum_grasp.grasp.rods.rod import integral, polynomial, stage
+from continuum_grasp.model import SectionForm
 
 Held = Mapping[str, Array]
 """Force and moment (N, f, g, tau) of contacts by name, in units of the finger."""
@@ -25,7 +26,7 @@ class FingerGuess(ABC):
     """What is known of a finger."""
 
     middles: tuple[float, ...]
-    """Places of its middle contacts [L]."""
+    """About where its middle contacts are [L]."""
 
     @abstractmethod
     def fill(self, problem: GraspRods, index: int, x: Array) -> None:
@@ -61,37 +62,77 @@ class ShotFinger(FingerGuess):
     def fill(self, problem: GraspRods, index: int, x: Array) -> None:
         """Set the unknowns of a finger by integration from its base."""
         finger, part, geometry = problem.numbers.fingers[index], problem.parts[index], problem.geometry
-        course, gravity, moments = finger.course, finger.gravity, geometry.moments
-        x[part.pulls] = max(self.pull, 0.0), max(-self.pull, 0.0)
-        moment = course.stiffness[0] * (self.bend - course.rest[0]) - course.tendon[0] * self.pull
-        force, state = self.force, geometry.bent(finger.base, 0.0, 0.0, 0.0, moment)
+        form, section = finger.section.form, finger.section
+        x[part.pulls] = [max(pull.side * self.pull, 0.0) for pull in section.pulls]
+        for span, ends in zip(part.spans, self._ends(finger), strict=True):
+            x[span.ends] = ends
+        load = float(
+            form.load(form.at(0.0, section.numbers(0)), 0.0, x[part.pulls], self._still(form), section.numbers(0))
+        )
+        resisted = bent_moment(finger, 0.0, self.bend)
+        base = geometry.bent(finger.base, 0.0, 0.0, 0.0, resisted - load)
+        for slides in (self._still(form), None):
+            state = np.concatenate([base, self._still(form) if slides is not None else -self._slid(form, x, part)])
+            self._shoot(problem, finger, part, x, state)
+
+    @staticmethod
+    def _still(form: SectionForm) -> Array:
+        """States of tendons that do not slide."""
+        return np.zeros(len(form.sliding_names))
+
+    def _slid(self, form: SectionForm, x: Array, part: FingerPlaces) -> Array:
+        """Slides at the tip of tendons that do not slide at the base."""
+        end = x[part.nodes[-1]][-len(form.sliding_names) :] if form.sliding_names else np.zeros(0)
+        return np.array([value * name.startswith("slide") for value, name in zip(end, form.sliding_names, strict=True)])
+
+    def _ends(self, finger: FingerNumbers) -> list[tuple[float, float]]:
+        """Ends of all spans."""
+        return list(itertools.pairwise(sorted([*finger.section.places, *self.middles])))
+
+    def _shoot(self, problem: GraspRods, finger: FingerNumbers, part: FingerPlaces, x: Array, state: Array) -> None:
+        """Set nodes, forces and contacts, from a state at the base."""
+        geometry = problem.geometry
+        d = geometry.dimensions
+        stage = kinds.stage_kind(geometry, finger.section.form)
+        # Forces have the weight of everything before.
+        force = np.array(self.force)
         x[part.nodes[0]] = state
         out = self.lift * problem.numbers.force / finger.force
-        for k, (begin, end) in enumerate(itertools.pairwise([0.0, *self.middles, 1.0])):
-            x[part.segments[k]] = begin, end
-            x[part.forces[k]] = force
-            each = (end - begin) / part.stages
-            for j in range(part.stages):
-                s = begin + each * j
-                beyond = force - gravity * integral(course.weight, begin, s)
-                state = np.array(stage(geometry, course, finger.sides, gravity, state, beyond, self.pull, s, each))
-                x[part.nodes[k * part.stages + j + 1]] = state
-            force = force - gravity * integral(course.weight, begin, end)
-            if k == len(finger.contacts):
-                return
-            normal = problem.numbers.seen(finger, state[None, : geometry.dimensions], x[problem.pose])[1][0]
+        for span in part.spans:
+            x[span.force] = force
+            for node in range(span.first + 1, span.first + span.stages + 1):
+                unknowns = [*state, *np.zeros(len(state)), *force, *x[part.pulls], *x[span.ends]]
+                data = [*finger.acting(span.piece), *span.shares(node)]
+                # The row is where the stage leads less where it ends.
+                state = stage.value(np.array(unknowns), np.array(data), np.zeros(0))
+                x[part.nodes[node]] = state
+            if node not in part.touching:
+                continue
+            k = part.touching.index(node)
+            normal = problem.numbers.seen(finger, state[None, :d], x[problem.pose])[1][0]
             along = np.array(cross(finger.across, normal))
             if k < len(self.middles):
                 pressed, rubbed = self.held[k]
                 on_finger = pressed * normal + rubbed * along
-                force = force - on_finger[: geometry.dimensions]
+                force = force - on_finger[:d]
                 state = state.copy()
-                state[moments] += polynomial(course.half, end) * np.array(geometry.moment(cross(normal, on_finger)))
-                x[part.turns[k]] = state[moments]
+                half = float(finger.half(x[span.ends[1]]))
+                state[geometry.moments] += half * np.array(geometry.moment(cross(normal, on_finger)))
+                x[part.turns[k]] = state[geometry.moments]
             else:
                 left = np.array(geometry.in_space(list(force - finger.load)))
                 pressed, rubbed = left @ normal, left @ along
             x[problem.contacts[finger.contacts[k]]] = pressed, rubbed, out, 0.0
+
+
+def bent_moment(finger: FingerNumbers, s: float, curvature: float) -> float:
+    """Moment with which the section resists a curvature at a place."""
+    section = finger.section
+    numbers = section.numbers(section.piece_at(s))
+    place = section.form.at(s, numbers)
+    own = [value for of_law in place.own for value in of_law]
+    resisted = section.form.resisting(curvature - place.rest, place.rest, own, numbers, finger.history)
+    return float(place.stiffness * resisted)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,49 +148,58 @@ class PosedFinger(FingerGuess):
     def fill(self, problem: GraspRods, index: int, x: Array) -> None:
         """Set the unknowns of a finger: states along the line, moments by its curvature, forces by its contacts."""
         finger, part, geometry = problem.numbers.fingers[index], problem.parts[index], problem.geometry
-        marks = [0.0, *self.middles, 1.0]
-        shares = np.arange(1, part.stages + 1) / part.stages
-        s = np.concatenate([[0.0], *(begin + (end - begin) * shares for begin, end in itertools.pairwise(marks))])
+        x[part.pulls] = self.pulls
+        for span, ends in zip(
+            part.spans, itertools.pairwise(sorted([*finger.section.places, *self.middles])), strict=True
+        ):
+            x[span.ends] = ends
+        s = self._nodes(part, x)
         fine = np.union1d(np.linspace(0.0, 1.0, _FINE + 1), s)
         step = np.diff(fine)
         angle = np.concatenate([[0.0], np.cumsum(self._bent(0.5 * (fine[1:] + fine[:-1])) * step)])
         middle = 0.5 * (angle[1:] + angle[:-1])
         line = [np.concatenate([[0.0], np.cumsum(rate * step)]) for rate in (-np.sin(middle), np.cos(middle))]
         at = np.searchsorted(fine, s)
-        x[part.pulls] = self.pulls
         for node, i, place in zip(part.nodes, at, s, strict=True):
             # A curvature that jumps at a contact is that before it.
             moment = self._moment(finger, place, place - 1e-6)
-            x[node] = geometry.bent(finger.base, line[0][i], line[1][i], angle[i], moment)
+            x[node[: geometry.state]] = geometry.bent(finger.base, line[0][i], line[1][i], angle[i], moment)
         for k, joint in enumerate(self.middles):
             # 2e-3: beyond the step of the curvature
-            i = at[part.first[k + 1]]
+            i = at[part.touching[k]]
             state = geometry.bent(finger.base, 0.0, 0.0, angle[i], self._moment(finger, joint, joint + 2e-3))
             x[part.turns[k]] = state[geometry.moments]
-        for ends, pair in zip(part.segments, itertools.pairwise(marks), strict=True):
-            x[ends] = pair
         self._forces(problem, finger, part, x)
+
+    @staticmethod
+    def _nodes(part: FingerPlaces, x: Array) -> Array:
+        """Places of the nodes along the finger."""
+        places = [np.zeros(1)]
+        for span in part.spans:
+            begin, end = x[span.ends]
+            places.append(begin + (end - begin) * np.arange(1, span.stages + 1) / span.stages)
+        return np.concatenate(places)
 
     def _bent(self, s: Array | float) -> Array:
         return np.asarray(np.interp(s, self.places, self.curvatures))
 
     def _moment(self, finger: FingerNumbers, s: float, near: float) -> float:
         """Moment at a place whose curvature is that near it."""
-        course, pull = finger.course, self.pulls[0] - self.pulls[1]
-        bent = float(self._bent(min(max(near, 0.0), 1.0))) - polynomial(course.rest, s)
-        return float(polynomial(course.stiffness, s) * bent - polynomial(course.tendon, s) * pull)
+        section = finger.section
+        form, numbers = section.form, section.numbers(section.piece_at(s))
+        still = np.zeros(len(form.sliding_names))
+        load = float(form.load(form.at(s, numbers), 0.0, self.pulls, still, numbers))
+        return bent_moment(finger, s, float(self._bent(min(max(near, 0.0), 1.0)))) - load
 
     def _forces(self, problem: GraspRods, finger: FingerNumbers, part: FingerPlaces, x: Array) -> None:
-        """Forces of contacts, and beyond the begin of each segment: from the tip back."""
+        """Forces of contacts, and beyond each of them: from the tip back."""
         d = problem.geometry.dimensions
         force = np.array(finger.load)
-        for k in reversed(range(len(part.segments))):
-            if k < len(finger.contacts):
-                name = finger.contacts[k]
+        for span in reversed(part.spans):
+            node = span.first + span.stages
+            if node in part.touching:
+                name = finger.contacts[part.touching.index(node)]
                 x[problem.contacts[name]] = self.held[name]
-                place = x[part.nodes[part.first[k + 1]]][None, :d]
-                normal = problem.numbers.seen(finger, place, x[problem.pose])[1][0]
+                normal = problem.numbers.seen(finger, x[part.nodes[node]][None, :d], x[problem.pose])[1][0]
                 force = force + exerted(self.held[name], normal, finger.across)[:d]
-            begin, end = x[part.segments[k]]
-            force = force + finger.gravity * integral(finger.course.weight, begin, end)
-            x[part.forces[k]] = force
+            x[span.force] = force

@@ -13,7 +13,7 @@ from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.hand.ranked import HandStart, HandStarts
 from continuum_grasp.grasp.rods.guess import PosedFinger
 from continuum_grasp.grasp.rods.hand_numbers import hand_numbers, hand_table
-from continuum_grasp.grasp.rods.numbers import SceneNumbers
+from continuum_grasp.grasp.rods.numbers import FingerNumbers, SceneNumbers
 from continuum_grasp.grasp.rods.problem import STAGES
 from continuum_grasp.grasp.rods.solving import RodStart, StartedSearch
 from continuum_grasp.nlp import Budget
@@ -58,11 +58,17 @@ class PostureStart(RodStart):
         pairs = zip(self._search.found.points.planes, self._start.chosen, self.numbers.fingers, strict=True)
         guesses = []
         for plane, posture, finger in pairs:
-            least = finger.setup.tendons.min_tension * finger.offset / finger.moment
             held = {name: forces[name] / finger.force for name in finger.contacts}
             joints = (posture.joint,) * len(finger.middles)
-            guesses.append(PosedFinger(*plane.knots(posture), joints, pulls[finger.name] - least, held))
+            guesses.append(PosedFinger(*plane.knots(posture), joints, self._pulls(finger, pulls[finger.name]), held))
         return guesses
+
+    @staticmethod
+    def _pulls(finger: FingerNumbers, moments: Array) -> Array:
+        """Pulls above the least ones, by moments of the left and the right tendon per E I / L of the finger."""
+        unit = finger.setup.stiffness / finger.section.stiffness
+        pairs = ((moments[0] if pull.side > 0.0 else moments[1], pull.least) for pull in finger.section.pulls)
+        return np.array([unit * moment - least for moment, least in pairs])
 
     @property
     def supports(self) -> Mapping[str, Array]:

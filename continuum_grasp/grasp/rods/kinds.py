@@ -18,7 +18,8 @@ import casadi as ca
 
 from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.rods.geometry import Geometry, cross, dot, exerted, transposed, turned
-from continuum_grasp.grasp.rods.rod import Course, between, integral, polynomial, slope, stage
+from continuum_grasp.grasp.rods.rod import THICKNESS, between, half_thickness, taper
+from continuum_grasp.model import RodLoads, SectionForm, stage_end
 from continuum_grasp.nlp import BlockKind, Lookup
 
 HELD = 4
@@ -41,9 +42,16 @@ class _Parts:
         """Symbols of data; a single one as a scalar."""
         return self._taken(self._data, name, size)
 
-    def course(self, count: int) -> Course:
-        """A course whose polynomials have so many coefficients."""
-        return Course.of(ca.vertsplit(ca.vertcat(self._taken(self._data, "course", 5 * count))))
+    def acting(self, geometry: Geometry, form: SectionForm) -> RodLoads:
+        """Force and pulls as unknowns, all else that acts on a finger as data."""
+        return RodLoads(
+            self.unknown("force", geometry.dimensions),
+            ca.vertcat(self.unknown("pulls", len(form.pulls))),
+            self.datum("gravity", geometry.dimensions),
+            ca.vertcat(self.datum("history", len(form.history_names))),
+            self.datum("numbers", form.size),
+            self.datum("sides", geometry.sides),
+        )
 
     @staticmethod
     def _taken(into: list[ca.SX], name: str, size: int) -> Any:
@@ -120,59 +128,67 @@ def _polynomial(shift: ca.SX, terms: ca.SX, order: int) -> ca.SX:
     return value
 
 
+def states(geometry: Geometry, form: SectionForm) -> int:
+    """Numbers of a node: the rod's own states, then those of its tendons."""
+    return geometry.state + len(form.sliding_names)
+
+
 @cache
-def stage_kind(geometry: Geometry, count: int) -> BlockKind:
-    """Rows (state): a stage ends where the rod leads from its begin."""
+def stage_kind(geometry: Geometry, form: SectionForm) -> BlockKind:
+    """Rows (states): a stage ends where the rod leads from its begin."""
     parts = _Parts(geometry)
-    d = geometry.dimensions
-    begin, end = parts.unknown("begin", geometry.state), parts.unknown("end", geometry.state)
-    force, pulls, segment = parts.unknown("force", d), parts.unknown("pulls", 2), parts.unknown("segment", 2)
+    size = states(geometry, form)
+    begin, end = parts.unknown("begin", size), parts.unknown("end", size)
+    acting, ends = parts.acting(geometry, form), parts.unknown("ends", 2)
     u0, u1 = parts.datum("u0"), parts.datum("u1")
-    gravity, sides, course = parts.datum("gravity", d), parts.datum("sides", geometry.sides), parts.course(count)
-    span = segment[1] - segment[0]
-    s = segment[0] + u0 * span
-    beyond = _beyond(force, gravity, integral(course.weight, segment[0], s), d)
-    state, pull = ca.vertsplit(begin), pulls[0] - pulls[1]
-    reached = stage(geometry, course, sides, ca.vertsplit(gravity), state, beyond, pull, s, span * (u1 - u0))
-    return parts.kind(f"stage{count}", [a - b for a, b in zip(reached, ca.vertsplit(end), strict=True)])
-
-
-def _beyond(force: Any, gravity: Any, weight: Any, dimensions: int) -> list[Any]:
-    """Force less that of a weight."""
-    return [force[k] - gravity[k] * weight for k in range(dimensions)]
+    span = ends[1] - ends[0]
+    places = ends[0] + u0 * span, ends[0] + u1 * span
+    reached = stage_end(form, geometry, ca.vertsplit(begin), *places, acting, geometry.steps)
+    return parts.kind(f"stage_{form.key}", [a - b for a, b in zip(reached, ca.vertsplit(end), strict=True)])
 
 
 @cache
-def contact_kind(geometry: Geometry, count: int, *, tip: bool) -> BlockKind:
+def enter_kind(form: SectionForm) -> BlockKind:
+    """Rows: the losses that tendons have where they enter the finger."""
+    parts = _Parts()
+    sliding = parts.unknown("sliding", len(form.sliding_names))
+    history, numbers = ca.vertcat(parts.datum("history", len(form.history_names))), parts.datum("numbers", form.size)
+    entries = ca.vertsplit(ca.vertcat(sliding))
+    losses = [entry for entry, name in zip(entries, form.sliding_names, strict=True) if name.startswith("loss")]
+    found = form.first_losses(entries, numbers, history)
+    return parts.kind(f"enter_{form.key}", [a - b for a, b in zip(losses, found, strict=True)])
+
+
+@cache
+def contact_kind(geometry: Geometry, *, tip: bool) -> BlockKind:
     """Rows of a contact: the gap, its direction along the finger, the force and the moment beyond it, or at the tip,
-    and the balance of the object (6).
+    and the balance of the object (6). Forces have the weight of everything before; ``load`` is that of all at the tip.
     """
     parts = _Parts(geometry)
-    d = geometry.dimensions
+    d, moments = geometry.dimensions, len(geometry.moments)
     at, force = parts.unknown("at", geometry.state), parts.unknown("force", d)
     after = [0.0] * d if tip else parts.unknown("after", d)
-    turns = [0.0] * len(geometry.moments) if tip else ca.vertsplit(parts.unknown("turns", len(geometry.moments)))
-    segment, held = parts.unknown("segment", 2), parts.unknown("held", HELD)
+    turns = [0.0] * moments if tip else ca.vertsplit(ca.vertcat(parts.unknown("turns", moments)))
+    s, held = parts.unknown("s"), parts.unknown("held", HELD)
     pose = parts.unknown("pose", geometry.pose)
     ratio, unit, arm = (parts.datum(name) for name in ("ratio", "unit", "arm"))
-    gravity, load, center = parts.datum("gravity", d), parts.datum("load", d), parts.datum("center", 3)
-    across, course = parts.datum("across", 3), parts.course(count)
+    load, center = parts.datum("load", d), parts.datum("center", 3)
+    across, thickness = parts.datum("across", 3), parts.datum("thickness", THICKNESS)
     state = ca.vertsplit(at)
     sight = _Sight(parts, geometry, state[:d], pose, ratio, 3)
-    half, n = polynomial(course.half, segment[1]), sight.normal
+    half, n = half_thickness(thickness, s), sight.normal
     # Directions of the finger and of the surface are the same but for the finger's taper.
-    direction = dot(geometry.in_space(geometry.tangent(state)), n) - slope(course.half, segment[1])
+    direction = dot(geometry.in_space(geometry.tangent(state)), n) - taper(thickness, s)
     on_finger, twist = exerted(held, n, ca.vertsplit(across)), [arm * held[3] * part for part in n]
     couple = [part - half * other for part, other in zip(twist, cross(n, on_finger), strict=True)]
-    beyond = _beyond(force, gravity, integral(course.weight, segment[0], segment[1]), d)
     rows = [sight.gap - half, direction]
-    rows += [after[k] - beyond[k] + on_finger[k] + (load[k] if tip else 0.0) for k in range(d)]
+    rows += [after[k] - force[k] + on_finger[k] + (load[k] if tip else 0.0) for k in range(d)]
     turning = zip(turns, (state[k] for k in geometry.moments), geometry.moment(couple), strict=True)
     rows += [last - first + own for last, first, own in turning]
     com = turned(sight.turn, ca.vertsplit(center))
     lever = [sight.place[k] - ratio * half * n[k] - sight.center[k] - com[k] for k in range(3)]
     rows += _on_object([unit * part for part in on_finger], lever, [unit * ratio * part for part in twist])
-    return parts.kind(f"{'tip' if tip else 'middle'}{count}", rows, sight.lookup)
+    return parts.kind("tip" if tip else "middle", rows, sight.lookup)
 
 
 def _on_object(force: Sequence[Any], lever: Sequence[Any], twist: Sequence[Any]) -> list[Any]:
@@ -192,15 +208,13 @@ def support_kind() -> BlockKind:
 
 
 @cache
-def free_tip_kind(geometry: Geometry, count: int) -> BlockKind:
+def free_tip_kind(geometry: Geometry) -> BlockKind:
     """Rows: at a tip that touches nothing, the force is that of its load and the moment is zero."""
     parts = _Parts(geometry)
     d = geometry.dimensions
     moments, force = parts.unknown("moments", len(geometry.moments)), parts.unknown("force", d)
-    segment = parts.unknown("segment", 2)
-    gravity, load, course = parts.datum("gravity", d), parts.datum("load", d), parts.course(count)
-    beyond = _beyond(force, gravity, integral(course.weight, segment[0], segment[1]), d)
-    return parts.kind(f"free_tip{count}", [*(load[k] - beyond[k] for k in range(d)), *ca.vertsplit(moments)])
+    load = parts.datum("load", d)
+    return parts.kind("free_tip", [*(load[k] - force[k] for k in range(d)), *ca.vertsplit(ca.vertcat(moments))])
 
 
 @cache
@@ -216,41 +230,42 @@ def cone_kind(*, spatial: bool) -> BlockKind:
 
 
 @cache
-def clear_kind(geometry: Geometry, count: int) -> BlockKind:
+def clear_kind(geometry: Geometry) -> BlockKind:
     """Row: the gap between the object and a place of a stage, by the cubic through its ends, less half a thickness."""
     parts = _Parts(geometry)
     begin, end = parts.unknown("begin", geometry.oriented), parts.unknown("end", geometry.oriented)
-    segment, pose = parts.unknown("segment", 2), parts.unknown("pose", geometry.pose)
+    ends, pose = parts.unknown("ends", 2), parts.unknown("pose", geometry.pose)
     u0, u1, share, ratio = (parts.datum(name) for name in ("u0", "u1", "share", "ratio"))
-    course = parts.course(count)
-    span = segment[1] - segment[0]
+    thickness = parts.datum("thickness", THICKNESS)
+    span = ends[1] - ends[0]
     place = between(geometry, ca.vertsplit(begin), ca.vertsplit(end), span * (u1 - u0), share)
     sight = _Sight(parts, geometry, place, pose, ratio, 2)
-    half = polynomial(course.half, segment[0] + (u0 + share * (u1 - u0)) * span)
-    return parts.kind(f"clear{count}", [sight.gap - half], sight.lookup)
+    half = half_thickness(thickness, ends[0] + (u0 + share * (u1 - u0)) * span)
+    return parts.kind("clear", [sight.gap - half], sight.lookup)
 
 
 @cache
-def wall_kind(geometry: Geometry, count: int) -> BlockKind:
+def wall_kind(geometry: Geometry) -> BlockKind:
     """Row: the height of a node above a plane, less half a thickness; nothing is taken off where it emerges."""
     parts = _Parts(geometry)
-    at, segment = parts.unknown("at", geometry.dimensions), parts.unknown("segment", 2)
+    at, ends = parts.unknown("at", geometry.dimensions), parts.unknown("ends", 2)
     u, height, emerging = (parts.datum(name) for name in ("u", "height", "emerging"))
-    n, course = parts.datum("normal", geometry.dimensions), parts.course(count)
-    half = (1.0 - emerging) * polynomial(course.half, segment[0] + u * (segment[1] - segment[0]))
-    return parts.kind(f"wall{count}", [ca.dot(n, at) - height - half])
+    n, thickness = parts.datum("normal", geometry.dimensions), parts.datum("thickness", THICKNESS)
+    half = (1.0 - emerging) * half_thickness(thickness, ends[0] + u * (ends[1] - ends[0]))
+    return parts.kind("wall", [ca.dot(n, at) - height - half])
 
 
 @cache
-def bend_kind(geometry: Geometry, count: int) -> BlockKind:
+def bend_kind(geometry: Geometry, form: SectionForm) -> BlockKind:
     """Row: curvature above rest at a node."""
     parts = _Parts(geometry)
-    at, pulls, segment = parts.unknown("at", geometry.state), parts.unknown("pulls", 2), parts.unknown("segment", 2)
-    u, course = parts.datum("u"), parts.course(count)
-    s = segment[0] + u * (segment[1] - segment[0])
-    pulled = polynomial(course.tendon, s) * (pulls[0] - pulls[1])
-    moment = geometry.bending(ca.vertsplit(at))
-    return parts.kind(f"bend{count}", [(moment + pulled) / polynomial(course.stiffness, s)])
+    at, acting = parts.unknown("at", states(geometry, form)), parts.acting(geometry, form)
+    ends, u = parts.unknown("ends", 2), parts.datum("u")
+    state = ca.vertsplit(at)
+    own, sliding = state[: geometry.state], state[geometry.state :]
+    s = ends[0] + u * (ends[1] - ends[0])
+    bend, _ = form.curvature(s, geometry.bending(own), acting.pulls, sliding, acting.numbers, acting.history)
+    return parts.kind(f"bend_{form.key}", [bend])
 
 
 @cache

@@ -107,10 +107,9 @@ class WidenedTension(WidenedLimit):
         more = problem.unknown("more tension", 0.0, FAR - 1.0)
         problem.price(more, PRICE)
         for part, finger in zip(problem.parts, problem.numbers.fingers, strict=True):
-            greatest = finger.setup.max_tension * finger.offset / finger.moment
-            for at, most in zip(part.pulls, finger.pulls, strict=True):
+            for at, most, pull in zip(part.pulls, finger.pulls, finger.section.pulls, strict=True):
                 if most > 0.0:
-                    _share(problem, at, most, greatest, more)
+                    _share(problem, at, most, most + pull.least, more)
 
     def used(self, problem: GraspRods, x: Array) -> float:
         return float(x[problem.at["more tension"]][0])

@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.base import Array, InputError
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.rods.geometry import Geometry
-from continuum_grasp.grasp.rods.rod import Course
+from continuum_grasp.grasp.rods.rod import half_thickness
+from continuum_grasp.model import Section, SectionPull
 from continuum_grasp.scene import FingerSetup
 
-DEGREE = 4
-"""Degree of the polynomials of what varies along a finger: that of the stiffness of a linear taper."""
 UNIFORM = 1e6
 """Curvature limit per length above which there is none."""
 REACH = 2.5
@@ -34,19 +33,16 @@ class WallNumbers:
 
 @dataclass(frozen=True, eq=False)
 class FingerNumbers:
-    """A finger at its base, in units of L, E I / L^2 and E I / L."""
+    """A finger at its base, in units of its section."""
 
     setup: FingerSetup
-    course: Course
-    sides: tuple[float, ...]  # of the section, beyond the course
+    section: Section
+    sides: tuple[float, ...]  # stiffnesses out of the plane of bending, per that of bending
     base: Array  # place and direction (`Geometry.oriented`,)
     across: Array  # (3,) axis of bending at the base
-    force: float  # [N]
-    moment: float  # [N m]
-    gravity: Array  # (dimensions,), of a weight per length
-    load: Array  # (dimensions,) at the tip
-    pulls: Array  # (2,) greatest moments of the tendons above their least tension
-    offset: float  # [m]
+    gravity: Array  # (dimensions,) [m/s2]
+    history: Array  # of its friction
+    pulls: Array  # (pulls,) greatest ones
     arm: float  # of torsional friction, per friction
     places: tuple[float, float]  # of middle contacts
     curvature_limit: float
@@ -57,7 +53,22 @@ class FingerNumbers:
     @property
     def length(self) -> float:
         """Length [m]."""
-        return self.setup.finger.rod.length
+        return self.section.length
+
+    @property
+    def force(self) -> float:
+        """Unit of forces [N]."""
+        return self.section.force
+
+    @property
+    def moment(self) -> float:
+        """Unit of moments [N m]."""
+        return self.section.moment
+
+    @property
+    def load(self) -> Array:
+        """Force at the tip of the weight of the finger and of all masses (dimensions,)."""
+        return self.section.mass * self.gravity
 
     @property
     def name(self) -> str:
@@ -65,14 +76,31 @@ class FingerNumbers:
         return self.setup.name
 
     @property
-    def coefficients(self) -> int:
-        """Coefficients of each polynomial of the course."""
-        return len(self.course.half)
-
-    @property
     def contacts(self) -> list[str]:
         """Names of its contacts, from the base on."""
         return [*self.middles, *([self.tip] if self.tip else [])]
+
+    def acting(self, piece: int) -> Array:
+        """Numbers of what acts on a piece, without its force and pulls."""
+        return np.array([*self.gravity, *self.history, *self.section.numbers(piece), *self.sides])
+
+    def thickness(self, piece: int) -> Array:
+        """Numbers of the half thickness on a piece (`THICKNESS`,)."""
+        return np.array([self.section.places[piece], *self.section.half_thickness(piece)])
+
+    def half(self, s: Any) -> Array:
+        """Half thickness at places along the finger, as many as there are."""
+        places = np.asarray(s, dtype=float)
+        pieces = np.minimum(np.searchsorted(self.section.places[1:], places), len(self.section.pieces) - 1)
+        values = np.zeros(places.shape)
+        for piece in np.unique(pieces).tolist():
+            on = pieces == piece
+            values[on] = half_thickness(self.thickness(piece), places[on])
+        return values
+
+    def tensions(self, x: Array) -> Array:
+        """Tensions [N], or pressures [Pa] of chambers, of pulls (pulls,)."""
+        return np.array([pull.value(value) for pull, value in zip(self.section.pulls, x, strict=True)])
 
     @staticmethod
     def of(setup: FingerSetup, on: frozenset[str], acceleration: Array, **placed: Any) -> FingerNumbers:
@@ -80,57 +108,28 @@ class FingerNumbers:
 
         ``placed`` are the numbers that depend on where it is: base, across, sides, arm and walls.
         """
-        finger, length = setup.finger, setup.finger.rod.length
-        (channel,) = finger.channels
-        moment = setup.stiffness / length
-        force = moment / length
-        gravity = acceleration / force
-        tip_mass = sum(mass.mass for mass in finger.masses if abs(mass.at - length) <= 1e-9 * length)
-        offset = float(channel.arms[0])
-        used = np.array([finger.tendons_used in ("both", side) for side in ("left", "right")], dtype=float)
-        reach = (setup.max_tension - setup.tendons.min_tension) * offset / moment
+        finger = setup.finger
+        section = Section.of(finger)
         first, last = setup.middle_bounds
         return FingerNumbers(
             setup=setup,
-            course=_course(setup),
-            force=force,
-            moment=moment,
-            gravity=gravity,
-            load=tip_mass * gravity,
-            pulls=reach * used,
-            offset=offset,
-            places=(first / length, last / length),
-            curvature_limit=min(finger.curvature_limit * length, UNIFORM),
+            section=section,
+            gravity=acceleration,
+            history=section.pulled,
+            pulls=np.array([_greatest(setup, pull) for pull in section.pulls]),
+            places=(first / section.length, last / section.length),
+            curvature_limit=min(finger.curvature_limit * section.length, UNIFORM),
             middles=tuple(name for name in setup.middle_names if name in on),
             tip=setup.tip_name if setup.tip_name in on else None,
             **placed,
         )
 
 
-def _course(setup: FingerSetup) -> Course:
-    """Polynomials of what varies along a finger."""
-    finger, length = setup.finger, setup.finger.rod.length
-    profile = finger.profile
-    (channel,) = finger.channels
-    at = length * (np.linspace(0.0, 1.0, 65) if setup.graded else np.zeros(1))
-    columns = (
-        profile.bending_stiffness(at) / setup.stiffness,
-        profile.rest_curvature(at) * length,
-        channel.shape(at),
-        profile.linear_density(at) * length,
-        profile.half_thickness(at) / length,
-    )
-    fits = list[list[float]]()
-    for column in columns:
-        values = np.broadcast_to(np.asarray(column, float), at.shape)
-        degree = DEGREE if setup.graded else 0
-        fit = np.polynomial.polynomial.polyfit(at / length, values, degree)
-        off = np.abs(np.polynomial.polynomial.polyval(at / length, fit) - values).max()
-        # 1e-6: share of the greatest value, far below what manufacturing leaves
-        if off > 1e-6 * np.abs(values).max(initial=1e-300):
-            raise InputError("a finger whose section jumps along it", key=setup.where)
-        fits.append(fit.tolist())
-    return Course(*fits)
+def _greatest(setup: FingerSetup, pull: SectionPull) -> float:
+    """Greatest value of a pull: none of a tendon that is not used, no more than a motor pulls."""
+    if setup.finger.tendons_used not in ("both", "left" if pull.side > 0.0 else "right"):
+        return 0.0
+    return min(pull.most, setup.max_tension / pull.unit - pull.least)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +181,7 @@ class SceneNumbers:
         With a contact, by the table around that.
         """
         d = self.geometry.dimensions
-        turn: Array = np.array(self.geometry.turn(pose, self.axes))
+        turn: Array = np.array(self.geometry.turn(pose, self.axes), dtype=float)
         gap, slope = self.table.values(self.local(finger, points, pose), contact)
         normal = np.zeros((len(slope), 3))
         # 1e-30: no division by zero where a table is flat
@@ -192,7 +191,7 @@ class SceneNumbers:
     def local(self, finger: FingerNumbers, points: Array, pose: Array) -> Array:
         """Points (n, dimensions) of a finger [L] in the object's frame [object size]."""
         d = self.geometry.dimensions
-        turn: Array = np.array(self.geometry.turn(pose, self.axes))[:d, :d]
+        turn: Array = np.array(self.geometry.turn(pose, self.axes), dtype=float)[:d, :d]
         return np.asarray((points * finger.length / self.size - pose[:d]) @ turn)
 
 

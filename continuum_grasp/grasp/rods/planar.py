@@ -5,19 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.rods.geometry import Geometry, Matrix, Value, Values, library
+from continuum_grasp.grasp.rods.geometry import Geometry, Matrix, Values, library
+from continuum_grasp.model import PlaneRod
 
 
-class Planar(Geometry):
-    """The plane: states (x, y, a, M) with the direction (-sin a, cos a), poses (x, y, angle).
-
-        x' = -sin(a),  y' = cos(a),  a' = k0 + (M + t) / B,  M' = sin(a) Fy + cos(a) Fx
-
-    k0 is the curvature at rest, t the moment of the tendons, B the bending stiffness.
-    """
+class Planar(PlaneRod, Geometry):
+    """The plane: states (x, y, a, M) with the direction (-sin a, cos a), poses (x, y, angle)."""
 
     name = "plane"
-    dimensions, state, oriented, sides, pose, axes = 2, 4, 3, 0, 3, 0
+    dimensions, oriented, sides, pose, axes = 2, 3, 0, 3, 0
     steps, finer, compiled = 4, 1, False
 
     def tangent(self, state: Values) -> Values:
@@ -25,25 +21,10 @@ class Planar(Geometry):
         lib = library(state[2])
         return [-lib.sin(state[2]), lib.cos(state[2])]
 
-    def bending(self, state: Values) -> Value:
-        """Moment about the axis of bending, z."""
-        return state[3]
-
-    def rates(
-        self, state: Values, force: Values, stiffness: Value, rest: Value, pulled: Value, sides: Values
-    ) -> Values:
-        """Derivatives (4,) of a state along the finger."""
-        across, along = self.tangent(state)
-        return [across, along, rest + (state[3] + pulled) / stiffness, along * force[0] - across * force[1]]
-
     def bent(self, base: Array, x: float, y: float, angle: float, moment: float) -> Array:
         """State (4,) by what the base (3,) sees."""
         cosine, sine = np.cos(base[2]), np.sin(base[2])
         return np.array([base[0] + cosine * x - sine * y, base[1] + sine * x + cosine * y, base[2] + angle, moment])
-
-    def frame(self, base: Array) -> Array:
-        """Axes (3, 3) of a base (3,) as columns."""
-        return np.array(self.turn(base, ()))
 
     def turn(self, pose: Values, axes: Values) -> Matrix:
         """Axes of the object as columns."""

@@ -54,20 +54,34 @@ class NearPair:
 
 
 @dataclass(frozen=True)
+class Span:
+    """Stages between two places at which a finger may touch or its section jumps."""
+
+    first: int  # node at its begin
+    stages: int
+    piece: int
+    ends: Indices  # places of its ends
+    force: Indices  # beyond its begin
+
+    def shares(self, node: int) -> tuple[float, float]:
+        """Where the stage before a node begins and ends, as shares of the span."""
+        j = node - self.first
+        return (j - 1) / self.stages, j / self.stages
+
+
+@dataclass(frozen=True)
 class FingerPlaces:
     """Places of a finger's unknowns."""
 
     nodes: list[Indices]
-    segments: list[Indices]  # places of the ends of each
-    forces: list[Indices]
-    turns: list[Indices]  # moments at the begin of each segment but the first
+    spans: list[Span]
+    touching: list[int]  # node of each contact
+    turns: list[Indices]  # moments beyond each middle contact
     pulls: Indices
-    first: list[int]  # node at which each segment begins, then the last node
-    stages: int  # of each segment
 
-    def segment_of(self, node: int) -> int:
-        """Segment of the stage before a node."""
-        return (node - 1) // self.stages
+    def span_of(self, node: int) -> Span:
+        """Span of the stage before a node; the first one for the base."""
+        return next(span for span in reversed(self.spans) if span.first < max(node, 1))
 
 
 class GraspRods(BlockProblem):
@@ -102,7 +116,7 @@ class GraspRods(BlockProblem):
         self.numbers, self.geometry = numbers, numbers.geometry
         self.places, self.near, self._joints = tuple(places), tuple(near), joints
         self.fine = fine
-        stages *= self.geometry.finer if fine else 1
+        self._times = self.geometry.finer if fine else 1
         self.pose = self.unknown("pose", *numbers.pose_bounds)
         aims = numbers.aims
         self.margin = self.unknown("margin", 0.0, 1.0 if aims.margin else 0.0)
@@ -113,7 +127,7 @@ class GraspRods(BlockProblem):
         for support in numbers.supports:
             held = self._held(support.name, support.friction, support.most, 1.0, bears_moment=False)
             self.add(kinds.support_kind(), held, self.balance, [*support.arm, *support.normal, *support.across])
-        halves = [StagePlace(k, n, 0.5) for k, part in enumerate(self.parts) for n in range(1, part.first[-1] + 1)]
+        halves = [StagePlace(k, n, 0.5) for k, part in enumerate(self.parts) for n in range(1, len(part.nodes))]
         for place in [*halves, *places]:
             self._clear(place, self.parts[place.finger])
         for pair in near:
@@ -121,8 +135,8 @@ class GraspRods(BlockProblem):
         # 1e-5: least price of tensions where another objective does not have one
         total = sum(finger.setup.max_tension for finger in numbers.fingers)
         for part, finger in zip(self.parts, numbers.fingers, strict=True):
-            price = max(aims.tension, 1e-5) * finger.moment / finger.offset / total
-            self.price(part.pulls, price)
+            for at, pull in zip(part.pulls, finger.section.pulls, strict=True):
+                self.price(at, max(aims.tension, 1e-5) * pull.unit / total)
         for held in self.contacts.values():
             self.price(held, 0.0, 2e-8)
 
@@ -158,96 +172,136 @@ class GraspRods(BlockProblem):
 
     def _finger(self, index: int, finger: FingerNumbers, stages: int) -> FingerPlaces:
         numbers, key, geometry = self.numbers, finger.setup.where, self.geometry
-        count, d = finger.coefficients, geometry.dimensions
-        course = finger.course.numbers
-        segments = len(finger.middles) + 1
-        each = max(FEWEST, stages // segments)
-        part = self._places(finger, segments, each)
+        form, d = finger.section.form, geometry.dimensions
+        part = self._places(index, finger, stages)
         unit = finger.force / numbers.force
         friction, most = finger.setup.held_friction, finger.setup.normal_force_max / finger.force
-        for k in range(segments):
-            ends = part.segments[k]
-            if segments > 1:
-                row = self.rows(f"segment, {finger.name}", key, "L", 1, 1.0, SHORTEST, np.inf)
-                self.add(kinds.difference_kind(), ends, row, [])
-            for j in range(each):
-                begin, end = part.nodes[k * each + j].copy(), part.nodes[k * each + j + 1]
-                if k and not j:
-                    begin[geometry.moments] = part.turns[k - 1]
-                unknowns = [*begin, *end, *part.forces[k], *part.pulls, *ends]
-                data = [j / each, (j + 1) / each, *finger.gravity, *finger.sides, *course]
-                row = self.rows(f"rod, {finger.name}", key, "L", geometry.state)
-                self.add(kinds.stage_kind(geometry, count), unknowns, row, data)
-            name = finger.contacts[k] if k < len(finger.contacts) else None
-            at = part.nodes[(k + 1) * each]
-            if name is None:
-                end = self.rows(f"tip, {finger.name}", key, "E I / L2", d + len(geometry.moments))
-                unknowns = [*at[geometry.moments], *part.forces[k], *ends]
-                data = [*finger.gravity, *finger.load, *course]
-                self.add(kinds.free_tip_kind(geometry, count), unknowns, end, data)
-                continue
-            is_tip = k == segments - 1
+        middles = part.touching[: len(finger.middles)]
+        stage = kinds.stage_kind(geometry, form)
+        for span in part.spans:
+            for node in range(span.first + 1, span.first + span.stages + 1):
+                begin = part.nodes[node - 1].copy()
+                if node - 1 in middles:
+                    begin[geometry.moments] = part.turns[middles.index(node - 1)]
+                unknowns = [*begin, *part.nodes[node], *span.force, *part.pulls, *span.ends]
+                data = [*finger.acting(span.piece), *span.shares(node)]
+                self.add(stage, unknowns, self.rows(f"rod, {finger.name}", key, "L", len(begin)), data)
+        losses = sum(name.startswith("loss") for name in form.sliding_names)
+        if losses:
+            sliding = part.nodes[0][geometry.state :]
+            row = self.rows(f"tendons, {finger.name}", key, "1", losses)
+            self.add(kinds.enter_kind(form), sliding, row, [*finger.history, *finger.section.numbers(0)])
+        for k, name in enumerate(finger.contacts):
+            node = part.touching[k]
+            span, is_tip = part.span_of(node), name == finger.tip
             held = self._held(name, friction, most, unit, bears_moment=finger.arm > 0.0)
             gap = self.rows(f"contact, {name}", key, "L", 1).ravel()
             direction = self.rows(f"direction, {name}", key, "1", 1, 1.0, -np.inf if is_tip else 0.0, ALONG * is_tip)
             own = self.rows(f"force, {name}", key, "E I / L2", d + len(geometry.moments)).ravel()
-            after = [] if is_tip else [*part.forces[k + 1], *part.turns[k]]
-            unknowns = [*at, *part.forces[k], *after, *ends, *held, *self.pose]
-            ratio = finger.length / numbers.size
-            data = [ratio, unit, finger.arm, *finger.gravity, *finger.load, *numbers.center, *finger.across, *course]
-            data += [*numbers.axes, *numbers.table.data_at(name)]
+            after = [] if is_tip else [*part.span_of(node + 1).force, *part.turns[k]]
+            at = part.nodes[node][: geometry.state]
+            unknowns = [*at, *span.force, *after, span.ends[1], *held, *self.pose]
+            data = [finger.length / numbers.size, unit, finger.arm, *finger.load, *numbers.center, *finger.across]
+            data += [*finger.thickness(span.piece), *numbers.axes, *numbers.table.data_at(name)]
             rows = [*gap, *direction.ravel(), *own, *self.balance]
-            self.add(kinds.contact_kind(geometry, count, tip=is_tip), unknowns, rows, data)
+            self.add(kinds.contact_kind(geometry, tip=is_tip), unknowns, rows, data)
+        if finger.tip is None:
+            end = self.rows(f"tip, {finger.name}", key, "E I / L2", d + len(geometry.moments))
+            unknowns = [*part.nodes[-1][geometry.moments], *part.spans[-1].force]
+            self.add(kinds.free_tip_kind(geometry), unknowns, end, finger.load)
         self._limits(index, finger, part)
         return part
 
-    def _places(self, finger: FingerNumbers, segments: int, each: int) -> FingerPlaces:
+    def _places(self, index: int, finger: FingerNumbers, stages: int) -> FingerPlaces:
         """Unknowns of a finger."""
-        name, geometry = finger.name, self.geometry
-        pulls = self.unknown(f"pulls, {name}", np.zeros(2), finger.pulls)
-        ends = [self.unknown(f"base place, {name}", 0.0, 0.0)]
-        ends += [self.unknown(f"place, {middle}", *finger.places) for middle in finger.middles]
-        ends.append(self.unknown(f"tip place, {name}", 1.0, 1.0))
-        anything = np.full(geometry.dimensions, np.inf)
-        forces = [self.unknown(f"force {k}, {name}", -anything, anything) for k in range(segments)]
-        moment = np.full(len(geometry.moments), np.inf)
-        turns = [self.unknown(f"moment {k}, {name}", -moment, moment) for k in range(1, segments)]
+        name, geometry, section = finger.name, self.geometry, finger.section
+        form = section.form
+        pulls = self.unknown(f"pulls, {name}", np.zeros(len(finger.pulls)), finger.pulls)
+        anything, moment = np.full(geometry.dimensions, np.inf), np.full(len(geometry.moments), np.inf)
+        joints = self._middles(index, finger)
+        marks: list[tuple[float, str | None]] = [(at, None) for at in section.places[1:-1]]
+        marks = sorted([*marks, *zip(joints, finger.middles, strict=True)], key=lambda mark: mark[0])
+        marks.append((1.0, finger.tip))
+        each = max(FEWEST, stages // (len(finger.middles) + 1))
+        bounds = [0.0, *joints, 1.0]
+        place = self.unknown(f"base place, {name}", 0.0, 0.0)
+        previous, before, segment, node = place, 0.0, 0, 0
+        force = self.unknown(f"force 0, {name}", -anything, anything)
+        spans, touching, turns = list[Span](), list[int](), list[Indices]()
+        for at, contact in marks:
+            piece = section.piece_at(0.5 * (before + at))
+            if at == 1.0:
+                end = self.unknown(f"tip place, {name}", 1.0, 1.0)
+            elif contact is None:
+                end = self.unknown(f"piece {piece}, {name}", at, at)
+            else:
+                low, high = np.clip(finger.places, section.places[piece], section.places[piece + 1])
+                end = self.unknown(f"place, {contact}", low, high)
+            share = (at - before) / max(bounds[segment + 1] - bounds[segment], 1e-12)
+            count = self._times * max(1, round(each * share))
+            spans.append(Span(node, count, piece, np.concatenate([place, end]), force))
+            node += count
+            if contact is not None or at == 1.0:
+                if len(finger.middles):
+                    row = self.rows(f"segment, {name}", finger.setup.where, "L", 1, 1.0, SHORTEST, np.inf)
+                    self.add(kinds.difference_kind(), [*previous, *end], row, [])
+                previous = end
+            if contact is not None:
+                touching.append(node)
+            if contact in finger.middles:
+                segment += 1
+                force = self.unknown(f"force {segment}, {name}", -anything, anything)
+                turns.append(self.unknown(f"moment {segment}, {name}", -moment, moment))
+            place, before = end, at
+        sliding = form.sliding_names
+        anywhere = np.full(len(sliding), np.inf)
+        at_tip = np.array([0.0 if label.startswith("slide") else np.inf for label in sliding])
         everywhere = np.full(geometry.state, np.inf)
-        nodes = [self.unknown(f"node 0, {name}", [*finger.base, *-moment], [*finger.base, *moment])]
-        nodes += [self.unknown(f"node {k}, {name}", -everywhere, everywhere) for k in range(1, segments * each + 1)]
-        pairs = [np.concatenate(pair) for pair in itertools.pairwise(ends)]
-        return FingerPlaces(nodes, pairs, forces, turns, pulls, [k * each for k in range(segments + 1)], each)
+        base = np.concatenate([np.zeros(geometry.oriented), moment, anywhere])
+        given = np.array([*finger.base, *np.zeros(len(moment) + len(sliding))])
+        nodes = [self.unknown(f"node 0, {name}", given - base, given + base)]
+        for k in range(1, node + 1):
+            limits = np.concatenate([everywhere, at_tip if k == node else anywhere])
+            nodes.append(self.unknown(f"node {k}, {name}", -limits, limits))
+        return FingerPlaces(nodes, spans, touching, turns, pulls)
 
     def _limits(self, index: int, finger: FingerNumbers, part: FingerPlaces) -> None:
         """Rows at nodes: clear of the object where they do not touch it, clear of walls, and strain."""
-        geometry, count, course = self.geometry, finger.coefficients, finger.course.numbers
+        geometry, form = self.geometry, finger.section.form
         key, depth = finger.setup.where, self.numbers.penetration
-        contacts = set(part.first[1 : 1 + len(finger.contacts)])
-        marks = [0.0, *self._middles(index, finger), 1.0]
-        for node in range(1, part.first[-1] + 1):
-            segment = part.segment_of(node)
-            ends = part.segments[segment]
-            u = ((node - 1) % part.stages + 1) / part.stages
-            if node not in contacts:
+        first = part.touching[0] if part.touching else len(part.nodes)
+        marks = self._marks(index, finger, part)
+        for node in range(1, len(part.nodes)):
+            span = part.span_of(node)
+            _, u = span.shares(node)
+            if node not in part.touching:
                 self._clear(StagePlace(index, node, 1.0), part)
             for wall in finger.walls:
-                if marks[segment] + u * (marks[segment + 1] - marks[segment]) < wall.first:
+                if marks[node] < wall.first:
                     continue
-                emerges = segment == 0 and wall.emerging is not None
+                emerges = node <= first and wall.emerging is not None
                 level = wall.emerging if emerges else wall.level
                 row = self.rows(f"wall, {finger.name}", key, "L", 1, 1.0, -depth, np.inf)
-                data = [u, level, float(emerges), *wall.normal, *course]
+                data = [u, level, float(emerges), *wall.normal, *finger.thickness(span.piece)]
                 place = part.nodes[node][: geometry.dimensions]
-                self.add(kinds.wall_kind(geometry, count), [*place, *ends], row, data)
+                self.add(kinds.wall_kind(geometry), [*place, *span.ends], row, data)
         if finger.curvature_limit >= UNIFORM:
             return
         limit = finger.curvature_limit
-        for node in range(part.first[-1] + 1):
-            segment = part.segment_of(max(node, 1))
-            u = (node - segment * part.stages) / part.stages
+        for node in range(len(part.nodes)):
+            span = part.span_of(node)
             row = self.rows(f"strain, {finger.name}", key, "1 / L", 1, 1.0, -limit, limit)
-            unknowns = [*part.nodes[node], *part.pulls, *part.segments[segment]]
-            self.add(kinds.bend_kind(geometry, count), unknowns, row, [u, *course])
+            unknowns = [*part.nodes[node], *span.force, *part.pulls, *span.ends]
+            data = [*finger.acting(span.piece), (node - span.first) / span.stages]
+            self.add(kinds.bend_kind(geometry, form), unknowns, row, data)
+
+    def _marks(self, index: int, finger: FingerNumbers, part: FingerPlaces) -> list[float]:
+        """About where the nodes are along a finger."""
+        about = sorted([*finger.section.places, *self._middles(index, finger)])
+        marks = [0.0]
+        for span, (begin, end) in zip(part.spans, itertools.pairwise(about), strict=True):
+            marks += [begin + (end - begin) * j / span.stages for j in range(1, span.stages + 1)]
+        return marks
 
     def _middles(self, index: int, finger: FingerNumbers) -> list[float]:
         """About where a finger's middle contacts are."""
@@ -260,21 +314,20 @@ class GraspRods(BlockProblem):
     def _clear(self, place: StagePlace, part: FingerPlaces) -> None:
         """A place between nodes is clear of the object."""
         finger, geometry, numbers = self.numbers.fingers[place.finger], self.geometry, self.numbers
-        j = (place.node - 1) % part.stages
-        segment = part.segments[part.segment_of(place.node)]
+        span = part.span_of(place.node)
         ends = (part.nodes[node][: geometry.oriented] for node in (place.node - 1, place.node))
-        unknowns = [*itertools.chain(*ends), *segment, *self.pose]
-        data = [j / part.stages, (j + 1) / part.stages, place.share, finger.length / numbers.size]
+        unknowns = [*itertools.chain(*ends), *span.ends, *self.pose]
+        data = [*span.shares(place.node), place.share, finger.length / numbers.size]
         depth = numbers.penetration + numbers.deviation / finger.length
         row = self.rows(f"clear, {finger.name}", finger.setup.where, "L", 1, 1.0, -depth, np.inf)
-        data += [*finger.course.numbers, *numbers.axes, *numbers.table.data]
-        self.add(kinds.clear_kind(geometry, finger.coefficients), unknowns, row, data)
+        data += [*finger.thickness(span.piece), *numbers.axes, *numbers.table.data]
+        self.add(kinds.clear_kind(geometry), unknowns, row, data)
 
     def _apart(self, pair: NearPair) -> None:
         """A node of a finger is apart from a chord of another, or of itself."""
         one, other = self.numbers.fingers[pair.finger], self.numbers.fingers[pair.other]
         ratio = other.length / one.length
-        reach = one.course.half[0] + ratio * other.course.half[0]
+        reach = float(one.half(0.0) + ratio * other.half(0.0))
         nodes = (self.parts[pair.finger].nodes[pair.node], *self.parts[pair.other].nodes[pair.chord : pair.chord + 2])
         unknowns = np.concatenate([node[: self.geometry.dimensions] for node in nodes])
         depth = self.numbers.penetration
@@ -293,11 +346,8 @@ class GraspRods(BlockProblem):
 
     def tension(self, x: Array) -> float:
         """Sum of all tensions [N]."""
-        total = 0.0
-        for part, finger in zip(self.parts, self.numbers.fingers, strict=True):
-            least = finger.setup.tendons.min_tension
-            total += float(x[part.pulls].sum()) * finger.moment / finger.offset + 2.0 * least
-        return total
+        pairs = zip(self.parts, self.numbers.fingers, strict=True)
+        return float(sum(finger.tensions(x[part.pulls]).sum() for part, finger in pairs))
 
     def unborne(self, x: Array) -> float:
         """Sum of the forces and moments that nothing bears [F0, F0 size]."""

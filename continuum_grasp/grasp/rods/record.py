@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods
+from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, HeldSupport
 from continuum_grasp.grasp.rods.geometry import exerted
-from continuum_grasp.grasp.rods.numbers import FingerNumbers
-from continuum_grasp.grasp.rods.problem import FingerPlaces
 from continuum_grasp.grasp.rods.solving import RodGrasp
 
 
@@ -17,31 +15,44 @@ def held_rods(grasp: RodGrasp) -> HeldRods:
     problem, x = grasp.problem, grasp.attempt.x
     numbers, geometry = problem.numbers, problem.geometry
     pose = x[problem.pose]
-    position: Array = numbers.size * np.array(geometry.place(pose))
-    axes: Array = np.array(geometry.turn(pose, numbers.axes))
+    position = numbers.size * np.array(geometry.place(pose))
+    axes = np.array(geometry.turn(pose, numbers.axes), dtype=float)
     center = position + numbers.size * axes @ numbers.center
-    supports = list[HeldContact]()
+    supports = []
     for support in numbers.supports:
         force = numbers.force * np.array(exerted(x[problem.contacts[support.name]], support.normal, support.across))
-        supports.append(HeldContact(support.name, force, position=center + numbers.size * support.arm))
-    fingers = zip(numbers.fingers, problem.parts, strict=True)
-    return HeldRods(position, axes, tuple(_finger(grasp, *pair) for pair in fingers), tuple(supports))
+        supports.append(HeldSupport(support.name, force, center + numbers.size * support.arm))
+    fingers = tuple(_finger(grasp, k) for k in range(len(numbers.fingers)))
+    return HeldRods(position, axes, fingers, tuple(supports))
 
 
-def _finger(grasp: RodGrasp, finger: FingerNumbers, part: FingerPlaces) -> HeldFinger:
+def _finger(grasp: RodGrasp, index: int) -> HeldFinger:
     problem, x = grasp.problem, grasp.attempt.x
-    length, geometry = finger.length, problem.geometry
-    d = geometry.dimensions
+    numbers, geometry = problem.numbers, problem.geometry
+    finger, part = numbers.fingers[index], problem.parts[index]
     contacts = list[HeldContact]()
-    for k, name in enumerate(finger.contacts):
-        held = x[problem.contacts[name]]
-        node = x[part.nodes[part.first[k + 1]]]
-        normal = problem.numbers.seen(finger, node[None, :d], x[problem.pose], name)[1][0]
+    for name, node in zip(finger.contacts, part.touching, strict=True):
+        state, held = x[part.nodes[node]], x[problem.contacts[name]]
+        normal = numbers.seen(finger, state[None, : geometry.dimensions], x[problem.pose], name)[1][0]
         force = finger.force * np.array(exerted(held, normal, finger.across))
-        moment = finger.force * length * finger.arm * float(held[3])
-        contacts.append(HeldContact(name, force, place=float(x[part.segments[k][1]]) * length, moment=moment))
-    used = np.array([finger.setup.finger.tendons_used in ("both", side) for side in ("left", "right")])
-    tensions = x[part.pulls] * finger.moment / finger.offset + finger.setup.tendons.min_tension * used
-    position: Array = length * np.array(geometry.in_space(list(finger.base[:d])))
-    bent: Array = finger.moment * np.array(geometry.moment_in_space(list(x[part.nodes[0]][geometry.moments])))
-    return HeldFinger(finger.name, position, geometry.frame(finger.base), tensions, tuple(contacts), bent)
+        place = float(x[part.span_of(node).ends[1]]) * finger.length
+        twist = float(held[3]) * finger.arm * finger.moment
+        contacts.append(HeldContact(name, force, place, twist))
+    base = x[part.nodes[0]]
+    position = finger.length * np.array(geometry.in_space([base[k] for k in range(geometry.dimensions)]))
+    moment = finger.moment * _moment(base[geometry.moments])
+    tensions = finger.tensions(x[part.pulls])
+    return HeldFinger(
+        finger.name, position, _axes(geometry.tangent(base), finger.across), tensions, tuple(contacts), moment
+    )
+
+
+def _moment(moment: Array) -> Array:
+    """Three components of a moment of the plane or of space."""
+    return moment if len(moment) == 3 else np.array([0.0, 0.0, *moment])
+
+
+def _axes(tangent: Array, across: Array) -> Array:
+    """Columns (3, 3): across the finger in its plane, along it, and the normal of the plane."""
+    along = np.array([*tangent, *np.zeros(3 - len(tangent))], dtype=float)
+    return np.column_stack([np.cross(along, across), along, across])

@@ -11,7 +11,7 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.finger_map import Place, SceneMaps, places_of
-from continuum_grasp.grasp.finger_map.balance import ObjectBalance, Settled
+from continuum_grasp.grasp.finger_map.balance import WEIGHTS, ObjectBalance, Settled
 from continuum_grasp.grasp.finger_map.fill import FingerMap
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.rods.guess import ShotFinger
@@ -61,10 +61,37 @@ class Case:
         """The scene in plain numbers."""
         return planar_numbers(self._scene, self.on, self.place, self.balance.force, self.search.table)
 
+    @cached_property
+    def _combinations(self) -> Array:
+        """Samples that balance the object best for their tension (n, numbers)."""
+        return self.balance.candidates(self._maps)
+
+    @property
+    def unsettled(self) -> list[SettledStart]:
+        """Combinations as they are sampled: nearly balanced ones, and ones of little tension in turn."""
+        balance, x = self.balance, self._combinations
+        if not len(x):
+            return []
+        traced = balance.traced(x, slopes=False)
+        total = np.zeros((len(x), 3)) + balance.loads
+        for k, at in enumerate(traced):
+            total += balance.wrench(k, at)
+        pairs = balance.force * np.reshape(x[:, balance.at[-1] : balance.first_lift], (len(x), -1, 2))
+        for k, (point, normal) in enumerate(balance.places.values()):
+            arm = (point - balance.center) / balance.size
+            force = normal * (pairs[:, k, 0] + 1j * pairs[:, k, 1])
+            total -= np.stack([force.real, force.imag, (np.conj(arm) * force).imag], axis=1)
+        left = np.linalg.norm(total, axis=1) / balance.force
+        settled = Settled.of(balance, x, left)
+        orders = [np.argsort(settled.tension / balance.greatest + weight * left, kind="stable") for weight in WEIGHTS]
+        mixed = np.stack(orders, axis=1).ravel()
+        first = np.sort(np.unique(mixed, return_index=True)[1])
+        return [self._start(settled, row) for row in mixed[first].tolist()]
+
     @property
     def starts(self) -> list[SettledStart]:
         """Settled combinations: those that hold, or the ones that come nearest to it."""
-        x = self.balance.candidates(self._maps)
+        x = self._combinations
         if not len(x):
             return []
         settled = self.balance.settle(x)
@@ -117,17 +144,14 @@ class SettledStart(RodStart):
     def guesses(self) -> list[ShotFinger]:
         """Equilibria of the fingers."""
         shots = [self._x[i:j].tolist() for i, j in itertools.pairwise(self._case.balance.at)]
-        return [
-            ShotFinger(
-                bend,
-                np.array([fx, fy]),
-                pull,
-                tuple(middles[::3]),
-                [np.array(pair) for pair in zip(middles[1::3], middles[2::3], strict=True)],
-                self._lift,
-            )
-            for bend, fx, fy, pull, *middles in shots
-        ]
+        guesses = []
+        for (bend, fx, fy, pull, *middles), finger in zip(shots, self.numbers.fingers, strict=True):
+            # Units of the map are of the mean stiffness.
+            unit = finger.setup.stiffness / finger.section.stiffness
+            held = [unit * np.array(pair) for pair in zip(middles[1::3], middles[2::3], strict=True)]
+            force = unit * np.array([fx, fy])
+            guesses.append(ShotFinger(bend, force, unit * pull, tuple(middles[::3]), held, self._lift))
+        return guesses
 
     @property
     def supports(self) -> Mapping[str, Array]:
@@ -156,12 +180,21 @@ class RodSearch(StartedSearch):
         return planar_table(self.scene)
 
     @cached_property
+    def _cases(self) -> list[Case]:
+        """Sets of contacts, and places of object and bases that are tried with them."""
+        modes = contact_modes(self.scene)
+        return [Case(self, on, place) for on in modes for place in places_of(self.scene, on)[:PLACES]]
+
+    @property
+    def further(self) -> list[RodStart]:
+        """Combinations that are not settled, of all cases in turn."""
+        each = itertools.zip_longest(*(case.unsettled for case in self._cases))
+        return [start for starts in each for start in starts if start is not None]
+
+    @cached_property
     def starts(self) -> list[RodStart]:
         """All starts, the most promising first."""
-        cases = (
-            Case(self, on, place) for on in contact_modes(self.scene) for place in places_of(self.scene, on)[:PLACES]
-        )
-        found = [start for case in cases for start in case.starts]
+        found = [start for case in self._cases for start in case.starts]
         # 4e-3: imbalance up to which a combination holds
         return sorted(
             found, key=lambda start: (start.imbalance > 4e-3, start.imbalance if start.imbalance > 4e-3 else start.aim)

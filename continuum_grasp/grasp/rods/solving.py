@@ -131,6 +131,7 @@ class StartedSearch(ABC):
     def __init__(self, budget: Budget, stages: int = STAGES) -> None:
         self.budget, self.stages = budget, stages
         self.tried: list[RodGrasp] = []
+        self._promising: list[RodStart] = []
         self._solver = rods_solver()
 
     @cached_property
@@ -160,6 +161,14 @@ class StartedSearch(ABC):
         while (best := self.best) is not None and not best.fine and not self.budget.over:
             self.tried[self.tried.index(best)] = self.solved(best.start, beside=best)
 
+    def agree(self, share: float) -> bool:
+        """Whether the most promising starts and those of other places lead to the same aim, within a share."""
+        ends = []
+        for chosen in (True, False):
+            aims = [g.attempt.objective for g in self.tried if g.holds and (g.start in self._promising) is chosen]
+            ends.append(min(aims, default=np.inf))
+        return bool(np.isfinite(ends).all() and abs(ends[0] - ends[1]) <= share * abs(min(ends)))
+
     def _try(self, starts: Sequence[RodStart], most: int) -> None:
         for start in self._chosen(starts, most):
             if self.budget.over:
@@ -176,6 +185,7 @@ class StartedSearch(ABC):
             (left if any(alike) else different).append(start)
         half = (most + 1) // 2
         best = starts[:half]
+        self._promising = list(best)
         others = [start for start in different if not any(start is one for one in best)]
         yield from best
         yield from others[: most - len(best)]
@@ -223,6 +233,6 @@ class StartedSearch(ABC):
                 continue
             if not fine or finer == FINER or not table_misses(problem, attempt.x):
                 return grasp
-            thin = min(finger.course.half[0] * finger.length for finger in numbers.fingers)
+            thin = min(float(finger.half(0.0)) * finger.length for finger in numbers.fingers)
             table = numbers.table.refined(touched_places(problem, attempt.x), FINE * thin / numbers.size)
             numbers, known, finer = replace(numbers, table=table), grasp, finer + 1

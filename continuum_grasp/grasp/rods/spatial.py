@@ -12,11 +12,11 @@ class Spatial(Geometry):
     """Space: states (place, unit quaternion q, moment M) in the hand's frame; poses (place, turn by Cayley's map).
 
         p' = t,  q' = q (0, o) / 2,  M' = -t x F,
-        o = (M.e / (l B), M.t / (g B), k0 + (M.z + m) / B)
+        o = (M.e / (l B), M.t / (g B), k)
 
     e, t and z are the axes of the section, the columns of the rotation of q: across the finger in its plane, along it,
-    and the axis of bending. l B and g B are the stiffness to the side and the torsional stiffness, m the moment of the
-    tendons. The rotation of a turn c (3,) is (1 + [c]) (1 - [c])^-1 with [c] v = c x v (A. Cayley, 1846).
+    and the axis of bending, about which the curvature is k. l B and g B are the stiffness to the side and the torsional
+    stiffness. The rotation of a turn c (3,) is (1 + [c]) (1 - [c])^-1 with [c] v = c x v (A. Cayley, 1846).
     """
 
     name = "space"
@@ -31,14 +31,12 @@ class Spatial(Geometry):
         """Moment about the axis of bending of the section."""
         return dot(columns(state[3:7])[2], state[7:10])
 
-    def rates(
-        self, state: Values, force: Values, stiffness: Value, rest: Value, pulled: Value, sides: Values
-    ) -> Values:
+    def rates(self, state: Values, force: Values, curvature: Value, stiffness: Value, sides: Values) -> Values:
         """Derivatives (10,) of a state along the finger."""
-        e, t, z = columns(state[3:7])
+        e, t, _ = columns(state[3:7])
         moment = state[7:10]
         x, y = dot(e, moment) / (sides[0] * stiffness), dot(t, moment) / (sides[1] * stiffness)
-        rate = [0.0, x, y, rest + (dot(z, moment) + pulled) / stiffness]
+        rate = [0.0, x, y, curvature]
         turning = [0.5 * part for part in multiplied(state[3:7], rate)]
         return [*t, *turning, *cross(force, t)]
 
@@ -47,10 +45,6 @@ class Spatial(Geometry):
         e, t, z = (np.array(column) for column in columns(base[3:7]))
         about = [np.cos(0.5 * angle), 0.0, 0.0, np.sin(0.5 * angle)]
         return np.concatenate([base[:3] + x * e + y * t, multiplied(base[3:7], about), moment * z])
-
-    def frame(self, base: Array) -> Array:
-        """Axes (3, 3) of a base (7,) as columns."""
-        return np.column_stack(columns(base[3:7]))
 
     def turn(self, pose: Values, axes: Values) -> Matrix:
         """Axes of the object as columns."""

@@ -15,7 +15,7 @@ the same everywhere.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 from continuum_grasp.model.laws.section import (
@@ -38,7 +38,8 @@ class DryFrictionLaw(SectionLaw):
 
     kind: Kind = "friction"
     branches: tuple[tuple[Scalar, Scalar], ...] = ()
-    cells: int = 1  # per element
+    # Per element: no part of the law, so that sections are alike whatever elements there may be.
+    cells: int = field(default=1, compare=False, repr=False)
     units: ClassVar[Mapping[str, str | tuple[str, ...]]] = {"branches": ("N m2", "N m")}
 
     @property
