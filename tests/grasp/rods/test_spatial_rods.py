@@ -152,7 +152,7 @@ def pinch_in_a_plane():
         fingers={name: FINGER | {"base": {"position": (x, 0.0), "angle": angle}} for name, (x, angle) in bases.items()},
         object={"shape": "circle", "diameter": 0.06, "mass": 0.05, "position": (0.003, 0.08)},
         contacts=contacts,
-        gravity=(0.0, -9.81, 0.0),
+        gravity=(0.0, 9.81, 0.0),
     )
     named = {
         name: {
@@ -169,7 +169,7 @@ def pinch_in_a_plane():
         hand={"finger": FINGER | {"section": {"shape": "round"}}, "bases": named},
         object=cylinder | {"position": (0.003, 0.08, 0.0)},
         contacts=contacts,
-        gravity=(0.0, -9.81, 0.0),
+        gravity=(0.0, 9.81, 0.0),
     )
     return planar, spatial
 
