@@ -59,10 +59,6 @@ class Geometry(StageEquations):
         """State (state,) of a finger that bends about one axis, by what its base (oriented,) sees."""
 
     @abstractmethod
-    def frame(self, base: Array) -> Array:
-        """Axes (3, 3) of a base (oriented,) as columns: across the finger in its plane, along it, and of bending."""
-
-    @abstractmethod
     def turn(self, pose: Values, axes: Values) -> Matrix:
         """Axes of the object as columns."""
 
@@ -77,10 +73,6 @@ class Geometry(StageEquations):
     def in_space(self, vector: Sequence[Any]) -> list[Any]:
         """Three coordinates of a vector (dimensions,)."""
         return [*vector, *[0.0] * (3 - self.dimensions)]
-
-    def moment_in_space(self, moment: Sequence[Any]) -> list[Any]:
-        """Three components of the moment of a state."""
-        return [*[0.0] * (3 - len(moment)), *moment]
 
     def moment(self, vector: Sequence[Any]) -> list[Any]:
         """Components of a moment (3,) that a state has."""

@@ -1,4 +1,4 @@
-"""Reasons why a scene has no grasp: its limits, one at a time, widened at a cost in the same problem from the same starts.
+"""Reasons why a scene has no grasp: its limits, one at a time, widened at a cost in the same problem.
 
 A limit says how the problem is widened, how much of that a solution uses, and how the scene's keys change by as much.
 The least amount is found by going down: from the amount that the cost leaves, until 0.97 of it holds from no start.

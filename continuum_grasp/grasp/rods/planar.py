@@ -26,10 +26,6 @@ class Planar(PlaneRod, Geometry):
         cosine, sine = np.cos(base[2]), np.sin(base[2])
         return np.array([base[0] + cosine * x - sine * y, base[1] + sine * x + cosine * y, base[2] + angle, moment])
 
-    def frame(self, base: Array) -> Array:
-        """Axes (3, 3) of a base (3,) as columns."""
-        return np.array(self.turn(base, ()))
-
     def turn(self, pose: Values, axes: Values) -> Matrix:
         """Axes of the object as columns."""
         lib = library(pose[2])

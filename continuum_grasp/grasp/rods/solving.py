@@ -40,9 +40,9 @@ TUNING = {
 """Options of IPOPT: starts are near a solution, whose barrier and distance from bounds they keep."""
 
 
-def rods_solver() -> Solver:
+def rods_solver(iterations: int) -> Solver:
     """IPOPT, set up for rods."""
-    settings = Settings(tolerance=1e-9, constraint_tolerance=1e-9, max_iterations=120, tuning={"ipopt": TUNING})
+    settings = Settings(tolerance=1e-9, constraint_tolerance=1e-9, max_iterations=iterations, tuning={"ipopt": TUNING})
     return settings.solver()
 
 
@@ -125,6 +125,8 @@ class StartedSearch(ABC):
 
     apart: float
     """Distance of places from which on starts are different [m]."""
+    iterations: int = 120
+    """Most iterations of a solve."""
     likely: float = np.inf
     """Imbalance of starts beyond which they are left out if there is a grasp already."""
 
@@ -132,7 +134,7 @@ class StartedSearch(ABC):
         self.budget, self.stages = budget, stages
         self.tried: list[RodGrasp] = []
         self._promising: list[RodStart] = []
-        self._solver = rods_solver()
+        self._solver = rods_solver(self.iterations)
 
     @cached_property
     @abstractmethod

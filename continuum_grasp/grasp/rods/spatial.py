@@ -46,10 +46,6 @@ class Spatial(Geometry):
         about = [np.cos(0.5 * angle), 0.0, 0.0, np.sin(0.5 * angle)]
         return np.concatenate([base[:3] + x * e + y * t, multiplied(base[3:7], about), moment * z])
 
-    def frame(self, base: Array) -> Array:
-        """Axes (3, 3) of a base (7,) as columns."""
-        return np.column_stack(columns(base[3:7]))
-
     def turn(self, pose: Values, axes: Values) -> Matrix:
         """Axes of the object as columns."""
         a, b, c = (pose[k] for k in (3, 4, 5))

@@ -18,9 +18,9 @@ from scipy.spatial.transform import Rotation
 import continuum_grasp as cg
 from continuum_grasp.grasp.rods.guess import PosedFinger, ShotFinger, filled
 from continuum_grasp.grasp.rods.hand_numbers import hand_numbers, hand_table
+from continuum_grasp.grasp.rods.kinds import stage_kind
 from continuum_grasp.grasp.rods.planar_numbers import planar_numbers, planar_table
 from continuum_grasp.grasp.rods.problem import GraspRods, NearPair
-from continuum_grasp.grasp.rods.rod import Course, stage
 from continuum_grasp.grasp.rods.spatial import SPACE, columns, quaternion_of
 from continuum_grasp.scene import GraspScene, HandScene
 
@@ -93,51 +93,53 @@ def test_the_balance_is_the_sum_of_the_contacts_forces_and_moments():
     force, moment = np.zeros(3), np.zeros(3)
     center = np.array(scene.object.position)
     for finger, part in zip(numbers.fingers, problem.parts, strict=True):
-        for name, node, segment in zip(finger.contacts, part.first[1:], part.segments, strict=False):
+        for name, node in zip(finger.contacts, part.touching, strict=True):
             point = finger.length * x[part.nodes[node]][:3]
             normal = (point - center) / np.linalg.norm(point - center)
             side = np.cross(finger.across, normal)
             side = side / np.linalg.norm(side)
             pressed, along, beside, twist = finger.force * x[problem.contacts[name]]
             on_finger = pressed * normal + along * side + beside * np.cross(normal, side)
-            assert x[segment[1]] <= 1.0
             force = force - on_finger
             # The skin is where the ball is touched.
             moment = moment + np.cross(point - 0.006 * normal - center, -on_finger) - 2e-3 / 0.6 * twist * normal
-    rows = numbers.force * problem.row_values(x, problem.balance, ["middle1_space", "tip1_space"])
+    rows = numbers.force * problem.row_values(x, problem.balance, ["middle_space", "tip_space"])
     assert rows[:3] == pytest.approx(force, abs=1e-5)
     assert rows[3:] * numbers.size == pytest.approx(moment, abs=1e-6)
     assert numbers.weight[:3] * numbers.force == pytest.approx([0.0, 0.0, -9.81 * scene.object.mass])
 
 
 def test_a_stage_is_the_rod_of_scipy():
-    """An independent rod: rotation matrices, moments in the section's axes, forces by its own weight."""
-    course = Course([1.0, -0.3], [0.7, 0.4], [1.0, -0.2], [0.5, 0.1], [0.05, 0.0])
-    sides, gravity, force, pull = (4.0, 1.7), np.array([0.6, -0.4, -1.0]), np.array([1.2, 0.7, -0.9]), 1.3
-    turned = Rotation.from_rotvec([0.3, -0.8, 0.5])
-    moment = np.array([0.4, -0.6, 0.9])
-    state = [0.1, 0.2, -0.3, *quaternion_of(turned.as_matrix()), *moment]
-    count = 48
+    """An independent rod in SI units: rotation matrices, moments in the section's axes, and its own weight."""
+    scene = ball(**{"hand.finger.rest_curvature": 5.0, "hand.finger.rod.linear_density": 0.2, "gravity": [3, -4, -9]})
+    numbers = hand_numbers(scene, frozenset({"finger_1.tip"}), hand_table(scene))
+    finger, length, bending, offset = numbers.fingers[0], 0.12, 6e-3, 0.006
+    turned, moment = Rotation.from_rotvec([0.3, -0.8, 0.5]).as_matrix(), np.array([0.4, -0.6, 0.9]) * bending / length
+    force, tensions = np.array([0.5, 0.3, -0.4]), np.array([8.0, 1.0])
+    pulls = [tensions[0 if pull.side > 0 else 1] / pull.unit for pull in finger.section.pulls]
+    kind, count = stage_kind(SPACE, finger.section.form), 48
+    state = np.array([0.1, 0.2, -0.3, *quaternion_of(turned), *moment / finger.moment])
     for k in range(count):
-        s = k / count
-        weight = 0.5 * s + 0.05 * s * s
-        state = stage(SPACE, course, sides, gravity, state, force - gravity * weight, pull, s, 1.0 / count)
+        unknowns = [*state, *np.zeros(10), *force / finger.force, *pulls, 0.0, 1.0]
+        # The row is where the stage leads less where it ends.
+        state = kind.value(np.array(unknowns), np.array([*finger.acting(0), k / count, (k + 1) / count]), np.zeros(0))
+    section = scene.hand.finger.cross_section
 
     def rates(s, y):
         axes, own = y[3:12].reshape(3, 3), y[12:]
-        stiffness = 1.0 - 0.3 * s
-        bend = 0.7 + 0.4 * s + (own[2] + (1.0 - 0.2 * s) * pull) / stiffness
-        rate = np.array([own[0] / (4.0 * stiffness), own[1] / (1.7 * stiffness), bend])
+        bend = 5.0 + (own[2] + offset * (tensions[0] - tensions[1])) / bending
+        rate = np.array([own[0] / (section.lateral * bending), own[1] / (section.torsion * bending), bend])
         skew = np.array([[0, -rate[2], rate[1]], [rate[2], 0, -rate[0]], [-rate[1], rate[0], 0]])
-        inner = axes.T @ (force - gravity * (0.5 * s + 0.05 * s * s))
+        inner = axes.T @ (force - 0.2 * s * np.array([3.0, -4.0, -9.0]))
         turning = -np.cross(rate, own) - np.cross([0.0, 1.0, 0.0], inner)
         return np.concatenate([axes[:, 1], (axes @ skew).ravel(), turning])
 
-    begin = np.concatenate([[0.1, 0.2, -0.3], turned.as_matrix().ravel(), turned.as_matrix().T @ moment])
-    end = solve_ivp(rates, (0.0, 1.0), begin, rtol=1e-11, atol=1e-12).y[:, -1]
-    assert state[:3] == pytest.approx(end[:3], abs=1e-6)
-    assert np.column_stack(columns(state[3:7])) == pytest.approx(end[3:12].reshape(3, 3), abs=2e-6)
-    assert state[7:] == pytest.approx(end[3:12].reshape(3, 3) @ end[12:], abs=2e-6)
+    begin = np.concatenate([length * np.array([0.1, 0.2, -0.3]), turned.ravel(), turned.T @ moment])
+    end = solve_ivp(rates, (0.0, length), begin, rtol=1e-11, atol=1e-13).y[:, -1]
+    axes = end[3:12].reshape(3, 3)
+    assert length * state[:3] == pytest.approx(end[:3], abs=1e-6 * length)
+    assert np.column_stack(columns(state[3:7])) == pytest.approx(axes, abs=2e-6)
+    assert finger.moment * state[7:] == pytest.approx(axes @ end[12:], abs=2e-6 * bending / length)
 
 
 def pinch_in_a_plane():
@@ -150,7 +152,7 @@ def pinch_in_a_plane():
         fingers={name: FINGER | {"base": {"position": (x, 0.0), "angle": angle}} for name, (x, angle) in bases.items()},
         object={"shape": "circle", "diameter": 0.06, "mass": 0.05, "position": (0.003, 0.08)},
         contacts=contacts,
-        gravity=(0.0, -9.81, 0.0),
+        gravity=(0.0, 9.81, 0.0),
     )
     named = {
         name: {
@@ -167,7 +169,7 @@ def pinch_in_a_plane():
         hand={"finger": FINGER | {"section": {"shape": "round"}}, "bases": named},
         object=cylinder | {"position": (0.003, 0.08, 0.0)},
         contacts=contacts,
-        gravity=(0.0, -9.81, 0.0),
+        gravity=(0.0, 9.81, 0.0),
     )
     return planar, spatial
 
