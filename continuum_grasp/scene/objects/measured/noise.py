@@ -6,6 +6,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.base import Array
 
@@ -109,17 +110,18 @@ def _variance(points: Array) -> float:
     return float(np.quantile((rest**2).sum(axis=1) / (_WINDOW - 3), 0.25)) / _QUARTILE
 
 
-def without_outliers(points: Array, scatter: float) -> Array:
-    """Remove outliers from a closed curve: points whose neighbors on both sides lie on one parabola, such as dust or a
-    wrong pixel, but no corner.
+def outliers_of(points: Array, scatter: float) -> NDArray[np.bool_]:
+    """Return which points of a closed curve are outliers, such as dust or a wrong pixel.
+
+    The neighbors on both sides of an outlier lie on one parabola, unlike those of a corner.
     """
     if len(points) < 4 * _BESIDE[-1]:
-        return points
+        return np.zeros(len(points), dtype=bool)
     offsets = np.array([-k for k in reversed(_BESIDE)] + list(_BESIDE))
     around = points[(np.arange(len(points))[:, None] + offsets) % len(points)]
     rest, off = _beside_parabolas(around, points[:, None])
     even = np.sqrt((rest**2).sum(axis=1) / (len(offsets) - 3)) < _EVEN * scatter
-    return np.asarray(points[~(even & (np.abs(off[:, 0]) > _FAR * scatter))])
+    return np.asarray(even & (np.abs(off[:, 0]) > _FAR * scatter))
 
 
 def _is_smooth(points: Array) -> bool:
