@@ -41,6 +41,28 @@ def test_depth_of_a_straight_finger_in_a_ball(seed):
     assert "through the object" in str(overlap)
 
 
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize(
+    ("body", "depth"),
+    [
+        ({"shape": "sphere", "diameter": 0.06}, 0.03),
+        ({"shape": "ellipsoid", "extents": [0.06, 0.06, 0.06]}, 0.03),
+        ({"shape": "cylinder", "diameter": 0.06, "height": 0.08, "edge_radius": 0.003}, 0.03),
+        ({"shape": "cylinder", "diameter": 0.06, "height": 0.03, "edge_radius": 0.003}, 0.015),
+        ({"shape": "box", "extents": [0.04, 0.06, 0.05], "edge_radius": 0.003}, 0.02),
+        ({"shape": "box", "extents": [0.05, 0.05, 0.05], "edge_radius": 0.003}, 0.025),
+        ({"shape": "superquadric", "extents": [0.06, 0.06, 0.06], "exponents": [2.0, 2.0]}, 0.03),
+    ],
+)
+def test_depth_of_a_finger_through_the_center(body, depth, turned):
+    """The center of a body is as deep as its thinnest half; there the direction to the surface is not unique."""
+    ball = one_straight((0.0, 0.06, 0.0))
+    rotation = [0.5 * math.pi, 0.0, 0.0] if turned else [0.0, 0.0, 0.0]
+    scene = ball.changed({"object": body | {"mass": 0.05, "position": [0.0, 0.06, 0.0], "rotation": rotation}})
+    (overlap,) = overlaps_at_rest(scene)
+    assert overlap.depth == pytest.approx(depth + cases.HALF, rel=1e-3)
+
+
 @pytest.mark.parametrize("curvature", [-6.0, 9.0])
 def test_depth_of_a_finger_that_is_an_arc_at_rest_in_a_disc(curvature):
     """A planar finger of rest curvature k is a circle about (-1 / k, 0); a disc sits on it half way."""

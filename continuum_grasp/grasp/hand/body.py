@@ -28,12 +28,12 @@ def level(shape: str, point: ca.SX, half: ca.SX, edge: ca.SX) -> ca.SX:
 
     ``half`` are half extents (3,) along its axes, ``edge`` the radius of its edges.
     """
+    # 1e-24: keeps roots differentiable at the center and on the axis
     if shape == "sphere":
-        return ca.sqrt(ca.sumsqr(point)) - half[0]
+        return ca.sqrt(ca.sumsqr(point) + 1e-24) - half[0]
     if shape == "ellipsoid":
-        return half[0] * (ca.sqrt(ca.sumsqr(point / half)) - 1.0)
+        return half[0] * (ca.sqrt(ca.sumsqr(point / half) + 1e-24) - 1.0)
     if shape == "cylinder":
-        # 1e-24: keeps the root differentiable on the axis
         across = ca.sqrt(point[0] ** 2 + point[1] ** 2 + 1e-24)
         beyond = ca.vertcat(across - (half[0] - edge), ca.fabs(point[2]) - (half[2] - edge))
     else:
@@ -99,7 +99,9 @@ class BodySurface:
             return away.reshape(points.shape[:-1]), (normal @ self.axes.T).reshape(points.shape)
         once, _ = levels(self.solid.shape)
         value, gradient = (np.array(part).T for part in once(local.T, self.half, self.edge))
-        slope = np.maximum(np.linalg.norm(gradient, axis=1), 1e-12)
+        # The gradient of a level vanishes at the center and on the axis alone; elsewhere it has at least this length.
+        least = self.half[0] / self.half.max() if self.solid.shape == "ellipsoid" else 1.0
+        slope = np.maximum(np.linalg.norm(gradient, axis=1), least)
         normal = (gradient / slope[:, None]) @ self.axes.T
         return (value.ravel() / slope).reshape(points.shape[:-1]), normal.reshape(points.shape)
 
