@@ -99,11 +99,11 @@ class BodySurface:
             return away.reshape(points.shape[:-1]), (normal @ self.axes.T).reshape(points.shape)
         once, _ = levels(self.solid.shape)
         value, gradient = (np.array(part).T for part in once(local.T, self.half, self.edge))
-        # The gradient of a level vanishes at the center and on the axis alone; elsewhere it has at least this length.
-        least = self.half[0] / self.half.max() if self.solid.shape == "ellipsoid" else 1.0
-        slope = np.maximum(np.linalg.norm(gradient, axis=1), least)
+        slope = np.maximum(np.linalg.norm(gradient, axis=1), 1e-12)
         normal = (gradient / slope[:, None]) @ self.axes.T
-        return (value.ravel() / slope).reshape(points.shape[:-1]), normal.reshape(points.shape)
+        # The gradient vanishes at the center and on the axis; no point is deeper than the thinnest half.
+        away = np.maximum(value.ravel() / slope, -self.half.min())
+        return away.reshape(points.shape[:-1]), normal.reshape(points.shape)
 
     def near(self, points: Array) -> Nearby:
         """Distance of points (K, 3) with its first and second derivative, by the nearest place of the surface."""
