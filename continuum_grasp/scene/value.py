@@ -24,7 +24,7 @@ from pydantic_core import CoreSchema
 
 from continuum_grasp.base import InputError, Summarized
 from continuum_grasp.scene.consumer import Consumer
-from continuum_grasp.scene.doubts import doubt
+from continuum_grasp.scene.doubts import collected_doubts, doubt
 from continuum_grasp.scene.magnitudes import ACCELERATION, ANGLE, DURATION, FRICTION, PLACE, magnitudes
 from continuum_grasp.scene.units import Unit
 
@@ -200,8 +200,12 @@ class Value(BaseModel):
         return ((name, getattr(self, name)) for name in type(self).model_fields)
 
     def replaced(self, **fields: Any) -> Self:
-        """A copy with other values of some fields, validated as if it were made anew; `InputError` as then."""
-        return type(self)(**{**dict(self), **fields})
+        """Return a copy with other values of some fields, validated as if it were made anew; `InputError` as then.
+
+        A copy raises no doubts: the user has been warned of the original, and does not know the values of a search.
+        """
+        with collected_doubts():
+            return type(self)(**{**dict(self), **fields})
 
     # pydantic calls an initializer of one's own for nested values too, and loses the keys of what is wrong in them.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]

@@ -92,3 +92,14 @@ def test_strict_commands_refuse_a_scene_with_doubts(verb, tmp_path):
 def test_shipped_scenes_raise_no_doubts_about_magnitudes():
     for file in sorted(ROOT.glob("configs/*/*.yaml")):
         assert [text for text in doubts(file) if " = " in text] == [], file
+
+
+def test_values_of_a_search_raise_no_doubts():
+    """A search tries masses that no user has stated; a user who changes the mass is warned."""
+    scene = load(ROOT / "configs/hand/ball.yaml")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        heavy = scene.replaced(object=scene.object.replaced(mass=90.0))
+    assert heavy.object.mass == 90.0
+    with pytest.warns(UserWarning, match="is it in grams"):
+        scene.changed({"object.mass": 90.0})
