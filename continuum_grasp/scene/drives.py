@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.magnitudes import FORCE
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import GREATEST, Distance, Extent, NonNegative, Positive, TimeConstant, Value
 
@@ -84,7 +85,7 @@ class _Winch(Value):
     arrangement: Literal["one_pulley", "per_tendon"] = "per_tendon"
     """one_pulley: one drive winds up the first of two tendons by as much as it pays out the second; per_tendon: each
     tendon has a drive of its own."""
-    pretension: Annotated[NonNegative, Unit("N")] = 0.0
+    pretension: Annotated[NonNegative, Unit("N"), FORCE] = 0.0
     """Tension of the straight finger while the drives are at zero [N]."""
     slack: Distance = 0.0
     """Length that a drive must wind up until its tendon is in tension on the straight finger [m]."""

@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.finger_section import FingerSection
-from continuum_grasp.scene.magnitudes import ACCELERATION
+from continuum_grasp.scene.magnitudes import ACCELERATION, FORCE
 from continuum_grasp.scene.methods import SolverOptions
 from continuum_grasp.scene.objects.shapes import Freedom
 from continuum_grasp.scene.simulate import Fidelity
@@ -41,7 +41,7 @@ class FingerContacts(Value):
 
     friction: Friction | None = None
     """Coulomb friction coefficient between this finger and the object [1]."""
-    normal_force_max: Annotated[Positive, Unit("N")] | None = None
+    normal_force_max: Annotated[Positive, Unit("N"), FORCE] | None = None
     """Greatest normal force at any one contact of this finger [N]."""
     middle: Middles | None = None
     """Middle contacts of this finger, in place of the ones in ``contacts``."""
@@ -60,7 +60,7 @@ class GraspContacts(FingerContacts):
 
     friction: Friction
     """Coulomb friction coefficient between fingers and object [1]."""
-    normal_force_max: Annotated[Positive, Unit("N")]
+    normal_force_max: Annotated[Positive, Unit("N"), FORCE]
     """Greatest normal force at any one contact, supports included [N]. With no such limit a wedged object needs no
     friction at all."""
     middle: Middles = "on"
@@ -71,7 +71,7 @@ class GraspContacts(FingerContacts):
     reserve: Annotated[Ratio, Field(lt=1.0, examples=[0.2])] = 0.0
     """Part of every friction cone that stays free [1]: 0.2 holds with friction coefficients that are 20 % less. What
     the grasp resists is counted with the whole cones."""
-    push: Annotated[NonNegative, Unit("N")] | None = None
+    push: Annotated[NonNegative, Unit("N"), FORCE] | None = None
     """Push on the object [N] that the grasp bears in any direction: to first order, at constant tensions, no contact
     slips, parts or exceeds its greatest normal force. None: no push, but for an unloaded object (for example without
     gravity) 10 % of the greatest push that the search finds; 0: no push at all, a touch is enough."""

@@ -95,6 +95,7 @@ def validated(document: Document, model: type[Model]) -> Model:
 def _warn_of(doubts: Sequence[CollectedDoubt], checked: BaseModel, document: Document) -> None:
     """Warn of doubts, with their places in a document."""
     found = dict[tuple[str, str], None]()
+    derived = dict[tuple[str, str], None]()
     for key, text, owner in doubts:
         # A value replaced in validation, such as an object laid against a wall, is found by its class.
         known = (
@@ -103,7 +104,11 @@ def _warn_of(doubts: Sequence[CollectedDoubt], checked: BaseModel, document: Doc
             else [path for path, value in children(checked) if value is owner]
             or [path for path, value in children(checked) if type(value) is type(owner)]
         )
-        found[dotted((*(known[0] if known else ()), *undotted(key))), text] = None
+        place = dotted((*(known[0] if known else ()), *undotted(key)))
+        (found if known or owner is None else derived)[place, text] = None
+    # Values that follow from others, such as the tendons of a pair, repeat the doubts of these.
+    known_texts = {text for _, text in found}
+    found |= {doubt: None for doubt in derived if doubt[1] not in known_texts}
     for key, text in found:
         document.doubt(key, text)
 

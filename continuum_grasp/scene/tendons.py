@@ -11,6 +11,7 @@ from pydantic import Field, field_validator
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.drives import WinchDrive
 from continuum_grasp.scene.graded import Varying, ends
+from continuum_grasp.scene.magnitudes import FORCE
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     SAME,
@@ -56,9 +57,9 @@ class _Tensions(Value):
         """
     )
 
-    min_tension: Annotated[NonNegative, Unit("N")] = 0.0
+    min_tension: Annotated[NonNegative, Unit("N"), FORCE] = 0.0
     """Least tension [N]."""
-    max_tension: Annotated[Positive, Unit("N")]
+    max_tension: Annotated[Positive, Unit("N"), FORCE]
     """Greatest tension [N]."""
     friction: Friction = 0.0
     """Capstan friction coefficient between tendon and guides [1]: where the tendon slides, its tension changes by the

@@ -27,6 +27,8 @@ SLIPS = [
     ("grasp/mug", "object.mass", "300", "kg"),
     ("grasp/mug", "contacts.friction", "50", "percent"),
     ("grasp/mug", "object.angle", "30.0", "degrees"),
+    ("grasp/mug", "contacts.normal_force_max", "30000", "millinewtons"),
+    ("grasp/mug", "finger.tendons.max_tension", "50000", "millinewtons"),
     ("hand/ball", "object.rotation", "[30.0, 0.0, 0.0]", "degrees"),
     ("hand/ball", "object.mass", "80", "kg"),
     ("mpc/steady_tip", "duration", "1.0e9", "s is more"),
