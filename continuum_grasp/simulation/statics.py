@@ -126,18 +126,8 @@ def equilibrium_under(
     >>> equilibrium_under(model, [0.05], []).q.round(6).tolist()  # bend = moment L / EI [rad]
     [1.0]
     """
-    found = rest_under(
-        model,
-        u,
-        w,
-        guess=guess,
-        stable=stable,
-        side=side,
-        reached_by=reached_by,
-        friction_states=friction_states,
-        path=path,
-    )
-    return Equilibrium.of(found)
+    history = {"reached_by": reached_by, "friction_states": friction_states, "path": path}
+    return Equilibrium.of(rest_under(model, u, w, history, guess=guess, stable=stable, side=side))
 
 
 @check_arguments

@@ -151,7 +151,7 @@ def _at_rest(case: Scene, _: Scene, model: FingerModel, guess: Array | None) -> 
     """Find the shape at rest of a model under the inputs and loads of a load case."""
     signals = Signals(case, model, case.loads)
     friction = model.structure.friction_of(case.initial)
-    return rest_under(model, signals.u(0.0)[0], signals.w(0.0)[0], guess=guess, **friction)
+    return rest_under(model, signals.u(0.0)[0], signals.w(0.0)[0], friction, guess=guess)
 
 
 def apart(first: Trajectory, other: Trajectory) -> float:
