@@ -175,11 +175,11 @@ def _given(length: float, contacts: Sequence[float], lengths: list[float]) -> tu
 
 
 def element_spans(lengths: Sequence[float], bending_range: float | None, finger: Finger) -> tuple[float, ...]:
-    """Bend [rad] that each element has above its shape at rest: as declared, or by default.
+    """Return the greatest bend of each element from its shape at rest [rad], as declared or by default.
 
-    By default a finger of many elements bends by 240 degrees as a whole, and twice as sharply anywhere; thin parts bend
-    more than thick ones, and each by its share where there are stops, or as far as these let it. A strain limit may
-    allow less.
+    By default, a finger of many elements bends by 240 degrees in total, and each element by up to twice its share. The
+    share of an element is in proportion to its length per thickness; with stops, to its bend at which links touch. A
+    strain limit may reduce it.
     """
     if bending_range is not None:
         if not 0.0 < bending_range <= Fidelity.WIDEST:

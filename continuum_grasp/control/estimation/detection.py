@@ -65,8 +65,11 @@ def check_detectable(
 def _tells_at_one(
     model: Prediction, count: int, shown: Sequence[int], slope: ca.Function, outputs: ca.Function
 ) -> bool:
-    """Whether sensors tell the disturbances ``shown``, of ``count``, apart at one of some shapes at rest."""
-    # States of friction are within -1 and 1: what they hide is bounded, and no drift.
+    """Return whether sensors can distinguish the disturbances ``shown`` at one of several shapes at rest.
+
+    ``count`` is the number of all disturbances.
+    """
+    # Friction states stay within -1 and 1, so an error that they hide is bounded and does not drift.
     states = [k for k, name in enumerate(model.x_names) if "friction_" not in name]
     columns = [*states, *(model.nx + k for k in shown)]
     least, most = (np.array(limit) for limit in model.scene.input_limits)
