@@ -45,7 +45,7 @@ class FittedCurve(NamedTuple):
     Attributes
     ----------
     points : tuple of (float, float)
-        Ends of the lines, and points of the arcs as close as those of a drawing.
+        Ends of the lines, and points of the arcs, as densely as in a drawing.
     error : float
         Distance from the true curve, in the unit of the points, that three standard deviations of the fit explain.
     knots : frozenset of int
@@ -165,8 +165,8 @@ def _circle(points: Array, noise: Noise, spare: float, most: float) -> FittedCur
 
 
 def _nodes(points: Array, scatter: float) -> NDArray[np.int_]:
-    """Return the indices of points at which pieces may end: corners of a polygon within the noise, and points
-    between.
+    """Return the indices of points that may be ends of pieces: corners of a polygon within the noise, and points
+    between them.
     """
     import shapely
 

@@ -16,8 +16,9 @@ _QUARTILE = 0.28768
 """First quartile of the mean of two squared residuals, per variance: -ln(3/4), of a chi-square of two degrees. Up to
 three windows in four may hold corners."""
 _BETWEEN = 4.0
-"""Ratio of the variances of means over twice as many neighbors [1] between that of noise, 1/2, and that of a smooth
-curve, whose third derivative leaves residuals that grow with the cube of the scale: 64. Few windows scatter much."""
+"""Threshold for the ratio of the variances of means when the number of neighbors doubles [1]. Noise has the ratio 1/2;
+a smooth curve has 64, because its third derivative leaves residuals that grow with the cube of the scale. Few windows
+scatter much."""
 _SMOOTH = 0.7
 """Threshold between noise and smooth curves: share of third differences with the sign of the next one [1]."""
 _LAGS, _ALIKE = 16, 0.5
@@ -113,7 +114,7 @@ def _variance(points: Array) -> float:
 def outliers_of(points: Array, scatter: float) -> NDArray[np.bool_]:
     """Return which points of a closed curve are outliers, such as dust or a wrong pixel.
 
-    The neighbors on both sides of an outlier lie on one parabola, unlike those of a corner.
+    The neighbors on both sides of an outlier lie on one parabola; the neighbors of a corner do not.
     """
     if len(points) < 4 * _BESIDE[-1]:
         return np.zeros(len(points), dtype=bool)
