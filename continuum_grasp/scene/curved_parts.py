@@ -14,7 +14,7 @@ BLUNT, _SPAN = 0.1, 0.3
 """Turn of the normal at a corner [rad] below which it may be a point of a curve, and what such corners, one after the
 other, turn at least in all: a corner alone, however blunt, is a corner."""
 _UNEVEN = 3.0
-"""Least ratio of the lengths of two edges at which the longer one is a straight line, tangent to the curve."""
+"""Least ratio of the lengths of two edges that makes the longer one a straight line, tangent to the curve."""
 SHARE = 1e-3
 """Distance of a polygon from the curve that it stands for, per longer side of the object [1], by default and at most: a
 circle that is drawn has 64 corners then."""
