@@ -169,7 +169,7 @@ def _locate(error: Any, data: Any, shape: Shape) -> _Located:
 
 
 def _choose_branches(located: list[_Located], shape: Shape, data: Any) -> list[Fault]:
-    """Keep the branches of each union whose kind of value fits; where none does, say what all expect."""
+    """Retain the branches of each union whose kind of value fits; if none fits, list all expected kinds."""
     unions = sorted(dict.fromkeys(path for item in located for path, _ in item.branches), key=len)
     problems: list[Fault] = []
     for union in unions:
@@ -182,7 +182,7 @@ def _choose_branches(located: list[_Located], shape: Shape, data: Any) -> list[F
             wanted = " or ".join(dict.fromkeys(_kind(item, shape, data) for item in here if item.path == union))
             problems.append(_wrong_type(union, wanted, here[0].error["input"], shape.unit(union, data)))
         else:
-            # Of several mappings, the one whose keys are the most alike was meant.
+            # If several mappings fit, the user meant the one with the most similar keys.
             strange = Counter(dict(item.branches)[union] for item in here if item.error["type"] in _STRANGE)
             fewest = min(strange[label] for label in labels - unfit)
             meant = {label for label in labels - unfit if strange[label] == fewest}

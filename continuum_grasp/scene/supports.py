@@ -151,7 +151,7 @@ class VGroove(_Support):
 
     type: Literal["v_groove"]
     apex: Position
-    """World position of the line in which both sides meet [m]."""
+    """World position of the line between both sides [m]."""
     opening_angle: Annotated[float, Field(ge=1e-3, le=3.14), Unit("rad")]
     """Angle between the two walls [rad]."""
     axis_angle: Angle
