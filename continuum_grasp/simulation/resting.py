@@ -36,7 +36,7 @@ def rest_at(scene: Scene, model: FingerModel, *, at: float = 0.0, **search: Any)
         return rest_under(model, signals.u(at)[0], signals.w(at)[0], friction, **search)
     motors, finger = model.structure.motors, scene.finger.with_drives(_locked)
     wound = tuple(motor.radius * angle for motor, angle in zip(motors, angles, strict=True))
-    # Chambers beside the tendons have their pressures.
+    # Chambers have their own pressures.
     pressures = scene.actuation.values[len(wound) :] if scene.actuation else (0.0,) * len(finger.chambers)
     held_at = wound if "lengths" in finger.input_keys else tuple(angles)
     actuation = Actuation.of(finger.input_keys, (*held_at, *pressures))
@@ -88,7 +88,7 @@ def rest_under(
 ) -> RestingShape:
     """Find the shape at rest under constant input and forces; arguments are as in ``equilibrium_under``.
 
-    ``history`` has its ``reached_by``, ``friction_states`` and ``path``, as far as they are stated.
+    ``history`` has ``reached_by``, ``friction_states`` and ``path`` if they are stated.
     """
     reached_by, path = history.get("reached_by", "pulling"), history.get("path", ())
     friction_states = history.get("friction_states")

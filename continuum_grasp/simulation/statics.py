@@ -103,11 +103,11 @@ def equilibrium_under(
     w : (nw,) array_like
         Forces.
     guess : (n,) array_like, optional
-        Coordinates from which the search begins.
+        Start coordinates of the search.
     stable : bool
         Whether to leave an unstable equilibrium for a stable one.
     side : {1, -1}
-        Side to which it is left.
+        Direction in which the search leaves it.
     reached_by : {"pulling", "releasing", "path", "state"}
         How a finger with friction came to this shape. ``pulling``: from its shape at rest under the forces, without
         drives, to this input. ``releasing``: all sections that slid have slid back from a greater pull. ``path``:
@@ -145,7 +145,7 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
     factors : sequence of float
         Scales, in order.
     side : {1, -1}
-        Side to which an unstable equilibrium is left.
+        Direction in which the search leaves an unstable equilibrium.
 
     Returns
     -------

@@ -30,7 +30,7 @@ _INSTANTS = 100
 """Instants of a motion that are compared [1]."""
 
 _LONG = 5.0
-"""Time from which on a finer motion is announced [s], which does not change the results."""
+"""Least expected time of a finer motion that is announced [s]; it does not change the results."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -82,7 +82,7 @@ def _resolved_in_motion(scene: Scene, tolerance: float | None, progress: Callabl
     started = perf_counter()
     motion = integrate(scene, progress=progress)
     began = perf_counter()
-    # 4.0: time of a motion per that with half its elements, where none was measured yet
+    # 4.0: time of a motion per time with half its elements, before any measurement
     last = began - started
     growth = 4.0
     reached = ""
