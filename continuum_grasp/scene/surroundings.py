@@ -62,7 +62,7 @@ class ContactLaw(Value):
     law: Annotated[str | None, Field(examples=["adhesive"])] = None
     """Contact law of an add-on, by its announced name. None: the law described here."""
     law_numbers: Annotated[ListOf[float], Field(examples=[[0.5]]), Unit(None)] = ()
-    """Numbers of the add-on's law, in the order and units that the add-on states."""
+    """Numbers of the add-on's law in the order that the add-on states, each in the unit of its statement."""
 
 
 class Table(Value):
