@@ -54,12 +54,12 @@ class RodFactors(Value):
 
 
 class Section(Value):
-    """Cross section of a rod, or of a part of a rod; each value is a number, or ``[from, to]`` for a linear change from
-    the base side to the tip side.
+    """Cross section of a rod, or of a part of a rod; each value is a number, or ``[from, to]`` for one that changes
+    linearly from base to tip side.
 
     Give ``thickness`` and ``width`` (a rectangle), or ``diameter`` (round), with the modulus and density of the
-    material; or ``bending_stiffness`` and ``linear_density``. In the latter case, ``thickness`` or ``diameter`` only
-    determines the outer surface of the finger and the strain limit.
+    material; or ``bending_stiffness`` and ``linear_density``. A ``thickness`` or ``diameter`` beside these sets only
+    how thick the finger is and where the strain limit is reached.
     """
 
     REFUSALS: ClassVar[tuple[Consumer, ...]] = Consumer.refusals(
@@ -190,7 +190,7 @@ class SpiRob(Value):
         return 0.5 * (low + high)
 
     def unit_angle(self, length: float) -> float:
-        """Return the angle by which each unit turns until its gap is closed [rad], for a straightened length [m]."""
+        """Angle by which each unit turns where its gap is closed [rad], for a straightened length [m]."""
         return math.log(self.base_thickness / self.tip_thickness) / (self.growth(length) * self.units)
 
     def edges(self, length: float) -> tuple[float, ...]:
