@@ -272,15 +272,15 @@ def _section_states(plant: PlantModel, prediction: Prediction) -> dict[str, ca.S
     """States of laws of the sections of a controller by name: the mean of the plant's over the same part."""
     section_states: dict[str, ca.SX] = {}
     laws = zip(*(model.system.finger_model.structure.laws for model in (prediction, plant)), strict=False)
-    for plant_law, other in laws:
-        if not plant_law.names(1):
+    for predicted, other in laws:
+        if not predicted.law.names(1):
             continue
-        edges = _shares(plant_law.ports)
+        edges = _shares(predicted.ports)
         known = _shares(other.ports)
-        states = [[plant.named_states[name] for name in other.names(k + 1)] for k in range(len(other.ports))]
+        states = [[plant.named_states[name] for name in other.law.names(k + 1)] for k in range(len(other.ports))]
         for k, (start, end) in enumerate(pairwise(edges.tolist()), start=1):
             shares = np.clip(np.minimum(known[1:], end) - np.maximum(known[:-1], start), 0.0, None) / (end - start)
-            for name, every in zip(plant_law.names(k), zip(*states, strict=True), strict=True):
+            for name, every in zip(predicted.law.names(k), zip(*states, strict=True), strict=True):
                 section_states[name] = ca.dot(ca.DM(shares), ca.vertcat(*every))
     return section_states
 

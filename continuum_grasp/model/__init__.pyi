@@ -22,6 +22,13 @@ from .planar import column as column
 from .planar import solve_ldl as solve_ldl
 from .runtime_curves import CurveSpec as CurveSpec
 from .runtime_curves import CurvesSpec as CurvesSpec
+from .section import Section as Section
+from .section import SectionPull as SectionPull
+from .section_form import SectionForm as SectionForm
+from .stage import PlaneRod as PlaneRod
+from .stage import RodLoads as RodLoads
+from .stage import StageEquations as StageEquations
+from .stage import stage_end as stage_end
 from .stumpff_functions import stumpff as stumpff
 from .surfaces import nearest as nearest
 from .surfaces import surface_of as surface_of

@@ -7,7 +7,8 @@ from functools import cached_property
 from itertools import islice
 
 from continuum_grasp.model.actuation import Drive
-from continuum_grasp.model.laws.section import STATEFUL, SectionForces
+from continuum_grasp.model.laws.ports import SectionForces
+from continuum_grasp.model.laws.section import STATEFUL
 from continuum_grasp.model.memory import Instant
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.structure import Structure

@@ -14,7 +14,7 @@ _WRENCH = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]", "t
 _RATES = ("object_x_rate [m/s]", "object_y_rate [m/s]", "object_angle_rate [rad/s]", "object_z_rate [m/s]")
 
 
-class Body:
+class RigidBody:
     """Pose, motion and inertia of the object.
 
     The pose describes the object's frame: the world position of its origin and its angle. A value ``given`` by name for

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import casadi as ca
 
-from continuum_grasp.model.body import Body
+from continuum_grasp.model.body import RigidBody
 from continuum_grasp.model.contact_law import TouchLaw, touch_law_of
 from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.stations import Station, Touched
@@ -45,10 +45,10 @@ class Contacts(Touched):
     ) -> None:
         super().__init__()
         self._stations = stations
-        self._body: Body | None = None
+        self._body: RigidBody | None = None
         if around is None or around.object is None:
             return
-        self._body = body = Body(around.object, around, given)
+        self._body = body = RigidBody(around.object, around, given)
         motions = {name: ca.SX.sym(name, len(SHIFTED)) for name in around.moving_supports}
         if around.contact_law is not None:
             law = touch_law_of(around.contact_law, rod)
@@ -100,7 +100,7 @@ class Contacts(Touched):
 
 
 def _pairs_of(
-    body: Body,
+    body: RigidBody,
     around: Surroundings,
     law: TouchLaw,
     stations: Sequence[Station],

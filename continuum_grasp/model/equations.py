@@ -19,7 +19,8 @@ from continuum_grasp.model.acting import Acting
 from continuum_grasp.model.actuation import Drive, Lag
 from continuum_grasp.model.chain import Chain, ChainPlace, Load
 from continuum_grasp.model.family import RodProperties
-from continuum_grasp.model.laws.section import STATEFUL, Kind, SectionForces
+from continuum_grasp.model.laws.ports import SectionForces
+from continuum_grasp.model.laws.section import STATEFUL, Kind
 from continuum_grasp.model.laws.shortening import remaining_shares
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.link import Attached, LinkSection, ShortenedLink
@@ -543,7 +544,7 @@ class Equations:
     @property
     def held_stiffness(self) -> Scalar:
         """Stiffness that laws with states add while these are held, as a factor of the mesh's stiffness."""
-        held = sum((law.held for law in self._structure.laws), 0.0)
+        held = sum((placed.law.held for placed in self._structure.laws), 0.0)
         return 1.0 / self._structure.mesh.own_stiffness * held
 
     @property

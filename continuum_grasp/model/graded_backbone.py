@@ -23,7 +23,7 @@ import casadi as ca
 from continuum_grasp.base import Array
 from continuum_grasp.model.backbone import Backbone, Panel
 from continuum_grasp.model.equations import Equations
-from continuum_grasp.model.laws.section import Port
+from continuum_grasp.model.laws.ports import PlacedLaw, Port
 from continuum_grasp.model.node_counts import node_count
 from continuum_grasp.model.planar import Scalar, column, matrix
 from continuum_grasp.model.quadrature import collocation, running_weights
@@ -122,7 +122,9 @@ class GradedBackbone(Backbone):
         structure.tendon_sets = tuple(
             replace(cells, cells=tuple(self._cells(len(cells.cells) // count))) for cells in made.tendon_sets
         )
-        structure.laws = tuple(replace(law, ports=tuple(self._ports(len(law.ports) // count))) for law in made.laws)
+        structure.laws = tuple(
+            PlacedLaw(placed.law, tuple(self._ports(len(placed.ports) // count))) for placed in made.laws
+        )
         return structure
 
     # -- curvature -----------------------------------------------------------------------------------------------

@@ -33,12 +33,13 @@ class Memory:
     ``moved`` is a number h for a finger at rest, whose friction acts as ``clip(z + h u)`` with the sliding u since the
     unloaded shape: h = 0 means constant friction states; h = 1 with zero states means a finger that slid one way from
     its unloaded shape. ``part`` [s]: implicit part of a step. ``return_time`` [s]: time in which states return to their
-    range.
+    range. ``rounding``: width of the corners of the clip of a finger at rest, for second derivatives; 0: none.
     """
 
     return_time: float
     moved: Scalar | None = None
     part: Scalar = 0.0
+    rounding: float = 0.0
 
     @staticmethod
     def clipped(z: Scalar) -> Scalar:
@@ -69,7 +70,15 @@ class Memory:
         if self.moved is None:
             return [(moving or self.clipped)(z) for z in states]
         # At rest without the cubic's flat ends, on which Newton's method would stop.
-        return [self.clipped(z + self.moved * slid) for z, slid in zip(states, travel(), strict=True)]
+        return [self._limited(z + self.moved * slid) for z, slid in zip(states, travel(), strict=True)]
+
+    def _limited(self, z: Scalar) -> Scalar:
+        """A state within its range, with rounded corners."""
+        if self.rounding == 0.0:
+            return self.clipped(z)
+        square = self.rounding * self.rounding
+        upper, lower = z + 1.0, z - 1.0
+        return 0.5 * (ca.sqrt(upper * upper + square) - ca.sqrt(lower * lower + square))
 
     def rate(self, z: Scalar, sliding: Scalar) -> Scalar:
         """Rate of a state [1/s] of a sliding [1/s]."""

@@ -82,5 +82,5 @@ def one_link_serves(made: Structure) -> bool:
         and len({len(made.family.local(k)) for k in range(len(made.lengths))}) == 1
         and all(is_end(at.fraction) and (at == made.tip or not runtime(name)) for name, at in made.masses())
         # Elements in which the rod jumps have more ports of a law than others.
-        and all(len(set(Counter(port.element for port in law.ports).values())) == 1 for law in made.laws)
+        and all(len(set(Counter(port.element for port in placed.ports).values())) == 1 for placed in made.laws)
     )

@@ -17,7 +17,8 @@ from continuum_grasp.model.actuation import InputLayout, Lag, MomentSource
 from continuum_grasp.model.chain import ChainPlace
 from continuum_grasp.model.family import Family, Mesh
 from continuum_grasp.model.laws import laws_of
-from continuum_grasp.model.laws.section import STATEFUL, Kind
+from continuum_grasp.model.laws.ports import PlacedLaw
+from continuum_grasp.model.laws.section import STATEFUL, Kind, own_factor
 from continuum_grasp.model.layout import (
     element_lengths,
     element_ranges,
@@ -114,7 +115,7 @@ class Structure:
         stated = choices["bending_range"] is not None
         self.ranges = element_ranges(self.spans, self.rest_bends, choices["reached"], stated=stated)
         if self.finger.winches:
-            # A range that a shape has asked for is limited: nobody stated it.
+            # A range that a shape has asked for is limited: no user stated it.
             self._stay_within_arms(stated=stated and choices["reached"] is None)
         self.parameters = Parameters(
             self.finger, (gravity[0], gravity[1]), self.lengths, tuple(choices["parameters"] or ())
@@ -138,7 +139,7 @@ class Structure:
         self.winches = Winch.of_finger(self.finger, self.parameters, slack)
         self.own_tendons = {source.tendon: source for source in self.sources if source.tendon is not None}
         self.tendon_sets = self._tendon_sets()
-        self.laws = laws_of(self.finger, self.family, self.parameters)
+        self.laws = tuple(PlacedLaw.on(self.family, law) for law in laws_of(self.finger, self.parameters))
         self.n = self.family.size - len(self.family.known)
         self._name_entries()
         self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
@@ -381,7 +382,7 @@ class Structure:
 
     def has_law(self, *kinds: Kind) -> bool:
         """Whether the sections have a law of one of these kinds."""
-        return any(law.kind in kinds for law in self.laws)
+        return any(placed.law.kind in kinds for placed in self.laws)
 
     @property
     def has_stateful_laws(self) -> bool:
@@ -426,8 +427,8 @@ class Structure:
         return (1.0 / 760.0) * self.finger.rod.natural_time
 
     def _section_states(self, kind: Kind) -> list[str]:
-        laws = [law for law in self.laws if law.kind == kind]
-        return [name for law in laws for k in range(1, len(law.ports) + 1) for name in law.names(k)]
+        laws = [placed for placed in self.laws if placed.law.kind == kind]
+        return [name for placed in laws for k in range(1, len(placed.ports) + 1) for name in placed.law.names(k)]
 
     def check_reached_by(self, initial: Initial) -> None:
         """Raise InputError where a pose of a finger with friction, of tendons or in bending, lacks its history."""
@@ -468,7 +469,7 @@ class Structure:
             profile.linear_density if graded else one,
             profile.rotary_inertia if graded else one,
             profile.rest_curvature,
-            profile.own_stiffness / (1.0 if graded else float(profile.bending_stiffness(0.0))),
+            own_factor(profile),
             tuple(source.shape for source in self.sources),
             self.matched,
         )

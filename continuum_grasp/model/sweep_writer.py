@@ -9,7 +9,8 @@ import numpy as np
 
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.model.equations import Equations
-from continuum_grasp.model.laws.section import STATEFUL, Bend, Port, SectionLaw
+from continuum_grasp.model.laws.ports import Port
+from continuum_grasp.model.laws.section import STATEFUL, Bend, SectionLaw
 from continuum_grasp.model.link import Attached
 from continuum_grasp.model.planar import Rotation, Scalar, Vec, column
 from continuum_grasp.model.sweep import SECTION, Kernels, digest
@@ -34,8 +35,9 @@ class SweepWriter:
         self._pattern = equations.pattern
         self._loads = equations.loads
         # Laws without states: what they give is an expression of the link alone.
-        self._laws = [law for law in made.laws if law.kind not in STATEFUL]
-        self._ports = [_rows(law.ports, len(made.lengths)) for law in self._laws]
+        placed = [each for each in made.laws if each.law.kind not in STATEFUL]
+        self._laws = [each.law for each in placed]
+        self._ports = [_rows(each.ports, len(made.lengths)) for each in placed]
         self._row, self.rows = self._described()
         self._numbers = self._row[: self._pattern.rows.shape[1]]
         size, sources, links = self._local, len(made.sources), len(made.lengths)

@@ -60,17 +60,39 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class CellSet:
-    """Tendons that slide alike, to and fro, and parts of the finger along them: where they have friction, one state per
-    cell serves them all.
-    """
+class SlidingSet:
+    """Tendons that slide alike, to and fro, at the same distance from the backbone along the finger."""
 
     tendons: tuple[int, ...]
     sides: tuple[float, ...]  # sign of each one's arm
     presliding: float  # [m]
-    conduit_bend: float  # [rad]; where it is not zero, the first state is that of the conduit
-    cells: tuple[Cell, ...]
+    conduit_bend: float  # of a sheath before the finger [rad]
     has_friction: bool = True
+
+
+def sliding_sets(channels: Sequence[Channel], tendons: Sequence[Tendon], *, frictional: bool) -> list[SlidingSet]:
+    """Group tendons, with a channel each, by how they slide; ``frictional``: all have friction."""
+    groups: dict[tuple[Curve, float, object], list[int]] = {}
+    for k, (channel, tendon) in enumerate(zip(channels, tendons, strict=True)):
+        properties = tendon.friction, tendon.friction_cells, tendon.presliding_length, tendon.conduit_bend
+        has_friction = frictional or tendon.friction > 0.0
+        groups.setdefault((channel.shape, abs(channel.arms[k]), properties if has_friction else None), []).append(k)
+    sets = []
+    for (*_, friction), group in groups.items():
+        first, has_friction = tendons[group[0]], friction is not None
+        sides = tuple(1.0 if channels[k].arms[k] > 0.0 else -1.0 for k in group)
+        conduit = first.conduit_bend if has_friction else 0.0
+        sets.append(SlidingSet(tuple(group), sides, first.presliding_length, conduit, has_friction))
+    return sets
+
+
+@dataclass(frozen=True)
+class CellSet(SlidingSet):
+    """A set of tendons and the parts of the finger along them: where they have friction, one state per cell serves
+    them all. Where the conduit's bend is not zero, the first state is that of the conduit.
+    """
+
+    cells: tuple[Cell, ...] = ()
 
     @property
     def states(self) -> int:
@@ -90,18 +112,11 @@ def tendon_sets(
 
     ``frictional``: all have friction. ``unit_rest``: integrals are of a rest curvature of one.
     """
-    groups: dict[tuple[Curve, float, object], list[int]] = {}
-    for k, (channel, tendon) in enumerate(zip(channels, tendons, strict=True)):
-        properties = tendon.friction, tendon.friction_cells, tendon.presliding_length, tendon.conduit_bend
-        has_friction = frictional or tendon.friction > 0.0
-        groups.setdefault((channel.shape, abs(channel.arms[k]), properties if has_friction else None), []).append(k)
     sets = []
-    for (*_, laws), group in groups.items():
-        first, has_friction = tendons[group[0]], laws is not None
-        sides = tuple(1.0 if channels[k].arms[k] > 0.0 else -1.0 for k in group)
-        cells = _cells(family, channels[group[0]], first.friction_cells if has_friction else 1, unit_rest)
-        conduit = first.conduit_bend if has_friction else 0.0
-        sets.append(CellSet(tuple(group), sides, first.presliding_length, conduit, cells, has_friction))
+    for alike in sliding_sets(channels, tendons, frictional=frictional):
+        first = alike.tendons[0]
+        count = tendons[first].friction_cells if alike.has_friction else 1
+        sets.append(CellSet(**vars(alike), cells=_cells(family, channels[first], count, unit_rest)))
     return tuple(sets)
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from continuum_grasp.model.body import Body
+from continuum_grasp.model.body import RigidBody
 from continuum_grasp.model.contact_law import TouchLaw
 from continuum_grasp.model.planar import ZERO, Scalar, Vec
 from continuum_grasp.model.stations import Station
@@ -120,7 +120,7 @@ class Pair:
         return self.normal.scaled(self.normal_force) + self.normal.perp().scaled(self.tangential)
 
 
-def table_pair(body: Body, law: TouchLaw, table: Table) -> Pair:
+def table_pair(body: RigidBody, law: TouchLaw, table: Table) -> Pair:
     """The table under an object that rests on it, or can slide out of the plane: its height is a run-time number then.
 
     Force and moment of friction are within one ellipsoid: R. D. Howe, M. R. Cutkosky, Practical force-motion models for
@@ -148,7 +148,7 @@ def table_pair(body: Body, law: TouchLaw, table: Table) -> Pair:
     )
 
 
-def table_pairs(body: Body, law: TouchLaw, table: Table) -> list[Pair]:
+def table_pairs(body: RigidBody, law: TouchLaw, table: Table) -> list[Pair]:
     """The table under an object, out of the plane or in it; its height is a run-time number."""
     if table.wall is None:
         return [table_pair(body, law, table)]
@@ -156,7 +156,7 @@ def table_pairs(body: Body, law: TouchLaw, table: Table) -> list[Pair]:
 
 
 def disc_pair(
-    body: Body, law: TouchLaw, disc: Station, friction: float | None = None, share: Scalar | None = None
+    body: RigidBody, law: TouchLaw, disc: Station, friction: float | None = None, share: Scalar | None = None
 ) -> Pair:
     """A disc against the nearest part of the object; of its friction the ``share`` that is used may be given."""
     spot = nearest(body.object.parts, body.local(disc.center))
@@ -170,7 +170,11 @@ def disc_pair(
 
 
 def support_pairs(
-    body: Body, law: TouchLaw, walls: Sequence[Wall], pegs: Sequence[Peg], motions: Mapping[str, ca.SX] | None = None
+    body: RigidBody,
+    law: TouchLaw,
+    walls: Sequence[Wall],
+    pegs: Sequence[Peg],
+    motions: Mapping[str, ca.SX] | None = None,
 ) -> list[Pair]:
     """The supports against the object.
 
@@ -206,7 +210,7 @@ def support_pairs(
 
 def _pair(
     name: str,
-    body: Body,
+    body: RigidBody,
     law: TouchLaw,
     friction: float | None,
     gap: Scalar,

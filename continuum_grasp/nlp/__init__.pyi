@@ -3,6 +3,9 @@ from .attempt import Budget as Budget
 from .attempt import Multipliers as Multipliers
 from .attempt import SolverStatus as SolverStatus
 from .attempt import Start as Start
+from .blocks import BlockKind as BlockKind
+from .blocks import BlockProblem as BlockProblem
+from .blocks import Lookup as Lookup
 from .problem import NLP as NLP
 from .problem import Block as Block
 from .problem import Constraints as Constraints

@@ -51,15 +51,15 @@ def summed(name: str, sizes: tuple[int, int, int], parts: Sequence[Summand]) -> 
         jacobians.append(functions["jac_g"](*at)[1])
         hessians.append(functions["hess_lag"](*at, f_force, g_forces[part.constraints.tolist()]))
     f = sum((value for value, _ in values), ca.MX(0.0))
-    g = _scattered(count, [part.constraints for part in parts], [ca.densify(value) for _, value in values])
-    gradient = _scattered(n, [part.unknowns for part in parts], gradients)
+    g = scattered(count, [part.constraints for part in parts], [ca.densify(value) for _, value in values])
+    gradient = scattered(n, [part.unknowns for part in parts], gradients)
     rows = [part.constraints[j.sparsity().row()] for part, j in zip(parts, jacobians, strict=True)]
     columns = [part.unknowns[j.sparsity().get_col()] for part, j in zip(parts, jacobians, strict=True)]
-    jacobian = _assembled((count, n), rows, columns, jacobians)
+    jacobian = entries_at((count, n), rows, columns, [j.nz[:] for j in jacobians])
     first = [part.unknowns[h.sparsity().row()] for part, h in zip(parts, hessians, strict=True)]
     second = [part.unknowns[h.sparsity().get_col()] for part, h in zip(parts, hessians, strict=True)]
     upper = [(np.minimum(a, b), np.maximum(a, b)) for a, b in zip(first, second, strict=True)]
-    hessian = _assembled((n, n), [a for a, _ in upper], [b for _, b in upper], hessians)
+    hessian = entries_at((n, n), [a for a, _ in upper], [b for _, b in upper], [h.nz[:] for h in hessians])
     derivatives = {
         "grad_f": ca.Function("nlp_grad_f", [x, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
         "jac_g": ca.Function("nlp_jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
@@ -70,19 +70,19 @@ def summed(name: str, sizes: tuple[int, int, int], parts: Sequence[Summand]) -> 
     return NLP(name, x, f, g, p, derivatives)
 
 
-def _scattered(size: int, places: Sequence[Indices], values: Sequence[ca.MX]) -> ca.MX:
+def scattered(size: int, places: Sequence[Indices], values: Sequence[ca.MX]) -> ca.MX:
     """A column (size,) of sums of values at places."""
     at = np.concatenate([*places, np.zeros(0, dtype=int)]).astype(int)
     ones = ca.DM.triplet(at.tolist(), list(range(at.size)), ca.DM.ones(at.size), size, at.size)
     return ca.mtimes(ones, ca.vertcat(*values)) if at.size else ca.MX.zeros(size)
 
 
-def _assembled(
-    shape: tuple[int, int], rows: Sequence[Indices], columns: Sequence[Indices], parts: Sequence[ca.MX]
+def entries_at(
+    shape: tuple[int, int], rows: Sequence[Indices], columns: Sequence[Indices], values: Sequence[ca.MX]
 ) -> ca.MX:
-    """A matrix of sums of the entries of parts at rows and columns of its own."""
+    """A sparse matrix of sums of values, columns of numbers, at rows and columns."""
     at = np.concatenate(columns) * shape[0] + np.concatenate(rows)
     entries, place = np.unique(at, return_inverse=True)
     pattern = ca.Sparsity.triplet(*shape, (entries % shape[0]).tolist(), (entries // shape[0]).tolist())
     ones = ca.DM.triplet(place.tolist(), list(range(at.size)), ca.DM.ones(at.size), entries.size, at.size)
-    return ca.MX(pattern, ca.mtimes(ones, ca.vertcat(*(part.nz[:] for part in parts))))
+    return ca.MX(pattern, ca.mtimes(ones, ca.vertcat(*values)))

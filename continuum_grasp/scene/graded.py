@@ -53,7 +53,7 @@ class RodFactors(Value):
     """On the rotary inertia per length [1]."""
 
 
-class Section(Value):
+class CrossSection(Value):
     """Cross section of a rod, or of a part of a rod; each value is a number, or ``[from, to]`` for one that changes
     linearly from base to tip side.
 
@@ -112,7 +112,7 @@ class Section(Value):
         return tuple(key for key in keys if getattr(self, key) is None)
 
 
-class RodSection(Section):
+class RodSection(CrossSection):
     """A part of a rod."""
 
     to: Length

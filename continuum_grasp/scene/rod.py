@@ -13,7 +13,7 @@ from pydantic import Field
 
 from continuum_grasp.base import InputError
 from continuum_grasp.scene.consumer import Consumer
-from continuum_grasp.scene.graded import RodFactors, RodSamples, RodSection, Section, SpiRob, ends
+from continuum_grasp.scene.graded import CrossSection, RodFactors, RodSamples, RodSection, SpiRob, ends
 from continuum_grasp.scene.magnitudes import FINGER_LENGTH
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -93,7 +93,7 @@ _LEAST_THICKNESS = 1e-3
 """Least thickness per thickness of the base [1]: towards a pointed tip the curvature has no bound."""
 
 
-class Rod(Section):
+class Rod(CrossSection):
     """An inextensible, unshearable elastic rod: one section all along, or graded by ``sections``, ``samples`` or
     ``spirob``, or by values that change from base to tip.
 
@@ -232,7 +232,7 @@ class Rod(Section):
         if self.spirob is not None:
             thickness = (self.spirob.base_thickness, self.spirob.tip_thickness)
             return (RodSection(to=self.length, thickness=thickness, width=self.spirob.width or thickness),)
-        return (RodSection(to=self.length, **{key: getattr(self, key) for key in Section.model_fields}),)
+        return (RodSection(to=self.length, **{key: getattr(self, key) for key in CrossSection.model_fields}),)
 
     def is_tip(self, at: float) -> bool:
         """Whether a position [m] is the tip, but for the rounding of sums of lengths."""
@@ -256,7 +256,7 @@ class Rod(Section):
     @property
     def graded(self) -> bool:
         """Whether it is given as one that changes along its length."""
-        return self.parted or any(isinstance(getattr(self, key), tuple) for key in Section.model_fields)
+        return self.parted or any(isinstance(getattr(self, key), tuple) for key in CrossSection.model_fields)
 
     @property
     def one_modulus(self) -> bool:

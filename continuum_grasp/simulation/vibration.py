@@ -285,9 +285,9 @@ def _held(model: FingerModel, p: Array) -> Array:
     """Stiffness that laws of the sections add while nothing slides or relaxes."""
     made = model.structure
     total = np.zeros((model.n, model.n))
-    for law in made.laws:
-        held = float(ca.Function("held", [made.parameters.symbol], [ca.SX(law.held)])(p))
-        for port in law.ports if held else ():
+    for placed in made.laws:
+        held = float(ca.Function("held", [made.parameters.symbol], [ca.SX(placed.law.held)])(p))
+        for port in placed.ports if held else ():
             local = list(made.family.local(port.element))
             shapes = np.array(port.shapes, dtype=float)
             total[np.ix_(local, local)] += held * port.measure * np.outer(shapes, shapes)

@@ -95,6 +95,7 @@ def test_a_cost_that_is_no_number_is_no_design(cost):
     assert (found.status, found.influences, found.values) == (DesignStatus.NO_GRASP, (), {})
 
 
+@pytest.mark.deep
 def test_the_worst_case_and_the_mean_of_cases():
     cases = {f"{mass} g": {"object.mass": 1e-3 * mass} for mass in (200, 300)}
     moments = []

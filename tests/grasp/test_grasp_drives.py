@@ -398,7 +398,7 @@ def test_tendons_that_slid_back_may_bend_a_finger_far():
 @pytest.mark.parametrize(
     ("drive", "friction"),
     [
-        (None, 0.0),
+        pytest.param(None, 0.0, marks=pytest.mark.deep),
         (LENGTH_DRIVE, 0.1),
         (MOTOR.replaced(**PULLEY), 0.0),
         (MOTOR.replaced(position_gain=2.0), 0.1),

@@ -75,7 +75,7 @@ def test_ports_see_all_of_a_rod_whose_stiffness_jumps_or_tapers(family, elements
     """By dense integrals along it of squares and third powers of the curvature, of moments that are even along it."""
     kinds = {"relaxation": BRANCHES[:1], "dry_friction": [{"stiffness": 1e-3, "moment": 2e-3}], "quadratic": 1e-5}
     made = cg.FingerModel(cg.Finger.model_validate({"rod": rod, "damping": kinds}), family=family, elements=elements)
-    family, laws = made.structure.family, {law.kind: law for law in made.structure.laws}
+    family, laws = made.structure.family, {placed.law.kind: placed for placed in made.structure.laws}
     mesh = family.mesh
     bent = 1.0 / mesh.stiffness(np.array(mesh.ends)) if family.degree else np.array(mesh.lengths)
     bent = bent / np.abs(bent).max()

@@ -16,8 +16,6 @@ from continuum_grasp.base import Array
 _PRIMITIVES = ("sphere", "ellipsoid", "box", "cylinder")
 _FLAT = 1e-6
 """Thickness per extent of a part, below which it is flat [1]."""
-_FINE = 65
-"""Rows of the grid by which inertia is integrated: of a sphere it is then within 0.1 %."""
 _TOLERANCE = 1e-3
 """Depth of hollows that convex pieces may fill, per size of the solid [1]: mugs, rings and vases are then within 0.2
 mm."""
@@ -85,7 +83,7 @@ def _surface(result: Any) -> tuple[Array, Array]:
     solid = result.scene.object
     if solid.shape == "mesh":
         return solid.surface.corners, solid.surface.triangles
-    points, triangles = result.body.triangles(_FINE)
+    points, triangles = result.body.triangles()
     mesh = Trimesh((points - np.array(solid.position)) @ solid.axes, triangles, process=False)
     mesh.merge_vertices()
     mesh.update_faces(mesh.nondegenerate_faces())

@@ -208,11 +208,11 @@ class ObjectBalance:
 
     def candidates(self, maps: Sequence[FingerMap]) -> Array:
         """Combinations (B, n) of samples that balance the object best for their tension, and differ."""
-        wrenches = [self._wrench(k, one.samples) for k, one in enumerate(maps)]
+        wrenches = [self.wrench(k, one.samples) for k, one in enumerate(maps)]
         if any(len(wrench) == 0 for wrench in wrenches):
             return np.zeros((0, self.numbers))
         index = self._combined(wrenches)
-        total = self._loads + sum(w[index[:, k]] for k, w in enumerate(wrenches))
+        total = self.loads + sum(w[index[:, k]] for k, w in enumerate(wrenches))
         forces, left = self._supported(-total)
         tension = sum(one.samples.tension[index[:, k]] for k, one in enumerate(maps))
         short = self._unlifted(maps, index, forces)
@@ -233,10 +233,11 @@ class ObjectBalance:
         return x
 
     @property
-    def _loads(self) -> Array:
+    def loads(self) -> Array:
+        """Force [N] of the weight of the object, and its moment per size (3,)."""
         return np.array([*self.weight, 0.0])
 
-    def _wrench(self, k: int, at: Traced) -> Array:
+    def wrench(self, k: int, at: Traced) -> Array:
         """Wrench of a finger on the object (B, 3): force, moment per size [N]."""
         finger = self.fingers[k]
         touches = at.touches
@@ -261,7 +262,7 @@ class ObjectBalance:
         others = picks[:-1]
         last = np.arange(len(wrenches[-1]))
         index = np.stack(np.meshgrid(*others, indexing="ij"), axis=-1).reshape(-1, count - 1)
-        need = -(self._loads + sum(wrenches[k][index[:, k]] for k in range(count - 1)))
+        need = -(self.loads + sum(wrenches[k][index[:, k]] for k in range(count - 1)))
         # 3: samples of the last finger per combination of the others
         nearest = min(3, len(last))
         found = _nearest(wrenches[-1] / self.force, need / self.force, nearest)

@@ -35,14 +35,3 @@ class PlaneFrame:
     def world(self, points: Array) -> Array:
         """Points (..., 3) of the plane's frame as the hand sees them [m]."""
         return np.asarray(self.base + points @ self.axes.T)
-
-
-def of_grid(grid: Array) -> tuple[Array, Array]:
-    """Corners (V, 3) and triangles (T, 3) between the points of a grid (A, B, 3)."""
-    a, b = grid.shape[:2]
-    number = np.arange(a * b).reshape(a, b)
-    first, second, third, fourth = (
-        part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1])
-    )
-    triangles = np.concatenate([np.column_stack([first, second, third]), np.column_stack([first, third, fourth])])
-    return grid.reshape(-1, 3), triangles

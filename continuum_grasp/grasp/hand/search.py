@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
@@ -12,20 +11,14 @@ from continuum_grasp.base import Numbers as Array
 from continuum_grasp.base import interrupts_held
 from continuum_grasp.grasp.hand.numbers import ForceRows
 from continuum_grasp.grasp.hand.parts import RELAXED
-from continuum_grasp.grasp.hand.points import HandPoints
 from continuum_grasp.grasp.hand.problem import HandProblem, HandSpec, hand_problem
-from continuum_grasp.grasp.hand.starts import STRAIGHT, TouchingPosture
+from continuum_grasp.grasp.hand.ranked import HandStart, HandStarts
+from continuum_grasp.grasp.hand.starts import TouchingPosture
 from continuum_grasp.grasp.problem.solver_run import allowed_depth, settings_of, solve_clear
 from continuum_grasp.grasp.problem.values import Values
 from continuum_grasp.nlp import Attempt, Budget, Start
 from continuum_grasp.scene import HandScene
 
-POSTURES = {"quick": 2, "normal": 4, "thorough": 8}
-"""Postures of each finger that are combined, by effort."""
-COMBINED = 64
-"""Most combinations whose forces are looked at."""
-MIXED = 2
-"""Postures of each finger and kind of contact where kinds are mixed."""
 LEFT, LOST = 0.5, 1.0
 """Residual, scaled, that the best forces of a start may leave where a grasp is known, and where none is, but for the
 first start of each set of contacts: of 30 random hands, starts that led to a grasp leave 0.002 to 0.20, and 14 with
@@ -63,55 +56,26 @@ class HandTried:
         return float(sum(value.sum() for name, value in self.arrays.items() if name.endswith(".tensions")))
 
 
-@dataclass(frozen=True)
-class PostureCandidate:
-    """A posture of one finger."""
-
-    on: frozenset[str]  # names of its contacts
-    posture: TouchingPosture
-    rows: ForceRows  # of a hand whose other fingers are anyhow
-
-
-@dataclass(frozen=True)
-class HandStart:
-    """A posture of each finger."""
-
-    on: frozenset[str]  # names of the contacts
-    chosen: tuple[TouchingPosture, ...]
-    left: float  # residual that the best forces leave
-
-
 class HandSearch:
     """Grasps of a scene, one set of contacts after the other."""
 
     def __init__(self, scene: HandScene, budget: Budget) -> None:
         self.scene = scene
         self.budget = budget
-        self.points = HandPoints(scene)
+        self._starts = HandStarts(scene)
+        self.points = self._starts.points
         self.units = self.points.units
         self._solver = settings_of(scene).solver()
         self._met = dict[HandSpec, list[Array]]()  # solutions of first runs by structure
         self._begun = set[tuple[frozenset[str], tuple[TouchingPosture, ...]]]()  # solved starts
         self.held = False  # whether a grasp was found that is as the scene asks
-        # Fingers that touch the object in no posture, by set of contacts.
-        self.untouched = dict[frozenset[str], list[str]]()
-
-    # -- sets of contacts ----------------------------------------------------------------------------------------
 
     @property
-    def modes(self) -> list[frozenset[str]]:
-        """Sets of contacts that the scene leaves to choose: the same kinds for all fingers, where they are free."""
-        sets = dict[frozenset[str], None]()
-        carried = {contact.name for contact in self.scene.support_contacts}
-        for middle, tip in ((True, False), (False, True), (True, True)):
-            on = set[str]()
-            for setup in self.scene.setups:
-                (one,) = setup.middles
-                on |= {setup.middle_names[0]} if one == "on" or (middle and one == "auto") else set()
-                on |= {setup.tip_name} if setup.tip == "on" or (tip and setup.tip == "auto") else set()
-            if on and all({s.middle_names[0], s.tip_name} & on for s in self.scene.setups):
-                sets[frozenset(on | carried)] = None
-        return list(sets)
+    def untouched(self) -> dict[frozenset[str], list[str]]:
+        """Fingers that touch the object in no posture, by set of contacts."""
+        return self._starts.untouched
+
+    # -- sets of contacts ----------------------------------------------------------------------------------------
 
     def run(self, *, further: bool = True) -> Iterator[HandTried]:
         """Solve the likeliest start of each set of contacts, then the next of each, until ``held`` is set.
@@ -132,16 +96,11 @@ class HandSearch:
     def _run(self, effort: str, most: float = np.inf) -> Iterator[HandTried]:
         """A search of some effort, from starts that leave no more than a residual."""
         thorough = self.scene.solver.effort == "thorough"
-        once = list[frozenset[str]]()
-        twice = list[frozenset[str]]()
-        for on in self.modes:
-            # Fingers that touch with both of their contacts rarely hold with less, and take twice the equations.
-            (once if len(HandSpec.of(self.scene, on).contacts) <= len(self.scene.setups) else twice).append(on)
-        for modes in (once, twice):
+        for modes in self._starts.once_and_twice:
             if self.held and not thorough:
                 return
-            touching = {on: self._candidates(on, effort) for on in modes}
-            ranked = [self._ranked([touching[on]]) for on in modes]
+            touching = {on: self._starts.candidates(on, effort) for on in modes}
+            ranked = [self._starts.ranked([touching[on]]) for on in modes]
             mixed = list[HandStart]()
             for n in range(SOLVED[effort]):
                 yield from self._round(ranked, n, most)
@@ -149,7 +108,7 @@ class HandSearch:
                     break
                 if n == 0 and len(modes) > 1:
                     # Mix kinds of contacts across fingers if one kind alone holds nothing.
-                    mixed = self._ranked(list(touching.values()))
+                    mixed = self._starts.ranked(list(touching.values()))
                 yield from self._round([mixed], n, most)
 
     def _round(self, ranked: Sequence[Sequence[HandStart]], n: int, most: float) -> Iterator[HandTried]:
@@ -240,43 +199,6 @@ class HandSearch:
         """Stored arrays (SI) of a point beside one that was found."""
         return self.points.arrays(tried.problem, x, tried.numbers)
 
-    # -- a start -------------------------------------------------------------------------------------------------
-
-    def _candidates(self, on: frozenset[str], effort: str) -> list[list[PostureCandidate]]:
-        """Postures of each finger with contacts of a set; none for a finger that touches in no posture."""
-        most = POSTURES[effort]
-        each = [self.points.postures(plane, on, most) for plane in self.points.planes]
-        untouched = [setup.name for setup, found in zip(self.scene.setups, each, strict=True) if not found]
-        if untouched:
-            self.untouched[on] = untouched
-        problem = hand_problem(HandSpec.of(self.scene, on))
-        candidates = [list[PostureCandidate]() for _ in each]
-        for n in range(max(map(len, each))):
-            chosen = tuple(found[min(n, len(found) - 1)] if found else STRAIGHT for found in each)
-            rows = ForceRows.of(self.scene, problem, *self.points.at(problem, chosen))
-            for setup, found, own in zip(self.scene.setups, each, candidates, strict=True):
-                names = frozenset({setup.middle_names[0], setup.tip_name} & on)
-                own += [PostureCandidate(names, found[n], rows)] if n < len(found) else []
-        return candidates
-
-    def _ranked(self, sets: Sequence[Sequence[Sequence[PostureCandidate]]]) -> list[HandStart]:
-        """Combinations of the candidates of each finger, by the remainder of their best forces: of one
-        set of contacts, or of several sets, not all from the same; none where a finger has no posture.
-        """
-        fingers = range(len(self.scene.setups))
-        most = MIXED if len(sets) > 1 else None
-        each = [[one for candidates in sets for one in candidates[k][:most]] for k in fingers]
-        alike = [frozenset().union(*(own[0].on for own in candidates if own)) for candidates in sets]
-        carried = frozenset(contact.name for contact in self.scene.support_contacts)
-        starts = list[HandStart]()
-        for chosen in _likeliest(each):
-            on = frozenset[str]().union(*(one.on for one in chosen))
-            if len(sets) > 1 and on in alike:
-                continue
-            left, _ = ForceRows.combined([one.rows for one in chosen]).best(self.scene)
-            starts.append(HandStart(on | carried, tuple(one.posture for one in chosen), left))
-        return sorted(starts, key=lambda start: start.left)
-
     # -- the solver ----------------------------------------------------------------------------------------------
 
     def _solve(
@@ -338,9 +260,3 @@ class HandSearch:
     def _violated(problem: HandProblem, start: Start) -> float:
         """By how much a start violates the constraints."""
         return start.violation(start.x, np.array(problem.nlp.values(start.x, start.p)[1]).ravel())
-
-
-def _likeliest(each: Sequence[Sequence[PostureCandidate]]) -> list[tuple[PostureCandidate, ...]]:
-    """Combinations of a posture of each finger, least scores first."""
-    combined = sorted(product(*each), key=lambda chosen: sum(one.posture.score for one in chosen))
-    return combined[:COMBINED]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from continuum_grasp.model.family import Family
 from continuum_grasp.model.laws import drag, dry_friction, limits, relaxation, shortening
 from continuum_grasp.model.laws.section import Number, Numbers, SectionLaw
 from continuum_grasp.scene import Finger
@@ -10,9 +9,9 @@ from continuum_grasp.scene import Finger
 _LAWS = limits, drag, dry_friction, relaxation, shortening
 
 
-def laws_of(finger: Finger, family: Family, numbers: Numbers) -> tuple[SectionLaw, ...]:
+def laws_of(finger: Finger, numbers: Numbers) -> tuple[SectionLaw, ...]:
     """Laws that a finger has, in the order of their states."""
-    return tuple(law for each in _LAWS for law in each.laws_of(finger, family, numbers))
+    return tuple(law for each in _LAWS for law in each.laws_of(finger, numbers))
 
 
 def numbers_of(finger: Finger) -> dict[str, Number]:

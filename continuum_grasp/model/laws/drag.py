@@ -6,9 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from continuum_grasp.model.family import Family
-from continuum_grasp.model.laws.ports import points
-from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw
+from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, PortRule, SectionLaw
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene import Finger
 
@@ -19,6 +17,12 @@ class Drag(SectionLaw):
 
     kind: Kind = "damping"
     coefficient: Scalar = 0.0
+
+    @property
+    def port_rule(self) -> PortRule:
+        # 3: points per part of an element: as good as dense ones. Mean rates of two cells lose an eighth of the moment
+        # of a rate that is linear from zero on.
+        return PortRule("points", 3)
 
     def moment(self, bend: Bend) -> Scalar:
         return self.coefficient * (bend.rate * ca.fabs(bend.rate))
@@ -32,10 +36,8 @@ def numbers_of(finger: Finger) -> dict[str, Number]:
     return {"quadratic_damping": Number("N m3 s2", finger.damping.quadratic, "damping.quadratic", least=0.0)}
 
 
-def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw]:
+def laws_of(finger: Finger, numbers: Numbers) -> list[SectionLaw]:
     """None without quadratic damping."""
     if not (finger.damping.quadratic > 0.0 or numbers.is_runtime("quadratic_damping")):
         return []
-    # 3: points per part of an element: as good as dense ones. Mean rates of two cells lose an eighth of the moment of a
-    # rate that is linear from zero on.
-    return [Drag(points(family, 3), coefficient=numbers["quadratic_damping"])]
+    return [Drag(coefficient=numbers["quadratic_damping"])]

@@ -14,11 +14,19 @@ the same everywhere.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
 
-from continuum_grasp.model.family import Family
-from continuum_grasp.model.laws.ports import cells
-from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, numbers_of_branches
+from continuum_grasp.model.laws.section import (
+    Bend,
+    Kind,
+    Number,
+    Numbers,
+    PortRule,
+    SectionLaw,
+    numbers_of_branches,
+)
 from continuum_grasp.model.memory import Memory
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene import Finger
@@ -30,6 +38,13 @@ class DryFrictionLaw(SectionLaw):
 
     kind: Kind = "friction"
     branches: tuple[tuple[Scalar, Scalar], ...] = ()
+    # Per element: no part of the law, so that sections are alike whatever elements there may be.
+    cells: int = field(default=1, compare=False, repr=False)
+    units: ClassVar[Mapping[str, str | tuple[str, ...]]] = {"branches": ("N m2", "N m")}
+
+    @property
+    def port_rule(self) -> PortRule:
+        return PortRule("cells", self.cells)
 
     def names(self, port: int) -> list[str]:
         return [f"dry_friction_{j + 1}_{port} [1]" for j in range(len(self.branches))]
@@ -62,10 +77,10 @@ def numbers_of(finger: Finger) -> dict[str, Number]:
     return numbers_of_branches("dry_friction", finger.damping.dry_friction, {"stiffness": "N m2", "moment": "N m"})
 
 
-def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw]:
+def laws_of(finger: Finger, numbers: Numbers) -> list[SectionLaw]:
     """All branches together; none without dry friction."""
     names = [f"dry_friction_{k + 1}" for k in range(len(finger.damping.dry_friction))]
     if not names:
         return []
     branches = tuple((numbers[f"{name}_stiffness"], numbers[f"{name}_moment"]) for name in names)
-    return [DryFrictionLaw(cells(family, finger.damping.friction_cells), branches=branches)]
+    return [DryFrictionLaw(branches=branches, cells=finger.damping.friction_cells)]

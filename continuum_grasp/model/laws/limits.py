@@ -7,30 +7,33 @@ Beyond a curvature c the bending stiffness changes by a share r of it; with the 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import casadi as ca
 
-from continuum_grasp.model.family import Family
-from continuum_grasp.model.laws.ports import points
-from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw
+from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, PortRule, SectionLaw, own_stiffness
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene import Curve, Finger
-
-_POINTS = 3
-"""Points per element at which the curvature is compared with a limit [1]: as good as dense ones."""
 
 
 @dataclass(frozen=True)
 class Limit(SectionLaw):
-    """A curvature from which on the stiffness changes; each port has its own number [1/m]."""
+    """A curvature from which on the stiffness changes, the one of ``own``."""
 
     kind: Kind = "elastic"
     signs: tuple[float, ...] = (1.0, -1.0)  # the sides on which it does
-    rounding: float = 0.0  # width of the corner per curvature [1]
+    rounding: Scalar = 0.0  # width of the corner per curvature [1]
     change: Scalar = 0.0  # of the stiffness [N m2]
     with_rest: bool = False  # whether the curvature at rest counts
     scale: Scalar = 1.0  # of the curvature
+    units: ClassVar[Mapping[str, str | tuple[str, ...]]] = {"rounding": "1", "change": "N m2", "scale": "1"}
+
+    @property
+    def port_rule(self) -> PortRule:
+        # 3: points per part of an element: as good as dense ones
+        return PortRule("points", 3)
 
     def _beyond(self, bend: Bend) -> list[tuple[float, Scalar, Scalar]]:
         """Per side its sign, s and the root."""
@@ -45,6 +48,10 @@ class Limit(SectionLaw):
 
     def moment(self, bend: Bend) -> Scalar:
         return self.change * sum((sign * (s * s / root) for sign, s, root in self._beyond(bend)), 0.0)
+
+    @property
+    def slopes(self) -> tuple[Scalar, Scalar]:
+        return ca.fmin(self.change, 0.0), ca.fmax(self.change, 0.0)
 
     def energy(self, bend: Bend) -> Scalar:
         return (0.5 * self.change) * sum((s * s for _, s, _ in self._beyond(bend)), 0.0)
@@ -61,20 +68,20 @@ def numbers_of(finger: Finger) -> dict[str, Number]:
     return {"softening_ratio": ratio, "softening_curvature": Number("1/m", soft.curvature, "softening.curvature")}
 
 
-def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw]:
+def laws_of(finger: Finger, numbers: Numbers) -> list[SectionLaw]:
     """Links that touch, at a curvature of the finger itself; a material that softens, at one above that at rest."""
     laws: list[SectionLaw] = []
-    stiffness = numbers["bending_stiffness"] * family.mesh.own_stiffness
+    stiffness = own_stiffness(finger, numbers)
     stops, soft = finger.stops, finger.softening
     if stops is not None and finger.stop_curvature is not None:
-        ports = points(family, _POINTS, finger.stop_curvature)
+        touching = finger.stop_curvature
         change = (stops.stiffness_ratio - 1.0) * stiffness
         # 0.005: share of the curvature where links touch within which they do so smoothly; 0.02 costs 3e-3 of it
-        laws.append(Limit(ports, signs=stops.signs, rounding=0.005, change=change, with_rest=True))
+        laws.append(Limit(own=(touching,), signs=stops.signs, rounding=0.005, change=change, with_rest=True))
     if soft is not None:
-        ports = points(family, _POINTS, Curve.along(finger.rod.length, soft.curvature))
+        yields = Curve.along(finger.rod.length, soft.curvature)
         change = numbers["softening_ratio"] - 1.0
         at = "softening_curvature"
         scale = numbers[at] / numbers_of(finger)[at].value if numbers.is_runtime(at) else 1.0
-        laws.append(Limit(ports, rounding=soft.rounding, change=change * stiffness, scale=scale))
+        laws.append(Limit(own=(yields,), rounding=soft.rounding, change=change * stiffness, scale=scale))
     return laws

@@ -1,19 +1,130 @@
-"""Places along a finger at which laws of the sections see how it bends: means over parts, points of quadrature."""
+"""Ports at which laws of the sections see how the elements of a finger bend, and the generalized forces of all laws.
+
+A port is the curvature at a point of an element, or its mean over a part of it. Its measure has the stiffness of the
+section per stiffness of the rod itself at the base, since the moments of laws go with it along the finger. By virtual
+work, a moment m at a port of the mean shapes c and the measure l [m] exerts l m c on the coordinates.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.model.family import Family, Mesh
-from continuum_grasp.model.laws.section import Port
+from continuum_grasp.model.family import Family, Mesh, gathered
+from continuum_grasp.model.laws.section import Bend, Kind, SectionLaw
+from continuum_grasp.model.memory import Instant
+from continuum_grasp.model.planar import Scalar, is_zero
 from continuum_grasp.scene import SAME, Curve
 
 
-def cells(family: Family, count: int) -> tuple[Port, ...]:
+@dataclass(frozen=True)
+class Port:
+    """Port at which a law sees the curvature."""
+
+    element: int
+    measure: Scalar  # [m]
+    shapes: Sequence[Scalar]  # mean of those of the element's coordinates
+    rest: float  # curvature at rest [1/m]
+    own: tuple[float, ...] = ()  # values of ``SectionLaw.own`` there
+
+
+@dataclass(frozen=True)
+class PlacedLaw:
+    """A law of the sections and the ports at which the elements of a finger see the curvature for it."""
+
+    law: SectionLaw
+    ports: tuple[Port, ...]
+
+    @classmethod
+    def on(cls, family: Family, law: SectionLaw) -> PlacedLaw:
+        """Place a law on the elements of a family."""
+        count = law.port_rule.count
+        match law.port_rule.name:
+            case "cells":
+                return cls(law, _cells(family, count))
+            case "points":
+                return cls(law, _points(family, count, *law.own))
+        return cls(law, _linear_points(family))
+
+
+class SectionForces:
+    """Generalized forces of laws, and the rates of their states: law by law, port by port.
+
+    ``states`` belong to the laws, by kind, ``rest`` is the curvature at rest [1/m] where it is a run-time argument.
+    """
+
+    def __init__(
+        self,
+        laws: Sequence[PlacedLaw],
+        family: Family,
+        at: Instant,
+        states: Mapping[str, Sequence[Scalar]],
+        rest: Scalar | None = None,
+    ) -> None:
+        self._family, self._rest, self._at = family, rest, at
+        self._ports: list[tuple[SectionLaw, Port, Sequence[Scalar]]] = []
+        left = {group: iter(entries) for group, entries in states.items()}
+        for placed in laws:
+            law = placed.law
+            for k, port in enumerate(placed.ports, start=1):
+                self._ports.append((law, port, [next(left[law.kind]) for _ in law.names(k)]))
+
+    def _weights(self, port: Port) -> tuple[Scalar, list[Scalar]]:
+        """Measure of a port, and that times its shapes; its element may have another length at run time."""
+        length_factors = self._family.length_factors(port.element, self._at.lengths)
+        weights = [port.measure * shape * factor for shape, factor in zip(port.shapes, length_factors, strict=True)]
+        h, nominal = self._at.lengths[port.element], self._family.mesh.lengths[port.element]
+        return port.measure if isinstance(h, float) else port.measure * (h / nominal), weights
+
+    @cached_property
+    def _acting(self) -> list[tuple[SectionLaw, Port, Bend]]:
+        acting = []
+        for law, port, states in self._ports:
+            curvature, rate = (self._mean(port, values) for values in (self._at.full, self._at.rates))
+            rest = port.rest if self._rest is None else self._rest
+            acting.append((law, port, Bend(curvature, rest, rate, self._at.memory, port.own, states)))
+        return acting
+
+    def _mean(self, port: Port, values: Sequence[Scalar]) -> Scalar:
+        measure, weights = self._weights(port)
+        local = self._family.local(port.element)
+        return sum(((w / measure) * values[a] for a, w in zip(local, weights, strict=True) if not is_zero(w)), 0.0)
+
+    def on_elements(self, *kinds: Kind) -> list[list[Scalar]]:
+        """Generalized forces of the laws of kinds on the local coordinates of every element, against the bending."""
+        total: list[list[Scalar]] = [[0.0] * len(self._family.local(k)) for k in range(self._family.elements)]
+        for law, port, bend in self._acting:
+            if law.kind in kinds:
+                moment = law.moment(bend)
+                for i, weight in enumerate(self._weights(port)[1]):
+                    if not is_zero(weight):
+                        total[port.element][i] += weight * moment
+        return total
+
+    def force(self, *kinds: Kind) -> list[Scalar]:
+        """Generalized forces of the laws of kinds on all coordinates, against the bending."""
+        return gathered(self._family, self.on_elements(*kinds))
+
+    def rates(self, kind: Kind) -> list[Scalar]:
+        return [rate for law, _, bend in self._acting if law.kind == kind for rate in law.rates(bend)]
+
+    @property
+    def travel(self) -> list[Scalar]:
+        """Travel of all friction states since the unloaded shape, per the sliding travel of each [1]."""
+        return [way for law, _, bend in self._acting for way in law.travel(bend)]
+
+    @property
+    def stored_energy(self) -> Scalar:
+        """Energy that the laws store [J]."""
+        return sum((self._weights(port)[0] * law.energy(bend) for law, port, bend in self._acting), 0.0)
+
+
+def _cells(family: Family, count: int) -> tuple[Port, ...]:
     """The mean curvature of equal parts, ``count`` on each element; of the whole element where the curvature is
     constant.
 
@@ -41,7 +152,7 @@ def cells(family: Family, count: int) -> tuple[Port, ...]:
     return tuple(ports)
 
 
-def points(family: Family, count: int, *curves: Curve) -> tuple[Port, ...]:
+def _points(family: Family, count: int, *curves: Curve) -> tuple[Port, ...]:
     """The curvature at ``count`` points of each part of an element between jumps of the rod or of curves, by Gauss
     quadrature, with the values of curves there.
     """
@@ -56,7 +167,7 @@ def points(family: Family, count: int, *curves: Curve) -> tuple[Port, ...]:
     return tuple(ports)
 
 
-def linear_points(family: Family) -> tuple[Port, ...]:
+def _linear_points(family: Family) -> tuple[Port, ...]:
     """Ports by which a law linear in the curvature acts as the elasticity does, one per coordinate of an element.
 
     With the integrals G of B f f' and A of B s f f' over an element, of its stiffness B and its shapes f, they are the

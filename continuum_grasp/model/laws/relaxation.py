@@ -13,15 +13,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from continuum_grasp.model.family import Family
-from continuum_grasp.model.laws.ports import linear_points
 from continuum_grasp.model.laws.section import (
     Bend,
     Kind,
     Number,
     Numbers,
+    PortRule,
     SectionLaw,
     numbers_of_branches,
+    own_stiffness,
 )
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene import Finger
@@ -33,6 +33,10 @@ class RelaxationLaw(SectionLaw):
 
     kind: Kind = "relaxation"
     branches: tuple[tuple[Scalar, Scalar], ...] = ()
+
+    @property
+    def port_rule(self) -> PortRule:
+        return PortRule("linear_points")
 
     def names(self, port: int) -> list[str]:
         return [f"relaxing_{j + 1}_{port} [1/m]" for j in range(len(self.branches))]
@@ -58,11 +62,11 @@ def numbers_of(finger: Finger) -> dict[str, Number]:
     return numbers_of_branches("relaxation", finger.damping.relaxation, {"share": "1", "time": "s"})
 
 
-def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw]:
+def laws_of(finger: Finger, numbers: Numbers) -> list[SectionLaw]:
     """All branches together; none without them."""
     names = [f"relaxation_{k + 1}" for k in range(len(finger.damping.relaxation))]
     if not names:
         return []
-    stiffness = numbers["bending_stiffness"] * family.mesh.own_stiffness
+    stiffness = own_stiffness(finger, numbers)
     branches = tuple((numbers[f"{name}_share"] * stiffness, numbers[f"{name}_time"]) for name in names)
-    return [RelaxationLaw(linear_points(family), branches=branches)]
+    return [RelaxationLaw(branches=branches)]

@@ -28,7 +28,7 @@ def numbers_of(finger: Finger) -> dict[str, Number]:
     return {} if radius is None else {"gyration_radius": Number("m", radius, "gyration_radius", least=0.0)}
 
 
-def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw]:
+def laws_of(finger: Finger, numbers: Numbers) -> list[SectionLaw]:
     """Return nothing: the moments of the sections stay as they are."""
     if finger.gyration_radius is not None and numbers.is_runtime("tendon_friction"):
         raise InputError("tendons that shorten the rod have no friction: leave gyration_radius out", key="parameters")

@@ -1,0 +1,1 @@
+"""Bodies that a grasp holds, in the plane and in space: exact distances, and tables of them for the solver."""

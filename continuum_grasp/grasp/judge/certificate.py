@@ -1,0 +1,325 @@
+"""The certificate of a grasp of rods: every property that must hold, computed anew from the scene.
+
+It takes tensions, places and forces of contacts from the grasp. The shape of each finger follows from them: it is
+integrated as a nonlinear rod in space. Gaps, directions, depths and the balance of the object are then measured with
+the exact body of the scene. Nothing is shared with the problem that found the grasp.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from continuum_grasp.base import Numbers as Array
+from continuum_grasp.grasp.judge.clearance import Gap, SampledRod, apart, apart_from_itself
+from continuum_grasp.grasp.judge.findings import CROSSING, EXACT, FOLLOWED, Finding, Requirement, greatest
+from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, HeldSupport
+from continuum_grasp.grasp.judge.obstacles import ExactObject, Obstacle
+from continuum_grasp.grasp.judge.space_rod import TOLERANCE, RodLoad, SpaceRod
+from continuum_grasp.grasp.judge.stage import GraspStage
+from continuum_grasp.scene import FingerSetup, GraspScene, HandScene, MotorDrive
+
+
+@dataclass(frozen=True, eq=False)
+class RodCertificate:
+    """What was found about a grasp.
+
+    Examples
+    --------
+    >>> from continuum_grasp.grasp.judge.findings import Finding, Requirement
+    >>> certificate = RodCertificate((Finding(Requirement.GAP, "finger.tip", 3e-9, 2e-7, "m"),))
+    >>> certificate.passed, str(certificate.worst)
+    (True, 'gap at the contact, finger.tip: 3e-09 m (limit 2e-07)')
+    """
+
+    findings: tuple[Finding, ...]
+    rods: tuple[SpaceRod, ...] = field(default=(), repr=False)
+    """Shapes of the fingers; none where the grasp is not one of the scene."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether every property holds."""
+        return all(finding.passed for finding in self.findings)
+
+    @property
+    def failed(self) -> tuple[Finding, ...]:
+        """Findings of what does not hold."""
+        return tuple(finding for finding in self.findings if not finding.passed)
+
+    @property
+    def worst(self) -> Finding:
+        """The finding that takes the greatest share of its limit."""
+        return max(self.findings, key=lambda finding: finding.share)
+
+    def of(self, wanted: Requirement, subject: str = "") -> Finding:
+        """The finding of a property and a finger, contact or support; the object's without.
+
+        Raises
+        ------
+        KeyError
+            There is no such finding.
+        """
+        for finding in self.findings:
+            if finding.requirement is wanted and finding.subject == subject:
+                return finding
+        raise KeyError(wanted, subject)
+
+
+def certify_rods(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: float = TOLERANCE) -> RodCertificate:
+    """Verify a grasp of rods.
+
+    Parameters
+    ----------
+    scene : GraspScene or HandScene
+    held : HeldRods
+        The grasp.
+    tolerance : float
+        Relative tolerance with which shapes are integrated [1].
+    """
+    stage = GraspStage.of(scene)
+    findings = [
+        Finding(Requirement.NUMBERS, "", float(held.not_finite), 0.0),
+        Finding(Requirement.CONTACTS, "", float(_strangers(stage, held)), 0.0),
+        Finding(Requirement.LAWS, "", float(_not_certified(stage)), 0.0),
+    ]
+    # Without these there is nothing to integrate.
+    if not all(finding.passed for finding in findings):
+        return RodCertificate(tuple(findings))
+    with np.errstate(all="ignore"):
+        grasp = _Grasp(stage, held, tolerance)
+        return RodCertificate((*findings, *grasp.findings()), tuple(line.rod for line in grasp.lines))
+
+
+def _strangers(stage: GraspStage, held: HeldRods) -> int:
+    """Count of fingers and contacts that are missing, unknown, there twice, or there although they are off."""
+    wrong = abs(len(held.fingers) - len(stage.setups))
+    wrong += sum(count - 1 for count in Counter(contact.name for contact in held.contacts).values())
+    for finger in held.fingers:
+        setup = stage.setups.get(finger.name)
+        if setup is None or finger.tensions.shape != (len(setup.finger.tendon_list),):
+            return wrong + 1
+        on = {contact.name for contact in finger.contacts}
+        wrong += len(on - setup.switches.keys())
+        wrong += sum(switch == ("off" if name in on else "on") for name, switch in setup.switches.items())
+        wrong += sum(not 0.0 <= contact.place <= setup.finger.rod.length for contact in finger.contacts)
+    present = Counter(_support_of(stage, contact.name) for contact in held.supports)
+    wrong += present[""]
+    wrong += sum(each.touch == ("off" if present[each.name] else "on") for each in stage.obstacles)
+    return wrong
+
+
+def _not_certified(stage: GraspStage) -> int:
+    """Count of what a scene asks for that the certificate does not know: all histories of friction, one pulley."""
+    setups = stage.setups.values()
+    histories = stage.scene.friction_states == "any" and any(setup.friction_states for setup in setups)
+    return histories + sum(setup.drive is not None and setup.drive.pulley for setup in setups)
+
+
+def _support_of(stage: GraspStage, contact: str) -> str:
+    """Name of the support of a contact such as ``palm``, ``palm.1`` or ``palm_1``; empty of strangers."""
+    names = {obstacle.name for obstacle in stage.obstacles}
+    return next((name for name in (contact, contact[:-2]) if name in names), "")
+
+
+@dataclass(frozen=True, eq=False)
+class _Touch:
+    """A contact of the object with the geometry of the exact body."""
+
+    contact: HeldContact | HeldSupport
+    point: Array  # (3,) where the object is touched [m]
+    normal: Array  # (3,) outward normal of the object
+    friction: float  # coefficient, less the reserve [1]
+    torsional: float  # greatest moment per normal force [m]
+    most: float  # greatest normal force [N]
+    gap: float  # [m]
+    most_gap: float  # that passes [m]
+
+    @property
+    def pressing(self) -> float:
+        """Force along the normal [N]; negative where it pulls."""
+        return float(self.contact.force @ self.normal)
+
+    @property
+    def across(self) -> float:
+        """Force across the normal, with the moment about it as the cone bears both [N]."""
+        along = float(np.linalg.norm(self.contact.force - self.pressing * self.normal))
+        if not self.contact.moment:
+            return along
+        # An ellipse: no moment where all friction is used, and the greatest where none is.
+        return (
+            float(np.hypot(along, self.contact.moment * self.friction / self.torsional)) if self.torsional else np.inf
+        )
+
+
+class _Grasp:
+    """The shapes of all fingers of a grasp, and what is measured along them."""
+
+    def __init__(self, stage: GraspStage, held: HeldRods, tolerance: float) -> None:
+        self.stage, self.held = stage, held
+        self.body: ExactObject = stage.body(held)
+        self.scale = stage.scale(held)
+        self.lines = [SampledRod(self._rod(finger, tolerance)) for finger in held.fingers]
+
+    def _rod(self, finger: HeldFinger, tolerance: float) -> SpaceRod:
+        setup = self.stage.setups[finger.name]
+        loads = [self._load(setup, contact) for contact in finger.contacts]
+        base, gravity = (finger.position, finger.axes), self.stage.finger_gravity
+        section = self.stage.section(setup)
+        rod = SpaceRod(setup, base, finger.tensions, loads, gravity, section, tolerance=tolerance)
+        if finger.moment is None:
+            rod.solve(np.zeros(3))
+        else:
+            rod.integrate(finger.moment)
+        return rod
+
+    def _load(self, setup: FingerSetup, contact: HeldContact) -> RodLoad:
+        """The force of a contact, which acts at the skin: half a thickness from the center line to the object."""
+        half = float(setup.finger.profile.half_thickness(contact.place))
+
+        def couple(center: Array) -> Array:
+            normal = self.body.near(center[None])[1][0]
+            return np.asarray(contact.moment * normal - half * np.cross(normal, contact.force))
+
+        return RodLoad(contact.place, contact.force, couple)
+
+    def findings(self) -> Iterator[Finding]:
+        """All findings that need the shapes."""
+        yield from self.stage.poses(self.held)
+        touches = list[_Touch]()
+        for finger, line in zip(self.held.fingers, self.lines, strict=True):
+            yield from self._of_finger(finger, line)
+            for contact in finger.contacts:
+                touch, tangent = self._touch(finger, line, contact)
+                touches.append(touch)
+                if contact.name in self._middles(finger):
+                    yield Finding(Requirement.TANGENT, contact.name, abs(tangent), FOLLOWED, "rad")
+        touches += [self._support_touch(contact) for contact in self.held.supports]
+        for touch in touches:
+            yield from self._of_contact(touch)
+        yield from self._balance(touches)
+        yield from self._clear()
+
+    # -- fingers -----------------------------------------------------------------------------------------------
+
+    def _middles(self, finger: HeldFinger) -> dict[str, tuple[float, float]]:
+        """Least and greatest position of middle contacts by name [m]."""
+        setup = self.stage.setups[finger.name]
+        return dict(zip(setup.middle_names, setup.contact_bounds, strict=True))
+
+    def _of_finger(self, finger: HeldFinger, line: SampledRod) -> Iterator[Finding]:
+        setup, name, rod = self.stage.setups[finger.name], finger.name, line.rod
+        scale = max(self.scale * rod.length, setup.stiffness / rod.length * 1e-3)
+        yield Finding(Requirement.SHAPE, name, float(np.abs(rod.missing).max()), FOLLOWED * scale, "N m")
+        tendons, used = setup.tendons, setup.finger.tendons_used
+        over = []
+        for side, tension in zip(("left", "right"), finger.tensions, strict=True):
+            # A tendon that is not there cannot pull.
+            here = used in ("both", side)
+            over += [tension - (setup.max_tension if here else 0.0), tendons.min_tension * here - tension]
+        yield Finding(Requirement.TENSION, name, greatest(over), EXACT * setup.max_tension, "N")
+        yield from _torque(setup, finger)
+        strain = setup.finger.strain_limit
+        depth = setup.finger.profile.half_depth
+        if strain is not None and depth is not None:
+            bent = float((np.abs(rod.curvature(line.s)) * depth(line.s)).max())
+            yield Finding(Requirement.STRAIN, name, bent - strain, EXACT * strain)
+        for contact in finger.contacts:
+            low, high = self._middles(finger).get(contact.name, (rod.length, rod.length))
+            off = greatest([low - contact.place, contact.place - high])
+            yield Finding(Requirement.PLACE, contact.name, off, EXACT * rod.length, "m")
+
+    def _clear(self) -> Iterator[Finding]:
+        """Findings of bodies in each other."""
+        lines = dict(zip((finger.name for finger in self.held.fingers), self.lines, strict=True))
+        for finger, line in zip(self.held.fingers, self.lines, strict=True):
+            length = line.rod.length
+            limit = FOLLOWED * length + self.stage.deviation
+            yield Finding(Requirement.DEPTH, finger.name, -line.least(self._above_object(line)), limit, "m")
+            for obstacle in self.stage.obstacles:
+                start, before = self.stage.clear_from(obstacle, finger)
+                gap = line.least(_above(obstacle, line, start, before), start if np.isinf(before) else 0.0)
+                yield Finding(
+                    Requirement.SUPPORT_DEPTH, f"{finger.name}, {obstacle.name}", -gap, FOLLOWED * length, "m"
+                )
+            yield Finding(Requirement.CURLED, finger.name, -apart_from_itself(line), CROSSING * length, "m")
+        for first, other in self.stage.pairs():
+            a, b = lines[first], lines[other]
+            limit = CROSSING * min(a.rod.length, b.rod.length)
+            yield Finding(Requirement.CROSSED, f"{first}, {other}", -apart(a, b), limit, "m")
+        for obstacle in self.stage.obstacles:
+            depth = obstacle.depth_of(self.body)
+            yield Finding(Requirement.OBJECT_DEPTH, obstacle.name, depth, 2.0 * EXACT * self.stage.size, "m")
+
+    def _above_object(self, line: SampledRod) -> Gap:
+        """Gap between a finger and the object along the finger."""
+        return lambda s, points: self.body.distance(points) - line.rod.half(s)
+
+    # -- contacts ----------------------------------------------------------------------------------------------
+
+    def _touch(self, finger: HeldFinger, line: SampledRod, contact: HeldContact) -> tuple[_Touch, float]:
+        """A contact of a finger, and the slope at which its skin meets the surface [rad]."""
+        setup = self.stage.setups[finger.name]
+        half = setup.finger.profile.half_thickness
+        here = line.rod.at(np.array([contact.place]))
+        (distance,), (normal,) = self.body.near(here.points)
+        radius = float(half(contact.place))
+        touch = _Touch(
+            contact,
+            here.points[0] - radius * normal,
+            normal,
+            setup.held_friction,
+            self.stage.torsional,
+            setup.normal_force_max,
+            abs(float(distance) - radius),
+            FOLLOWED * line.rod.length,
+        )
+        # A finger is as thick as balls along it: where these grow, its skin leans by the slope of their radius.
+        return touch, float(normal @ here.axes[0, :, 1]) - half.slope(contact.place)
+
+    def _support_touch(self, contact: HeldSupport) -> _Touch:
+        name = _support_of(self.stage, contact.name)
+        obstacle = next(each for each in self.stage.obstacles if each.name == name)
+        normal, off = obstacle.touched(contact, self.body)
+        most = self.stage.scene.contacts.normal_force_max
+        # 2.0: an object at rest may lie a limit off its support, and the contact as far off the object
+        return _Touch(
+            contact, contact.position, normal, obstacle.friction, 0.0, most, off, 2.0 * EXACT * self.stage.size
+        )
+
+    def _of_contact(self, touch: _Touch) -> Iterator[Finding]:
+        name, limit = touch.contact.name, EXACT * self.scale
+        yield Finding(Requirement.GAP, name, touch.gap, touch.most_gap, "m")
+        over = greatest([-touch.pressing, touch.pressing - touch.most])
+        yield Finding(Requirement.PRESSING, name, over, limit, "N")
+        yield Finding(
+            Requirement.FRICTION, name, touch.across - touch.friction * touch.pressing, FOLLOWED * self.scale, "N"
+        )
+
+    def _balance(self, touches: list[_Touch]) -> Iterator[Finding]:
+        """Balance of the object's forces, and of their moments about its center of mass."""
+        center = self.stage.center(self.held)
+        force = self.stage.mass * self.stage.gravity
+        moment = np.zeros(3)
+        for touch in touches:
+            force = force - touch.contact.force
+            moment -= np.cross(touch.point - center, touch.contact.force) + touch.contact.moment * touch.normal
+        if self.stage.upright:
+            moment = moment[2:]
+        yield Finding(Requirement.FORCE, "", float(np.abs(force).max()), EXACT * self.scale, "N")
+        size = self.scale * self.stage.size
+        yield Finding(Requirement.MOMENT, "", float(np.abs(moment).max()), FOLLOWED * size, "N m")
+
+
+def _above(obstacle: Obstacle, line: SampledRod, start: float, before: float) -> Gap:
+    """Gap between a finger and an obstacle: of its skin from a position on, and before of its center line."""
+    return lambda s, points: obstacle.distance(points) - np.where(s < start, before, line.rod.half(s))
+
+
+def _torque(setup: FingerSetup, finger: HeldFinger) -> Iterator[Finding]:
+    """Torque with which each motor reaches its tension, its dry friction included."""
+    if setup.drive is not None and isinstance(motor := setup.drive.drive, MotorDrive):
+        torque = float(finger.tensions.max()) * motor.winch_radius + motor.coulomb_friction
+        yield Finding(Requirement.TORQUE, finger.name, torque - motor.torque_max, EXACT * motor.torque_max, "N m")

@@ -1,0 +1,1 @@
+"""Grasps of exact rods: one problem of small blocks, written for any scene, solved by IPOPT."""

@@ -1,0 +1,64 @@
+"""A solution carried over to a problem with more stages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from continuum_grasp.base import Array
+from continuum_grasp.grasp.rods import kinds
+from continuum_grasp.grasp.rods.problem import GraspRods, NearPair, StagePlace
+
+
+def carried(before: GraspRods, x: Array, problem: GraspRods) -> Array:
+    """Unknowns of a problem with as many stages as another, or a multiple, by those of the other."""
+    y = np.zeros(problem.size)
+    for name, at in problem.at.items():
+        if name in before.at and not name.startswith("node "):
+            y[at] = x[before.at[name]]
+    for index in range(len(problem.parts)):
+        _set_nodes(before, x, problem, index, y)
+    return y
+
+
+def _set_nodes(before: GraspRods, x: Array, problem: GraspRods, index: int, y: Array) -> None:
+    """States of a finger: at its former nodes, and from there on between them."""
+    finger, part, coarse = problem.numbers.fingers[index], problem.parts[index], before.parts[index]
+    geometry = problem.geometry
+    stage = kinds.stage_kind(geometry, finger.section.form)
+    for span, rough in zip(part.spans, coarse.spans, strict=True):
+        times = span.stages // rough.stages
+        for k in range(rough.stages):
+            node = rough.first + k
+            state = x[coarse.nodes[node]].copy()
+            first = span.first + times * k
+            y[part.nodes[first]] = state
+            if k == 0 and node in coarse.touching:
+                state[geometry.moments] = x[coarse.turns[coarse.touching.index(node)]]
+            for between in range(first + 1, first + times):
+                unknowns = [*state, *np.zeros(len(state)), *y[span.force], *y[part.pulls], *y[span.ends]]
+                data = [*finger.acting(span.piece), *span.shares(between)]
+                # The row is where the stage leads less where it ends.
+                state = stage.value(np.array(unknowns), np.array(data), np.zeros(0))
+                y[part.nodes[between]] = state
+    y[part.nodes[-1]] = x[coarse.nodes[-1]]
+
+
+def finer_places(places: Sequence[StagePlace], times: int) -> list[StagePlace]:
+    """The same places where every stage is so many."""
+    found = list[StagePlace]()
+    for place in places:
+        along = place.share * times
+        k = min(int(np.ceil(along)), times)
+        found.append(StagePlace(place.finger, times * (place.node - 1) + k, along - (k - 1)))
+    return found
+
+
+def finer_pairs(pairs: Sequence[NearPair], times: int) -> list[NearPair]:
+    """The same nodes, and the chords next to the same places, where every stage is so many."""
+    return [
+        NearPair(pair.finger, times * pair.node, pair.other, times * pair.chord + k)
+        for pair in pairs
+        for k in range(times)
+    ]

@@ -1,0 +1,297 @@
+"""Kinds of blocks of a grasp: one rows-function each, for all fingers, contacts and bodies, in the plane and in space.
+
+Each finger has units of its own: its length L, the force E I / L^2, the moment E I / L. The object has its size and a
+force F0. ``ratio`` is L per size, ``unit`` the finger's force per F0. At a contact, n is the outward normal of the
+object and z a fixed direction across the finger, in the plane z itself; with a = z x n / |z x n| and b = n x a, the
+object exerts N n + f a + g b on what touches it, and a moment tau n.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import casadi as ca
+
+from continuum_grasp.grasp.body.table import DistanceTable
+from continuum_grasp.grasp.rods.geometry import Geometry, cross, dot, exerted, transposed, turned
+from continuum_grasp.grasp.rods.rod import THICKNESS, between, half_thickness, taper
+from continuum_grasp.model import RodLoads, SectionForm, stage_end
+from continuum_grasp.nlp import BlockKind, Lookup
+
+HELD = 4
+"""Numbers of a contact: N, f, g and the moment tau per arm."""
+
+
+class _Parts:
+    """Symbols of a block, taken one after the other."""
+
+    def __init__(self, geometry: Geometry | None = None) -> None:
+        self._geometry = geometry
+        self._unknowns: list[ca.SX] = []
+        self._data: list[ca.SX] = []
+
+    def unknown(self, name: str, size: int = 1) -> Any:
+        """Symbols of unknowns; a single one as a scalar."""
+        return self._taken(self._unknowns, name, size)
+
+    def datum(self, name: str, size: int = 1) -> Any:
+        """Symbols of data; a single one as a scalar."""
+        return self._taken(self._data, name, size)
+
+    def acting(self, geometry: Geometry, form: SectionForm) -> RodLoads:
+        """Force and pulls as unknowns, all else that acts on a finger as data."""
+        return RodLoads(
+            self.unknown("force", geometry.dimensions),
+            ca.vertcat(self.unknown("pulls", len(form.pulls))),
+            self.datum("gravity", geometry.dimensions),
+            ca.vertcat(self.datum("history", len(form.history_names))),
+            self.datum("numbers", form.size),
+            self.datum("sides", geometry.sides),
+        )
+
+    @staticmethod
+    def _taken(into: list[ca.SX], name: str, size: int) -> Any:
+        into.append(ca.SX.sym(name, size))
+        return into[-1][0] if size == 1 else into[-1]
+
+    def kind(self, name: str, rows: Sequence[Any], lookup: Lookup | None = None) -> BlockKind:
+        """The kind of these symbols."""
+        name = name if self._geometry is None else f"{name}_{self._geometry.name}"
+        data = ca.vertcat(*self._data) if self._data else ca.SX(0, 1)
+        compiled = self._geometry is not None and self._geometry.compiled
+        return BlockKind(name, ca.vertcat(*self._unknowns), data, ca.vertcat(*rows), lookup, compiled=compiled)
+
+
+class _Sight:
+    """The object as a place of a finger [L] sees it, by the body's table: gap [L] and outward normal (3,).
+
+    The gap is exact to the given order of derivatives, the normal to one less.
+    """
+
+    def __init__(
+        self, parts: _Parts, geometry: Geometry, place: Sequence[Any], pose: Any, ratio: Any, order: int
+    ) -> None:
+        d = geometry.dimensions
+        axes, table = parts.datum("axes", geometry.axes), parts.datum("table", 2 * d + 2)
+        self.turn = geometry.turn(pose, axes)
+        self.place = [ratio * part for part in geometry.in_space(place)]  # [object size]
+        self.center = geometry.place(pose)
+        away = [a - b for a, b in zip(self.place, self.center, strict=True)]
+        local = ca.vertcat(*turned(transposed(self.turn), away)[:d])
+        series = _series(d, order)
+        found = ca.SX.sym("found", series.size1_out(0))
+        point, terms = found[:d], found[d:]
+        shift = ca.SX.sym("shift", d)
+        distance = _polynomial(shift, terms, order)
+        known = [shift, terms]
+        seen = ca.Function("seen", known, [distance, ca.gradient(distance, shift)])
+        distance, gradient = seen(local - point, terms)
+        # 1e-30: no division by zero where a table is flat
+        along = gradient / ca.sqrt(ca.sumsqr(gradient) + 1e-30)
+        self.gap = distance / ratio
+        self.normal = turned(self.turn, geometry.in_space([along[k] for k in range(d)]))
+        given = ca.vertcat(local, table)
+        self.lookup = Lookup(DistanceTable.cell(local, table), table[d + 1], table[d + 2 :], given, series, found)
+
+
+def _orders(dimensions: int, order: int) -> list[tuple[int, ...]]:
+    """Directions of all derivatives up to an order, the lower ones first."""
+    each = (itertools.combinations_with_replacement(range(dimensions), n) for n in range(order + 1))
+    return list(itertools.chain(*each))
+
+
+@cache
+def _series(dimensions: int, order: int) -> ca.Function:
+    """A point in a table, its distance and derivatives up to an order, by point and data, cell and coefficients."""
+    given, cell = ca.SX.sym("given", 3 * dimensions + 2), ca.SX.sym("cell", dimensions)
+    coefficients = ca.SX.sym("coefficients", 4**dimensions)
+    point = ca.SX.sym("point", dimensions)
+    distance = DistanceTable.distance(point, given[dimensions:], cell, coefficients)
+    derivatives: dict[tuple[int, ...], ca.SX] = {(): distance}
+    for directions in _orders(dimensions, order)[1:]:
+        *before, last = directions
+        derivatives[directions] = ca.jacobian(derivatives[tuple(before)], point[last])
+    found = ca.substitute([ca.vertcat(point, *derivatives.values())], [point], [given[:dimensions]])
+    return ca.Function("series", [given, cell, coefficients], found, {"cse": True})
+
+
+def _polynomial(shift: ca.SX, terms: ca.SX, order: int) -> ca.SX:
+    """Taylor polynomial by its derivatives."""
+    value = ca.SX(0)
+    for k, directions in enumerate(_orders(shift.numel(), order)):
+        times = math.prod(math.factorial(directions.count(axis)) for axis in set(directions))
+        value += terms[k] / times * math.prod(shift[axis] for axis in directions)
+    return value
+
+
+def states(geometry: Geometry, form: SectionForm) -> int:
+    """Numbers of a node: the rod's own states, then those of its tendons."""
+    return geometry.state + len(form.sliding_names)
+
+
+@cache
+def stage_kind(geometry: Geometry, form: SectionForm) -> BlockKind:
+    """Rows (states): a stage ends where the rod leads from its begin."""
+    parts = _Parts(geometry)
+    size = states(geometry, form)
+    begin, end = parts.unknown("begin", size), parts.unknown("end", size)
+    acting, ends = parts.acting(geometry, form), parts.unknown("ends", 2)
+    u0, u1 = parts.datum("u0"), parts.datum("u1")
+    span = ends[1] - ends[0]
+    places = ends[0] + u0 * span, ends[0] + u1 * span
+    reached = stage_end(form, geometry, ca.vertsplit(begin), *places, acting, geometry.steps)
+    return parts.kind(f"stage_{form.key}", [a - b for a, b in zip(reached, ca.vertsplit(end), strict=True)])
+
+
+@cache
+def enter_kind(form: SectionForm) -> BlockKind:
+    """Rows: the losses that tendons have where they enter the finger."""
+    parts = _Parts()
+    sliding = parts.unknown("sliding", len(form.sliding_names))
+    history, numbers = ca.vertcat(parts.datum("history", len(form.history_names))), parts.datum("numbers", form.size)
+    entries = ca.vertsplit(ca.vertcat(sliding))
+    losses = [entry for entry, name in zip(entries, form.sliding_names, strict=True) if name.startswith("loss")]
+    found = form.first_losses(entries, numbers, history)
+    return parts.kind(f"enter_{form.key}", [a - b for a, b in zip(losses, found, strict=True)])
+
+
+@cache
+def contact_kind(geometry: Geometry, *, tip: bool) -> BlockKind:
+    """Rows of a contact: the gap, its direction along the finger, the force and the moment beyond it, or at the tip,
+    and the balance of the object (6). Forces have the weight of everything before; ``load`` is that of all at the tip.
+    """
+    parts = _Parts(geometry)
+    d, moments = geometry.dimensions, len(geometry.moments)
+    at, force = parts.unknown("at", geometry.state), parts.unknown("force", d)
+    after = [0.0] * d if tip else parts.unknown("after", d)
+    turns = [0.0] * moments if tip else ca.vertsplit(ca.vertcat(parts.unknown("turns", moments)))
+    s, held = parts.unknown("s"), parts.unknown("held", HELD)
+    pose = parts.unknown("pose", geometry.pose)
+    ratio, unit, arm = (parts.datum(name) for name in ("ratio", "unit", "arm"))
+    load, center = parts.datum("load", d), parts.datum("center", 3)
+    across, thickness = parts.datum("across", 3), parts.datum("thickness", THICKNESS)
+    state = ca.vertsplit(at)
+    sight = _Sight(parts, geometry, state[:d], pose, ratio, 3)
+    half, n = half_thickness(thickness, s), sight.normal
+    # Directions of the finger and of the surface are the same but for the finger's taper.
+    direction = dot(geometry.in_space(geometry.tangent(state)), n) - taper(thickness, s)
+    on_finger, twist = exerted(held, n, ca.vertsplit(across)), [arm * held[3] * part for part in n]
+    couple = [part - half * other for part, other in zip(twist, cross(n, on_finger), strict=True)]
+    rows = [sight.gap - half, direction]
+    rows += [after[k] - force[k] + on_finger[k] + (load[k] if tip else 0.0) for k in range(d)]
+    turning = zip(turns, (state[k] for k in geometry.moments), geometry.moment(couple), strict=True)
+    rows += [last - first + own for last, first, own in turning]
+    com = turned(sight.turn, ca.vertsplit(center))
+    lever = [sight.place[k] - ratio * half * n[k] - sight.center[k] - com[k] for k in range(3)]
+    rows += _on_object([unit * part for part in on_finger], lever, [unit * ratio * part for part in twist])
+    return parts.kind("tip" if tip else "middle", rows, sight.lookup)
+
+
+def _on_object(force: Sequence[Any], lever: Sequence[Any], twist: Sequence[Any]) -> list[Any]:
+    """Force and moment (6) on the object, by the force and the moment that it exerts."""
+    moment = cross(lever, force)
+    return [*(-part for part in force), *(-moment[k] - twist[k] for k in range(3))]
+
+
+@cache
+def support_kind() -> BlockKind:
+    """Rows (6): the force of a support on an object that does not move."""
+    parts = _Parts()
+    held = parts.unknown("held", HELD)
+    arm, n, across = parts.datum("arm", 3), parts.datum("normal", 3), parts.datum("across", 3)
+    force = exerted(held, ca.vertsplit(n), ca.vertsplit(across))
+    return parts.kind("support", _on_object(force, ca.vertsplit(arm), [0.0] * 3))
+
+
+@cache
+def free_tip_kind(geometry: Geometry) -> BlockKind:
+    """Rows: at a tip that touches nothing, the force is that of its load and the moment is zero."""
+    parts = _Parts(geometry)
+    d = geometry.dimensions
+    moments, force = parts.unknown("moments", len(geometry.moments)), parts.unknown("force", d)
+    load = parts.datum("load", d)
+    return parts.kind("free_tip", [*(load[k] - force[k] for k in range(d)), *ca.vertsplit(ca.vertcat(moments))])
+
+
+@cache
+def cone_kind(*, spatial: bool) -> BlockKind:
+    """Rows: Coulomb friction of a contact, of which a margin v stays free; without forces across, it is two lines."""
+    parts = _Parts()
+    held, margin = parts.unknown("held", HELD), parts.unknown("margin")
+    friction, apex = parts.datum("friction"), parts.datum("apex")
+    most = friction * (1.0 - margin) * held[0]
+    if spatial:
+        return parts.kind("cone", [most - ca.sqrt(ca.sumsqr(held[1:]) + apex**2)])
+    return parts.kind("wedge", [most - held[1], most + held[1]])
+
+
+@cache
+def clear_kind(geometry: Geometry) -> BlockKind:
+    """Row: the gap between the object and a place of a stage, by the cubic through its ends, less half a thickness."""
+    parts = _Parts(geometry)
+    begin, end = parts.unknown("begin", geometry.oriented), parts.unknown("end", geometry.oriented)
+    ends, pose = parts.unknown("ends", 2), parts.unknown("pose", geometry.pose)
+    u0, u1, share, ratio = (parts.datum(name) for name in ("u0", "u1", "share", "ratio"))
+    thickness = parts.datum("thickness", THICKNESS)
+    span = ends[1] - ends[0]
+    place = between(geometry, ca.vertsplit(begin), ca.vertsplit(end), span * (u1 - u0), share)
+    sight = _Sight(parts, geometry, place, pose, ratio, 2)
+    half = half_thickness(thickness, ends[0] + (u0 + share * (u1 - u0)) * span)
+    return parts.kind("clear", [sight.gap - half], sight.lookup)
+
+
+@cache
+def wall_kind(geometry: Geometry) -> BlockKind:
+    """Row: the height of a node above a plane, less half a thickness; nothing is taken off where it emerges."""
+    parts = _Parts(geometry)
+    at, ends = parts.unknown("at", geometry.dimensions), parts.unknown("ends", 2)
+    u, height, emerging = (parts.datum(name) for name in ("u", "height", "emerging"))
+    n, thickness = parts.datum("normal", geometry.dimensions), parts.datum("thickness", THICKNESS)
+    half = (1.0 - emerging) * half_thickness(thickness, ends[0] + u * (ends[1] - ends[0]))
+    return parts.kind("wall", [ca.dot(n, at) - height - half])
+
+
+@cache
+def bend_kind(geometry: Geometry, form: SectionForm) -> BlockKind:
+    """Row: curvature above rest at a node."""
+    parts = _Parts(geometry)
+    at, acting = parts.unknown("at", states(geometry, form)), parts.acting(geometry, form)
+    ends, u = parts.unknown("ends", 2), parts.datum("u")
+    state = ca.vertsplit(at)
+    own, sliding = state[: geometry.state], state[geometry.state :]
+    s = ends[0] + u * (ends[1] - ends[0])
+    bend, _ = form.curvature(s, geometry.bending(own), acting.pulls, sliding, acting.numbers, acting.history)
+    return parts.kind(f"bend_{form.key}", [bend])
+
+
+@cache
+def difference_kind() -> BlockKind:
+    """Row: the second unknown less the first."""
+    parts = _Parts()
+    first, last = parts.unknown("first"), parts.unknown("last")
+    return parts.kind("difference", [last - first])
+
+
+@cache
+def share_kind() -> BlockKind:
+    """Row: an unknown times a number."""
+    unknown, factor = ca.SX.sym("unknown"), ca.SX.sym("factor")
+    return BlockKind("share", unknown, factor, factor * unknown)
+
+
+@cache
+def chord_kind(geometry: Geometry) -> BlockKind:
+    """Row: a node is apart from the chord between two nodes of another finger: (d^2 - r^2) / (2 r), d the distance."""
+    parts = _Parts(geometry)
+    node, first, last = (parts.unknown(name, geometry.dimensions) for name in ("node", "first", "last"))
+    ratio, reach = parts.datum("ratio"), parts.datum("reach")
+    a, b = ratio * first, ratio * last
+    along = b - a
+    # 1e-12: no division by zero where a chord has no length
+    share = ca.fmin(ca.fmax(ca.dot(node - a, along) / (ca.sumsqr(along) + 1e-12), 0.0), 1.0)
+    away = node - a - share * along
+    return parts.kind("chord", [(ca.sumsqr(away) - reach**2) / (2.0 * reach)])

@@ -1,0 +1,200 @@
+"""A scene with one set of contacts at one place, as plain numbers in units of its fingers and its object."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from continuum_grasp.base import Array
+from continuum_grasp.grasp.body.table import DistanceTable
+from continuum_grasp.grasp.rods.geometry import Geometry
+from continuum_grasp.grasp.rods.rod import half_thickness
+from continuum_grasp.model import Section, SectionPull
+from continuum_grasp.scene import FingerSetup
+
+UNIFORM = 1e6
+"""Curvature limit per length above which there is none."""
+REACH = 2.5
+"""Half thicknesses around the object that are in its table."""
+
+
+@dataclass(frozen=True, eq=False)
+class WallNumbers:
+    """A plane of which a finger keeps clear, in units of the finger."""
+
+    normal: Array
+    level: float  # place along the normal
+    first: float = 0.0  # place along the finger from which on it keeps clear
+    emerging: float | None = None
+    """Level of which the finger's line keeps clear before its first contact, if its base is in the wall."""
+
+
+@dataclass(frozen=True, eq=False)
+class FingerNumbers:
+    """A finger at its base, in units of its section."""
+
+    setup: FingerSetup
+    section: Section
+    sides: tuple[float, ...]  # stiffnesses out of the plane of bending, per that of bending
+    base: Array  # place and direction (`Geometry.oriented`,)
+    across: Array  # (3,) axis of bending at the base
+    gravity: Array  # (dimensions,) [m/s2]
+    history: Array  # of its friction
+    pulls: Array  # (pulls,) greatest ones
+    arm: float  # of torsional friction, per friction
+    places: tuple[float, float]  # of middle contacts
+    curvature_limit: float
+    middles: tuple[str, ...]
+    tip: str | None
+    walls: tuple[WallNumbers, ...]
+
+    @property
+    def length(self) -> float:
+        """Length [m]."""
+        return self.section.length
+
+    @property
+    def force(self) -> float:
+        """Unit of forces [N]."""
+        return self.section.force
+
+    @property
+    def moment(self) -> float:
+        """Unit of moments [N m]."""
+        return self.section.moment
+
+    @property
+    def load(self) -> Array:
+        """Force at the tip of the weight of the finger and of all masses (dimensions,)."""
+        return self.section.mass * self.gravity
+
+    @property
+    def name(self) -> str:
+        """Name of the finger."""
+        return self.setup.name
+
+    @property
+    def contacts(self) -> list[str]:
+        """Names of its contacts, from the base on."""
+        return [*self.middles, *([self.tip] if self.tip else [])]
+
+    def acting(self, piece: int) -> Array:
+        """Numbers of what acts on a piece, without its force and pulls."""
+        return np.array([*self.gravity, *self.history, *self.section.numbers(piece), *self.sides])
+
+    def thickness(self, piece: int) -> Array:
+        """Numbers of the half thickness on a piece (`THICKNESS`,)."""
+        return np.array([self.section.places[piece], *self.section.half_thickness(piece)])
+
+    def half(self, s: Any) -> Array:
+        """Half thickness at places along the finger, as many as there are."""
+        places = np.asarray(s, dtype=float)
+        pieces = np.minimum(np.searchsorted(self.section.places[1:], places), len(self.section.pieces) - 1)
+        values = np.zeros(places.shape)
+        for piece in np.unique(pieces).tolist():
+            on = pieces == piece
+            values[on] = half_thickness(self.thickness(piece), places[on])
+        return values
+
+    def tensions(self, x: Array) -> Array:
+        """Tensions [N], or pressures [Pa] of chambers, of pulls (pulls,)."""
+        return np.array([pull.value(value) for pull, value in zip(self.section.pulls, x, strict=True)])
+
+    @staticmethod
+    def of(setup: FingerSetup, on: frozenset[str], acceleration: Array, **placed: Any) -> FingerNumbers:
+        """The numbers of a finger with the contacts ``on`` by name, under gravity (dimensions,) [m/s2].
+
+        ``placed`` are the numbers that depend on where it is: base, across, sides, arm and walls.
+        """
+        finger = setup.finger
+        section = Section.of(finger)
+        first, last = setup.middle_bounds
+        return FingerNumbers(
+            setup=setup,
+            section=section,
+            gravity=acceleration,
+            history=section.pulled,
+            pulls=np.array([_greatest(setup, pull) for pull in section.pulls]),
+            places=(first / section.length, last / section.length),
+            curvature_limit=min(finger.curvature_limit * section.length, UNIFORM),
+            middles=tuple(name for name in setup.middle_names if name in on),
+            tip=setup.tip_name if setup.tip_name in on else None,
+            **placed,
+        )
+
+
+def _greatest(setup: FingerSetup, pull: SectionPull) -> float:
+    """Greatest value of a pull: none of a tendon that is not used, no more than a motor pulls."""
+    if setup.finger.tendons_used not in ("both", "left" if pull.side > 0.0 else "right"):
+        return 0.0
+    return min(pull.most, setup.max_tension / pull.unit - pull.least)
+
+
+@dataclass(frozen=True, eq=False)
+class SupportNumbers:
+    """Contact of a support with an object that does not move."""
+
+    name: str
+    arm: Array  # (3,) from the center of mass [object size]
+    normal: Array  # (3,)
+    across: Array  # (3,) a direction along the surface
+    friction: float
+    most: float  # [F0]
+
+
+@dataclass(frozen=True, eq=False)
+class GraspAims:
+    """What a grasp is to have, as prices: of the tension, per sum of the greatest ones, and of the friction margin."""
+
+    tension: float = 1.0
+    margin: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class SceneNumbers:
+    """A scene with one set of contacts at one place of the object and of the bases."""
+
+    geometry: Geometry
+    fingers: list[FingerNumbers]
+    supports: list[SupportNumbers]
+    table: DistanceTable  # [object size]
+    size: float  # [m]
+    force: float  # F0 [N]
+    pose: Array  # (`Geometry.pose`,), the place [object size]
+    axes: Array  # (`Geometry.axes`,)
+    pose_bounds: tuple[Array, Array]
+    center: Array  # (3,) of mass, in the object's frame [object size]
+    weight: Array  # (6,) force and moment on the object [F0, F0 size]
+    balances: tuple[int, ...]  # rows of the object's balance that bind
+    spatial: bool  # whether contacts exert forces out of the fingers' planes
+    aims: GraspAims
+    pairs: tuple[tuple[int, int], ...]  # of fingers that keep clear of each other
+    penetration: float  # depth of a finger that is allowed [L]
+    deviation: float = 0.0  # of the object's surface from the one that it stands for [m]
+    least_normal: float = 0.0  # force of a contact of a finger [F0]
+
+    def seen(self, finger: FingerNumbers, points: Array, pose: Array, contact: str = "") -> tuple[Array, Array]:
+        """Gaps (n,) of the object at points (n, dimensions) of a finger [L], and normals (n, 3) as the hand sees them.
+
+        With a contact, by the table around that.
+        """
+        d = self.geometry.dimensions
+        turn: Array = np.array(self.geometry.turn(pose, self.axes))
+        gap, slope = self.table.values(self.local(finger, points, pose), contact)
+        normal = np.zeros((len(slope), 3))
+        # 1e-30: no division by zero where a table is flat
+        normal[:, :d] = slope / (np.linalg.norm(slope, axis=1, keepdims=True) + 1e-30)
+        return gap * self.size / finger.length, normal @ turn.T
+
+    def local(self, finger: FingerNumbers, points: Array, pose: Array) -> Array:
+        """Points (n, dimensions) of a finger [L] in the object's frame [object size]."""
+        d = self.geometry.dimensions
+        turn: Array = np.array(self.geometry.turn(pose, self.axes))[:d, :d]
+        return np.asarray((points * finger.length / self.size - pose[:d]) @ turn)
+
+
+def unit(vector: Array) -> Array:
+    """A vector of length one."""
+    return np.asarray(vector / np.linalg.norm(vector))

@@ -1,0 +1,355 @@
+"""A grasp as one nonlinear problem: rods by multiple shooting, contacts, and six rows of balance of the object.
+
+Unknowns: the pose of the object; per finger the moments of two tendons, the ends of its segments between base, middle
+contacts and tip, the force that acts beyond the begin of each segment, the moment there where a contact changes it, and
+the states at all nodes; per contact its force (N, f, g) and moment; the friction margin; and the parts of the balance
+that nothing bears, at a price, so that every start has a feasible point nearby. A `Geometry` says what a state is.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from continuum_grasp.base import Array, Indices
+from continuum_grasp.grasp.rods import kinds
+from continuum_grasp.grasp.rods.numbers import UNIFORM, FingerNumbers, SceneNumbers
+from continuum_grasp.nlp import BlockProblem
+
+STAGES = 24
+"""Stages of a finger; 96 % of 55 hard grasps were within 0.3 % of those with 96 stages."""
+FEWEST = 6
+"""Least stages of a segment."""
+APEX = 1e-4
+"""Rounding of the apex of a friction cone in space, per unit of force."""
+UNBORNE = 100.0
+"""Price of a force or moment that nothing bears; 10 and 1000 did alike."""
+SHORTEST = 0.02
+"""Least length of a segment, per finger."""
+ALONG = 1e-3
+"""Slope at which a tip may point into the object."""
+_BALANCE = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
+
+
+@dataclass(frozen=True)
+class StagePlace:
+    """A place of a finger between two nodes, as a share of the stage before a node."""
+
+    finger: int
+    node: int
+    share: float
+
+
+@dataclass(frozen=True)
+class NearPair:
+    """A node of a finger, and the chord after a node of another that is near to it."""
+
+    finger: int
+    node: int
+    other: int
+    chord: int
+
+
+@dataclass(frozen=True)
+class Span:
+    """Stages between two places at which a finger may touch or its section jumps."""
+
+    first: int  # node at its begin
+    stages: int
+    piece: int
+    ends: Indices  # places of its ends
+    force: Indices  # beyond its begin
+
+    def shares(self, node: int) -> tuple[float, float]:
+        """Where the stage before a node begins and ends, as shares of the span."""
+        j = node - self.first
+        return (j - 1) / self.stages, j / self.stages
+
+
+@dataclass(frozen=True)
+class FingerPlaces:
+    """Places of a finger's unknowns."""
+
+    nodes: list[Indices]
+    spans: list[Span]
+    touching: list[int]  # node of each contact
+    turns: list[Indices]  # moments beyond each middle contact
+    pulls: Indices
+
+    def span_of(self, node: int) -> Span:
+        """Span of the stage before a node; the first one for the base."""
+        return next(span for span in reversed(self.spans) if span.first < max(node, 1))
+
+
+class GraspRods(BlockProblem):
+    """The problem of a scene's numbers.
+
+    Parameters
+    ----------
+    numbers : SceneNumbers
+    joints : sequence of sequences of float, optional
+        About where the middle contacts of each finger are along it [L]: walls begin by that.
+    stages : int
+        Stages of a finger.
+    places : sequence of StagePlace
+        Places that keep clear of the object, apart from nodes and half way between them.
+    near : sequence of NearPair
+        Nodes and chords of fingers that keep apart.
+    fine : bool
+        Whether there are as many stages as in a grasp that the search returns.
+    """
+
+    def __init__(
+        self,
+        numbers: SceneNumbers,
+        *,
+        joints: Sequence[Sequence[float]] = (),
+        stages: int = STAGES,
+        places: Sequence[StagePlace] = (),
+        near: Sequence[NearPair] = (),
+        fine: bool = False,
+    ) -> None:
+        super().__init__("grasp", numbers.table.coefficients)
+        self.numbers, self.geometry = numbers, numbers.geometry
+        self.places, self.near, self._joints = tuple(places), tuple(near), joints
+        self.fine = fine
+        # A finer problem has a multiple of the stages of each span.
+        self._times = self.geometry.finer if fine else 1
+        self.pose = self.unknown("pose", *numbers.pose_bounds)
+        aims = numbers.aims
+        self.margin = self.unknown("margin", 0.0, 1.0 if aims.margin else 0.0)
+        self.price(self.margin, -aims.margin)
+        self.balance = np.concatenate([self._balanced(k, name) for k, name in enumerate(_BALANCE)])
+        self.contacts: dict[str, Indices] = {}
+        self.parts = [self._finger(k, finger, stages) for k, finger in enumerate(numbers.fingers)]
+        for support in numbers.supports:
+            held = self._held(support.name, support.friction, support.most, 1.0, bears_moment=False)
+            self.add(kinds.support_kind(), held, self.balance, [*support.arm, *support.normal, *support.across])
+        halves = [StagePlace(k, n, 0.5) for k, part in enumerate(self.parts) for n in range(1, len(part.nodes))]
+        for place in [*halves, *places]:
+            self._clear(place, self.parts[place.finger])
+        for pair in near:
+            self._apart(pair)
+        # 1e-5: least price of tensions where another objective does not have one
+        total = sum(finger.setup.max_tension for finger in numbers.fingers)
+        for part, finger in zip(self.parts, numbers.fingers, strict=True):
+            for at, pull in zip(part.pulls, finger.section.pulls, strict=True):
+                self.price(at, max(aims.tension, 1e-5) * pull.unit / total)
+        for held in self.contacts.values():
+            self.price(held, 0.0, 2e-8)
+
+    # -- parts -------------------------------------------------------------------------------------------------
+
+    def _balanced(self, k: int, name: str) -> Indices:
+        """A row of the balance of the object, and what nothing bears of it."""
+        weight = -self.numbers.weight[k]
+        binds = k in self.numbers.balances
+        bounds = (weight, weight) if binds else (-np.inf, np.inf)
+        row = self.rows(f"balance, {name}", "object", "F0", 1, 1.0, *bounds).ravel()
+        if binds:
+            unborne = self.unknown(f"unborne, {name}", [0.0, 0.0], np.inf)
+            self.add(kinds.difference_kind(), unborne, row, [])
+            self.price(unborne, UNBORNE)
+        return row
+
+    def _held(self, name: str, friction: float, most: float, unit: float, *, bears_moment: bool) -> Indices:
+        """Force and moment of a contact within its cone."""
+        spatial = self.numbers.spatial
+        out = np.inf if spatial else 0.0
+        twist = np.inf if bears_moment else 0.0
+        least = self.numbers.least_normal / unit if name not in self._supported else 0.0
+        held = self.unknown(f"force, {name}", [least, -np.inf, -out, -twist], [most, np.inf, out, twist])
+        cone = self.rows(f"friction, {name}", "contacts.friction", "F0", 1 if spatial else 2, 1.0, 0.0, np.inf)
+        self.add(kinds.cone_kind(spatial=spatial), [*held, *self.margin], cone, [friction, APEX / unit])
+        self.contacts[name] = held
+        return held
+
+    @property
+    def _supported(self) -> set[str]:
+        return {support.name for support in self.numbers.supports}
+
+    def _finger(self, index: int, finger: FingerNumbers, stages: int) -> FingerPlaces:
+        numbers, key, geometry = self.numbers, finger.setup.where, self.geometry
+        form, d = finger.section.form, geometry.dimensions
+        part = self._places(index, finger, stages)
+        unit = finger.force / numbers.force
+        friction, most = finger.setup.held_friction, finger.setup.normal_force_max / finger.force
+        middles = part.touching[: len(finger.middles)]
+        stage = kinds.stage_kind(geometry, form)
+        for span in part.spans:
+            for node in range(span.first + 1, span.first + span.stages + 1):
+                begin = part.nodes[node - 1].copy()
+                if node - 1 in middles:
+                    begin[geometry.moments] = part.turns[middles.index(node - 1)]
+                unknowns = [*begin, *part.nodes[node], *span.force, *part.pulls, *span.ends]
+                data = [*finger.acting(span.piece), *span.shares(node)]
+                self.add(stage, unknowns, self.rows(f"rod, {finger.name}", key, "L", len(begin)), data)
+        losses = sum(name.startswith("loss") for name in form.sliding_names)
+        if losses:
+            sliding = part.nodes[0][geometry.state :]
+            row = self.rows(f"tendons, {finger.name}", key, "1", losses)
+            self.add(kinds.enter_kind(form), sliding, row, [*finger.history, *finger.section.numbers(0)])
+        for k, name in enumerate(finger.contacts):
+            node = part.touching[k]
+            span, is_tip = part.span_of(node), name == finger.tip
+            held = self._held(name, friction, most, unit, bears_moment=finger.arm > 0.0)
+            gap = self.rows(f"contact, {name}", key, "L", 1).ravel()
+            direction = self.rows(f"direction, {name}", key, "1", 1, 1.0, -np.inf if is_tip else 0.0, ALONG * is_tip)
+            own = self.rows(f"force, {name}", key, "E I / L2", d + len(geometry.moments)).ravel()
+            after = [] if is_tip else [*part.span_of(node + 1).force, *part.turns[k]]
+            at = part.nodes[node][: geometry.state]
+            unknowns = [*at, *span.force, *after, span.ends[1], *held, *self.pose]
+            data = [finger.length / numbers.size, unit, finger.arm, *finger.load, *numbers.center, *finger.across]
+            data += [*finger.thickness(span.piece), *numbers.axes, *numbers.table.data_at(name)]
+            rows = [*gap, *direction.ravel(), *own, *self.balance]
+            self.add(kinds.contact_kind(geometry, tip=is_tip), unknowns, rows, data)
+        if finger.tip is None:
+            end = self.rows(f"tip, {finger.name}", key, "E I / L2", d + len(geometry.moments))
+            unknowns = [*part.nodes[-1][geometry.moments], *part.spans[-1].force]
+            self.add(kinds.free_tip_kind(geometry), unknowns, end, finger.load)
+        self._limits(index, finger, part)
+        return part
+
+    def _places(self, index: int, finger: FingerNumbers, stages: int) -> FingerPlaces:
+        """Unknowns of a finger."""
+        name, geometry, section = finger.name, self.geometry, finger.section
+        form = section.form
+        pulls = self.unknown(f"pulls, {name}", np.zeros(len(finger.pulls)), finger.pulls)
+        anything, moment = np.full(geometry.dimensions, np.inf), np.full(len(geometry.moments), np.inf)
+        joints = self._middles(index, finger)
+        marks: list[tuple[float, str | None]] = [(at, None) for at in section.places[1:-1]]
+        marks = sorted([*marks, *zip(joints, finger.middles, strict=True)], key=lambda mark: mark[0])
+        marks.append((1.0, finger.tip))
+        each = max(FEWEST, stages // (len(finger.middles) + 1))
+        bounds = [0.0, *joints, 1.0]
+        place = self.unknown(f"base place, {name}", 0.0, 0.0)
+        previous, before, segment, node = place, 0.0, 0, 0
+        force = self.unknown(f"force 0, {name}", -anything, anything)
+        spans, touching, turns = list[Span](), list[int](), list[Indices]()
+        for at, contact in marks:
+            piece = section.piece_at(0.5 * (before + at))
+            if at == 1.0:
+                end = self.unknown(f"tip place, {name}", 1.0, 1.0)
+            elif contact is None:
+                end = self.unknown(f"piece {piece}, {name}", at, at)
+            else:
+                low, high = np.clip(finger.places, section.places[piece], section.places[piece + 1])
+                end = self.unknown(f"place, {contact}", low, high)
+            share = (at - before) / max(bounds[segment + 1] - bounds[segment], 1e-12)
+            count = self._times * max(1, round(each * share))
+            spans.append(Span(node, count, piece, np.concatenate([place, end]), force))
+            node += count
+            if contact is not None or at == 1.0:
+                if len(finger.middles):
+                    row = self.rows(f"segment, {name}", finger.setup.where, "L", 1, 1.0, SHORTEST, np.inf)
+                    self.add(kinds.difference_kind(), [*previous, *end], row, [])
+                previous = end
+            if contact is not None:
+                touching.append(node)
+            if contact in finger.middles:
+                segment += 1
+                force = self.unknown(f"force {segment}, {name}", -anything, anything)
+                turns.append(self.unknown(f"moment {segment}, {name}", -moment, moment))
+            place, before = end, at
+        sliding = form.sliding_names
+        anywhere = np.full(len(sliding), np.inf)
+        at_tip = np.array([0.0 if label.startswith("slide") else np.inf for label in sliding])
+        everywhere = np.full(geometry.state, np.inf)
+        base = np.concatenate([np.zeros(geometry.oriented), moment, anywhere])
+        given = np.array([*finger.base, *np.zeros(len(moment) + len(sliding))])
+        nodes = [self.unknown(f"node 0, {name}", given - base, given + base)]
+        for k in range(1, node + 1):
+            limits = np.concatenate([everywhere, at_tip if k == node else anywhere])
+            nodes.append(self.unknown(f"node {k}, {name}", -limits, limits))
+        return FingerPlaces(nodes, spans, touching, turns, pulls)
+
+    def _limits(self, index: int, finger: FingerNumbers, part: FingerPlaces) -> None:
+        """Rows at nodes: clear of the object where they do not touch it, clear of walls, and strain."""
+        geometry, form = self.geometry, finger.section.form
+        key, depth = finger.setup.where, self.numbers.penetration
+        first = part.touching[0] if part.touching else len(part.nodes)
+        marks = self._marks(index, finger, part)
+        for node in range(1, len(part.nodes)):
+            span = part.span_of(node)
+            _, u = span.shares(node)
+            if node not in part.touching:
+                self._clear(StagePlace(index, node, 1.0), part)
+            for wall in finger.walls:
+                if marks[node] < wall.first:
+                    continue
+                emerges = node <= first and wall.emerging is not None
+                level = wall.emerging if emerges else wall.level
+                row = self.rows(f"wall, {finger.name}", key, "L", 1, 1.0, -depth, np.inf)
+                data = [u, level, float(emerges), *wall.normal, *finger.thickness(span.piece)]
+                place = part.nodes[node][: geometry.dimensions]
+                self.add(kinds.wall_kind(geometry), [*place, *span.ends], row, data)
+        if finger.curvature_limit >= UNIFORM:
+            return
+        limit = finger.curvature_limit
+        for node in range(len(part.nodes)):
+            span = part.span_of(node)
+            row = self.rows(f"strain, {finger.name}", key, "1 / L", 1, 1.0, -limit, limit)
+            unknowns = [*part.nodes[node], *span.force, *part.pulls, *span.ends]
+            data = [*finger.acting(span.piece), (node - span.first) / span.stages]
+            self.add(kinds.bend_kind(geometry, form), unknowns, row, data)
+
+    def _marks(self, index: int, finger: FingerNumbers, part: FingerPlaces) -> list[float]:
+        """About where the nodes are along a finger."""
+        about = sorted([*finger.section.places, *self._middles(index, finger)])
+        marks = [0.0]
+        for span, (begin, end) in zip(part.spans, itertools.pairwise(about), strict=True):
+            marks += [begin + (end - begin) * j / span.stages for j in range(1, span.stages + 1)]
+        return marks
+
+    def _middles(self, index: int, finger: FingerNumbers) -> list[float]:
+        """About where a finger's middle contacts are."""
+        if self._joints:
+            return list(self._joints[index])
+        first, last = finger.places
+        count = len(finger.middles)
+        return [first + (last - first) * (k + 1) / (count + 1) for k in range(count)]
+
+    def _clear(self, place: StagePlace, part: FingerPlaces) -> None:
+        """A place between nodes is clear of the object."""
+        finger, geometry, numbers = self.numbers.fingers[place.finger], self.geometry, self.numbers
+        span = part.span_of(place.node)
+        ends = (part.nodes[node][: geometry.oriented] for node in (place.node - 1, place.node))
+        unknowns = [*itertools.chain(*ends), *span.ends, *self.pose]
+        data = [*span.shares(place.node), place.share, finger.length / numbers.size]
+        depth = numbers.penetration + numbers.deviation / finger.length
+        row = self.rows(f"clear, {finger.name}", finger.setup.where, "L", 1, 1.0, -depth, np.inf)
+        data += [*finger.thickness(span.piece), *numbers.axes, *numbers.table.data]
+        self.add(kinds.clear_kind(geometry), unknowns, row, data)
+
+    def _apart(self, pair: NearPair) -> None:
+        """A node of a finger is apart from a chord of another, or of itself."""
+        one, other = self.numbers.fingers[pair.finger], self.numbers.fingers[pair.other]
+        ratio = other.length / one.length
+        reach = float(one.half(0.0) + ratio * other.half(0.0))
+        nodes = (self.parts[pair.finger].nodes[pair.node], *self.parts[pair.other].nodes[pair.chord : pair.chord + 2])
+        unknowns = np.concatenate([node[: self.geometry.dimensions] for node in nodes])
+        depth = self.numbers.penetration
+        row = self.rows(f"apart, {one.name}, {other.name}", "overlap", "L", 1, 1.0, -depth, np.inf)
+        self.add(kinds.chord_kind(self.geometry), unknowns, row, [ratio, reach])
+
+    # -- values ------------------------------------------------------------------------------------------------
+
+    def bear(self, x: Array) -> None:
+        """Set what nothing bears to what the other unknowns leave of the balance."""
+        off = self.row_values(x, self.balance) + self.numbers.weight
+        for k, name in enumerate(_BALANCE):
+            if f"unborne, {name}" in self.at:
+                # The row is last less first.
+                x[self.at[f"unborne, {name}"]] = max(off[k], 0.0), max(-off[k], 0.0)
+
+    def tension(self, x: Array) -> float:
+        """Sum of all tensions [N]."""
+        pairs = zip(self.parts, self.numbers.fingers, strict=True)
+        return float(sum(finger.tensions(x[part.pulls]).sum() for part, finger in pairs))
+
+    def unborne(self, x: Array) -> float:
+        """Sum of the forces and moments that nothing bears [F0, F0 size]."""
+        return float(sum(x[at].sum() for name, at in self.at.items() if name.startswith("unborne")))

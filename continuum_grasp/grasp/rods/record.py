@@ -1,0 +1,45 @@
+"""A solution of the problem of rods as the record that its certificate takes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from continuum_grasp.base import Array
+from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, HeldSupport
+from continuum_grasp.grasp.rods.geometry import exerted
+from continuum_grasp.grasp.rods.solving import RodGrasp
+
+
+def held_rods(grasp: RodGrasp) -> HeldRods:
+    """The record of a grasp, in SI units and the world."""
+    problem, x = grasp.problem, grasp.attempt.x
+    numbers, geometry = problem.numbers, problem.geometry
+    pose = x[problem.pose]
+    position = numbers.size * np.array(geometry.place(pose))
+    axes = np.array(geometry.turn(pose, numbers.axes), dtype=float)
+    center = position + numbers.size * axes @ numbers.center
+    supports = []
+    for support in numbers.supports:
+        force = numbers.force * np.array(exerted(x[problem.contacts[support.name]], support.normal, support.across))
+        supports.append(HeldSupport(support.name, force, center + numbers.size * support.arm))
+    fingers = tuple(_finger(grasp, k) for k in range(len(numbers.fingers)))
+    return HeldRods(position, axes, fingers, tuple(supports))
+
+
+def _finger(grasp: RodGrasp, index: int) -> HeldFinger:
+    problem, x = grasp.problem, grasp.attempt.x
+    numbers, geometry = problem.numbers, problem.geometry
+    finger, part = numbers.fingers[index], problem.parts[index]
+    contacts = list[HeldContact]()
+    for name, node in zip(finger.contacts, part.touching, strict=True):
+        state, held = x[part.nodes[node]], x[problem.contacts[name]]
+        normal = numbers.seen(finger, state[None, : geometry.dimensions], x[problem.pose], name)[1][0]
+        force = finger.force * np.array(exerted(held, normal, finger.across))
+        place = float(x[part.span_of(node).ends[1]]) * finger.length
+        twist = float(held[3]) * finger.arm * finger.moment
+        contacts.append(HeldContact(name, force, place, twist))
+    base = x[part.nodes[0]]
+    position = finger.length * np.array(geometry.in_space([base[k] for k in range(geometry.dimensions)]))
+    moment: Array = finger.moment * np.array(geometry.moment_in_space(list(base[geometry.moments])))
+    tensions = finger.tensions(x[part.pulls])
+    return HeldFinger(finger.name, position, geometry.frame(finger.base), tensions, tuple(contacts), moment)

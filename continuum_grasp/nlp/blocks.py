@@ -1,0 +1,370 @@
+"""Problems that are sums of small blocks: a kind of block is differentiated once, a problem of any structure is not.
+
+A kind is a function of local unknowns z and data d that gives rows, with its exact first and second derivatives. Block
+i of a kind reads the unknowns x[z_i] of the problem, has data d_i, and adds its rows to the rows g[r_i]; several blocks
+may add to the same row, as contacts do to the balance of an object. With constant matrices S of zeros and ones,
+
+    g = S_g vec(rows),    nz(dg/dx) = S_J nz(d rows / dz),    nz(Hessian) = S_H nz(sum over r of lam_r d2 rows_r / dz2)
+
+The objective is c' x + x' diag(s) x / 2 with prices c and s.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from continuum_grasp.base import Array, Indices
+from continuum_grasp.core import CSource
+from continuum_grasp.nlp.attempt import Start
+from continuum_grasp.nlp.problem import NLP, Constraints
+from continuum_grasp.nlp.sums import entries_at, scattered
+
+ORDER = 4
+"""Coefficients of a cubic spline per axis that act in a cell."""
+_KEPT = 64
+"""Structures whose problems are kept in a process."""
+_problems: dict[tuple[object, ...], NLP] = {}
+
+
+@dataclass(frozen=True, eq=False)
+class Lookup:
+    """A spline in a table that blocks of a kind read.
+
+    A block reads the coefficients of the cell that it is in. Cell and coefficients change only from cell to cell, where
+    a cubic spline and two of its derivatives are the same from both sides: so they are data, and ``found``, by which
+    the rows know the spline near a place, is data, too. Rows that are exact to second order in the unknowns have exact
+    derivatives: a Taylor polynomial about the place does.
+
+    Attributes
+    ----------
+    at : casadi.SX
+        Place in the table (axes,), in steps of the table; an expression of unknowns and data.
+    first : casadi.SX
+        Index of the table's first coefficient, a number among the data.
+    counts : casadi.SX
+        Coefficients along the axes (axes,), numbers among the data; the last axis varies fastest.
+    given : casadi.SX
+        Expression of unknowns and data for ``series``.
+    series : casadi.Function
+        ``given``, the cell (axes,) and its coefficients (4^axes,) to ``found``.
+    found : casadi.SX
+        Symbols on which the rows depend.
+    """
+
+    at: ca.SX
+    first: ca.SX
+    counts: ca.SX
+    given: ca.SX
+    series: ca.Function
+    found: ca.SX
+
+
+class BlockKind:
+    """Rows of a block as a function of its unknowns and data, with derivatives.
+
+    Parameters
+    ----------
+    name : str
+    unknowns, data : casadi.SX
+        Symbols.
+    rows : casadi.SX
+        Expression of these, and of ``lookup.found``.
+    lookup : Lookup, optional
+    compiled : bool
+        Whether its functions are compiled, once per machine, if there is a compiler. An interpreter takes 10 to 14
+        times as long for rows of thousands of operations.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        unknowns: ca.SX,
+        data: ca.SX,
+        rows: ca.SX,
+        lookup: Lookup | None = None,
+        *,
+        compiled: bool = False,
+    ) -> None:
+        self.name = name
+        self.unknowns = int(unknowns.numel())
+        self.data = int(data.numel())
+        self.count = int(rows.numel())
+        self.axes = 0 if lookup is None else int(lookup.at.numel())
+        found = ca.SX(0, 1) if lookup is None else lookup.found
+        forces = ca.SX.sym("forces", self.count)
+        jacobian = ca.jacobian(rows, unknowns)
+        hessian = ca.triu(ca.hessian(ca.dot(forces, rows), unknowns)[0])
+        self.jacobian_pattern, self.hessian_pattern = jacobian.sparsity(), hessian.sparsity()
+        given = [unknowns, data, found]
+        self.values = ca.Function(f"{name}_rows", given, [ca.densify(rows)], {"cse": True})
+        self.slopes = ca.Function(f"{name}_slopes", given, [ca.densify(rows), jacobian.nz[:]], {"cse": True})
+        self.curvature = ca.Function(f"{name}_curvature", [*given, forces], [hessian.nz[:]], {"cse": True})
+        if lookup is not None:
+            read = [lookup.at, lookup.first, lookup.counts, lookup.given]
+            self.read = ca.Function(f"{name}_read", [unknowns, data], read, {"cse": True})
+            self.series = lookup.series
+        if compiled:
+            self._compile()
+
+    def _compile(self) -> None:
+        """Take compiled functions, where there is a compiler; once per machine, as kinds are few."""
+        names = ["values", "slopes", "curvature", *(["read", "series"] if self.axes else [])]
+        functions = CSource([getattr(self, name) for name in names]).loaded(f"{self.name} of grasps")
+        for name, function in zip(names, functions or [], strict=False):
+            setattr(self, name, function)
+
+    def found(self, unknowns: ca.MX, data: ca.MX, table: ca.MX, count: int) -> ca.MX:
+        """What the lookups of blocks find, a column each."""
+        if not self.axes:
+            return ca.MX(0, count)
+        at, first, counts, given = self.read.map(count)(unknowns, data)
+        cell = _cell(at, counts, ca)
+        place = ca.repmat(first, ORDER**self.axes, 1)
+        stride: ca.MX | float = 1.0
+        for axis in reversed(range(self.axes)):
+            along = ca.repmat(cell[axis, :] - 1.0, ORDER**self.axes, 1) + ca.repmat(_offsets(self.axes)[axis], 1, count)
+            place = place + along * stride
+            stride = stride * ca.repmat(counts[axis, :], ORDER**self.axes, 1)
+        coefficients = ca.reshape(table[ca.vec(place)], ORDER**self.axes, count)
+        return self.series.map(count)(given, cell, coefficients)
+
+    def value(self, unknowns: Array, data: Array, table: Array) -> Array:
+        """Rows (count,) of one block by values."""
+        found = np.zeros(0)
+        if self.axes:
+            at, first, counts, given = (np.array(part).ravel() for part in self.read(unknowns, data))
+            cell = _cell(at, counts, np)
+            grid = table[int(first[0]) :][: int(counts.prod())].reshape(counts.astype(int))
+            near = grid[tuple(slice(int(c) - 1, int(c) - 1 + ORDER) for c in cell)]
+            found = self.series(given, cell, near.ravel())
+        return np.array(self.values(unknowns, data, found)).ravel()
+
+
+def _cell(at: Any, counts: Any, lib: Any) -> Any:
+    """Cell of a place in a table: its four coefficients per axis begin one before it."""
+    # 1e-9: share of a cell by which the last place is within the last cell
+    return lib.floor(lib.fmin(lib.fmax(at, 1.0), counts - 2.0 - 1e-9))
+
+
+def _offsets(axes: int) -> list[ca.DM]:
+    """Offsets (4^axes,) of a cell's coefficients along each axis."""
+    return [ca.DM(part.ravel().astype(float)) for part in np.indices((ORDER,) * axes)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Blocks:
+    """Blocks of one kind."""
+
+    kind: BlockKind
+    unknowns: list[Indices]
+    rows: list[Indices]
+    data: list[Array]
+
+
+class BlockProblem(Constraints):
+    """A problem that is written as unknowns by name, rows by name, and blocks between them.
+
+    Attributes
+    ----------
+    at : dict of str to ndarray of int
+        Places of the unknowns by name.
+    table : ndarray
+        Coefficients that lookups read.
+
+    Examples
+    --------
+    A rope of two links that hangs between two points:
+
+    >>> import casadi as ca
+    >>> import numpy as np
+    >>> from continuum_grasp.nlp import BlockKind, BlockProblem, Budget, Settings
+    >>> z, d = ca.SX.sym("z", 4), ca.SX.sym("d")
+    >>> link = BlockKind("link", z, d, ca.sumsqr(z[:2] - z[2:]) - d**2)
+    >>> rope = BlockProblem("rope")
+    >>> nodes = [rope.unknown(f"node {k}", low, high) for k, (low, high) in enumerate(
+    ...     [([0, 0], [0, 0]), ([-9, -9], [9, 9]), ([1, 0], [1, 0])])]
+    >>> for first, last in zip(nodes, nodes[1:]):
+    ...     rope.add(link, [*first, *last], rope.rows("length", "links", "m2", 1), [1.0])
+    >>> rope.price(nodes[1][1:], 1.0)
+    >>> x = np.array([0, 0, 0.4, -1, 1, 0])
+    >>> Settings().solver().solve(rope.nlp, rope.start(x), Budget()).x[2:4].round(6)
+    array([ 0.5     , -0.866025])
+    """
+
+    def __init__(self, name: str, table: ArrayLike = ()) -> None:
+        super().__init__()
+        self.name = name
+        self.table = np.asarray(table, dtype=float)
+        self.at: dict[str, Indices] = {}
+        self._low: list[float] = []
+        self._high: list[float] = []
+        self._blocks: dict[str, _Blocks] = {}
+        self._prices: dict[int, tuple[float, float]] = {}
+
+    # -- writing -----------------------------------------------------------------------------------------------
+
+    def unknown(self, name: str, low: ArrayLike, high: ArrayLike) -> Indices:
+        """Add unknowns between bounds (size,); their places."""
+        lows, highs = np.broadcast_arrays(np.atleast_1d(np.asarray(low, float)), np.asarray(high, float))
+        at = np.arange(len(self._low), len(self._low) + lows.size)
+        self._low += lows.tolist()
+        self._high += highs.tolist()
+        self.at[name] = at
+        return at
+
+    def add(self, kind: BlockKind, unknowns: ArrayLike, rows: ArrayLike, data: ArrayLike) -> None:
+        """Add a block of a kind by the places of its unknowns and rows, and its data."""
+        blocks = self._blocks.setdefault(kind.name, _Blocks(kind, [], [], []))
+        sizes = kind.unknowns, kind.count, kind.data
+        parts = np.ravel(np.asarray(unknowns, int)), np.ravel(np.asarray(rows, int)), np.ravel(np.asarray(data, float))
+        if tuple(part.size for part in parts) != sizes:
+            raise ValueError(f"{kind.name}: {[part.size for part in parts]} unknowns, rows and data for {sizes}")
+        blocks.unknowns.append(parts[0])
+        blocks.rows.append(parts[1])
+        blocks.data.append(parts[2])
+
+    def price(self, at: ArrayLike, linear: float, square: float = 0.0) -> None:
+        """Add prices of unknowns to the objective: linear x + square x^2 / 2."""
+        for place in np.ravel(np.asarray(at, int)).tolist():
+            before = self._prices.get(place, (0.0, 0.0))
+            self._prices[place] = before[0] + linear, before[1] + square
+
+    def bound(self, at: ArrayLike, low: ArrayLike | None = None, high: ArrayLike | None = None) -> None:
+        """Change bounds of unknowns."""
+        places = np.ravel(np.asarray(at, int)).tolist()
+        for bounds, values in ((self._low, low), (self._high, high)):
+            if values is not None:
+                for place, value in zip(places, np.broadcast_to(np.asarray(values, float), len(places)), strict=True):
+                    bounds[place] = float(value)
+
+    # -- solving -----------------------------------------------------------------------------------------------
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return len(self._low)
+
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """Bounds of the unknowns (size,)."""
+        return np.array(self._low), np.array(self._high)
+
+    @property
+    def parameters(self) -> Array:
+        """Data of all blocks, the table, and the prices."""
+        prices = np.zeros((2, self.size))
+        for place, pair in self._prices.items():
+            prices[:, place] = pair
+        data = [np.concatenate(blocks.data) for blocks in self._blocks.values()]
+        return np.concatenate([*data, self.table, *prices])
+
+    def start(self, x: Array) -> Start:
+        """A start of a solver at unknowns (size,)."""
+        low, high = self.limits
+        return Start(np.clip(x, low, high), low, high, *self.bounds(), p=self.parameters)
+
+    def row_values(self, x: Array, rows: Indices, kinds: Sequence[str] = ()) -> Array:
+        """Sums in some rows (rows,) of the blocks of all kinds, or of some, at unknowns."""
+        g = np.zeros(self.count)
+        wanted = set(np.ravel(rows).tolist())
+        for name, blocks in self._blocks.items():
+            if kinds and name not in kinds:
+                continue
+            for at, own, data in zip(blocks.unknowns, blocks.rows, blocks.data, strict=True):
+                if wanted.intersection(own.tolist()):
+                    np.add.at(g, own, blocks.kind.value(x[at], data, self.table))
+        return g[rows]
+
+    @property
+    def nlp(self) -> NLP:
+        """The problem with its derivatives; the same one for all of the same structure."""
+        blocks = tuple(
+            (name, np.array(b.unknowns).tobytes(), np.array(b.rows).tobytes()) for name, b in self._blocks.items()
+        )
+        key = self.name, self.size, self.count, self.table.size, blocks
+        if key not in _problems:
+            while len(_problems) >= _KEPT:
+                del _problems[next(iter(_problems))]
+            _problems[key] = _Sum(self.name, self.size, self.count, self.table.size, list(self._blocks.values())).nlp
+        return _problems[key]
+
+
+class _Sum:
+    """Symbolic sum of the blocks of a structure."""
+
+    def __init__(self, name: str, size: int, count: int, table: int, blocks: Sequence[_Blocks]) -> None:
+        self._name, self._size, self._count = name, size, count
+        sizes = [len(b.data) * b.kind.data for b in blocks]
+        ends = np.cumsum([0, *sizes, table, size, size]).tolist()
+        self.x, self.p = ca.MX.sym("x", size), ca.MX.sym("p", ends[-1])
+        self._f_force, self._forces = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", count)
+        *owned, self._table, self._linear, self._square = (self.p[a:b] for a, b in itertools.pairwise(ends))
+        self._given = [self._given_to(b, data) for b, data in zip(blocks, owned, strict=True)]
+        self._blocks = blocks
+
+    def _given_to(self, blocks: _Blocks, data: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """Unknowns, data and what lookups find of all blocks of a kind, a column each."""
+        kind, count = blocks.kind, len(blocks.data)
+        unknowns = ca.reshape(self.x[np.concatenate(blocks.unknowns).tolist()], kind.unknowns, count)
+        data = ca.reshape(data, kind.data, count)
+        return unknowns, data, kind.found(unknowns, data, self._table, count)
+
+    @cached_property
+    def nlp(self) -> NLP:
+        """The problem."""
+        f = ca.dot(self._linear, self.x) + 0.5 * ca.dot(self._square, self.x * self.x)
+        pairs = list(zip(self._blocks, self._given, strict=True))
+        places = [np.concatenate(b.rows) for b in self._blocks]
+        values = [ca.vec(b.kind.values.map(len(b.data))(*given)) for b, given in pairs]
+        g = scattered(self._count, places, values)
+        return NLP(self._name, self.x, f, g, self.p, self._derivatives(f))
+
+    def _derivatives(self, f: ca.MX) -> Mapping[str, ca.Function]:
+        values, rows, columns, slopes = list[ca.MX](), list[Indices](), list[Indices](), list[ca.MX]()
+        first, second, curvatures = list[Indices](), list[Indices](), list[ca.MX]()
+        for blocks, given in zip(self._blocks, self._given, strict=True):
+            kind, count = blocks.kind, len(blocks.data)
+            unknowns, places = np.array(blocks.unknowns), np.array(blocks.rows)
+            value, slope = kind.slopes.map(count)(*given)
+            i, j = (np.array(part, int) for part in kind.jacobian_pattern.get_triplet())
+            values.append(ca.vec(value))
+            rows.append(places[:, i].ravel())
+            columns.append(unknowns[:, j].ravel())
+            slopes.append(ca.vec(slope))
+            if not kind.hessian_pattern.nnz():
+                continue
+            forces = ca.reshape(self._forces[places.ravel().tolist()], kind.count, count)
+            i, j = (np.array(part, int) for part in kind.hessian_pattern.get_triplet())
+            a, b = unknowns[:, i], unknowns[:, j]
+            first.append(np.minimum(a, b).ravel())
+            second.append(np.maximum(a, b).ravel())
+            # A pair of different local unknowns that are the same one of the problem counts twice.
+            twice = 1.0 + ((a == b) & (i != j)).ravel()
+            curvatures.append(ca.vec(kind.curvature.map(count)(*given, forces)) * ca.DM(twice))
+        own = np.arange(self._size)
+        g = scattered(self._count, [np.concatenate(b.rows) for b in self._blocks], values)
+        jacobian = entries_at((self._count, self._size), rows, columns, slopes)
+        diagonal = self._f_force * self._square
+        hessian = entries_at((self._size, self._size), [*first, own], [*second, own], [*curvatures, diagonal])
+        x, p = self.x, self.p
+        return {
+            "grad_f": ca.Function(
+                "grad_f", [x, p], [f, self._linear + self._square * x], ["x", "p"], ["f", "grad_f_x"]
+            ),
+            "jac_g": ca.Function("jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
+            "hess_lag": ca.Function(
+                "hess_lag",
+                [x, p, self._f_force, self._forces],
+                [hessian],
+                ["x", "p", "lam_f", "lam_g"],
+                ["triu_hess_gamma_x_x"],
+            ),
+        }
