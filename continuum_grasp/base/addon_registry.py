@@ -1,8 +1,8 @@
-"""Add-ons: what the core does not know, announced by entry points.
+"""Add-ons: extensions that the core does not know, announced by entry points.
 
-An installed distribution that has an entry point of the group ``continuum_grasp.addons`` adds to the package what the
-`Addon` behind it says: kinds of configurations, verbs of the command line, exports. Everything is named by texts
-``module:name``, so that an add-on is loaded when it is used, and not before.
+The entry point of an installed distribution in the group ``continuum_grasp.addons`` names an `Addon`, which adds kinds
+of configurations, verbs of the command line and exports to the package. Texts ``module:name`` name all of them, so that
+an add-on is only loaded when it is used.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 from continuum_grasp.base.errors import InputError
 
 GROUP = "continuum_grasp.addons"
-"""Group of entry points by which add-ons announce themselves."""
+"""Group of the entry points of add-ons."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,9 @@ class ConfigurationKind:
     words: str
     """Words for it in messages, with an article."""
     keys: str
-    """Keys by which people recognize it, for messages."""
+    """Keys that identify the kind, for messages."""
     command: str | None
-    """Verb that runs it; None where none does."""
+    """Verb that runs it; None without a verb."""
     required: Collection[str] = ()
     """Keys that each of its files has."""
     marks: Collection[str] = ()
@@ -47,8 +47,8 @@ class ConfigurationKind:
     results: Collection[str] = ()
     """Class names of the results that ``loop`` takes, too."""
     prepare: str = ""
-    """Function (scene, name of a finger) -> the result that ``loop`` needs in its place, where that takes long, as
-    ``module:name``; it refuses what ``loop`` would before."""
+    """Function (scene, name of a finger) -> the result that ``loop`` needs instead of them, if this takes long, as
+    ``module:name``; it first refuses the scenes that ``loop`` refuses."""
     preparing: str = ""
     """Words for what ``prepare`` does."""
 

@@ -29,7 +29,7 @@ GONE = {
 
 
 class CheckedArgument(NamedTuple):
-    """An argument of a public function, by its name, and what it has to be: the value, else an `InputError`."""
+    """An argument of a public function, by its name; checks return its value or raise an `InputError`."""
 
     name: str | None
     value: Any
@@ -39,7 +39,7 @@ class CheckedArgument(NamedTuple):
         return InputError(f"{expected}, got {self.shown()}", key=self.name)
 
     def shown(self, width: int = 60) -> str:
-        """Return the beginning of the value for a message; its type where that cannot be printed."""
+        """Return the beginning of the value for a message; its type if it cannot be printed."""
         try:
             return f"{self.value!r:.{width}}"
         except Exception:  # integers of over 4300 digits, and whatever a foreign __repr__ raises
@@ -88,17 +88,17 @@ class CheckedArgument(NamedTuple):
         return self.value
 
     def unmasked(self) -> NDArray[Any]:
-        """An array in which masked entries are NaN: ``numpy.asarray`` would take the numbers below the mask."""
+        """Return an array with NaN for masked entries; ``numpy.asarray`` would take the numbers below the mask."""
         # numpy.ma takes 8 ms to load, and whoever has a masked array has loaded it.
         if "numpy.ma" in sys.modules and isinstance(self.value, np.ma.MaskedArray):
             return np.where(np.ma.getmaskarray(self.value), np.nan, self.value.data)
         return np.asarray(self.value)
 
     def doubles(self) -> NDArray[np.float64]:
-        """Copy in double precision, NaN where masked; what no double can hold becomes infinite, so that checks of
-        ranges see it.
+        """Return a copy in double precision, with NaN for masked entries, and infinity for numbers beyond the range of
+        doubles, so that checks of ranges detect them.
 
-        ``TypeError`` or ``ValueError`` where it is ragged, or no array of real numbers (text and complex ones are not).
+        ``TypeError`` or ``ValueError`` if it is ragged, or no array of real numbers (for example, text or complex).
         """
         array = self.unmasked()
         if array.dtype.kind not in "biufO":
@@ -155,7 +155,7 @@ def _nearest(value: Any) -> float:
 
 
 def _double(value: Any) -> float:
-    """A number in double precision; NaN for a value that is none."""
+    """Return a number in double precision; NaN for a value that is no number."""
     try:
         return float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
     except OverflowError:  # a whole number beyond the doubles
@@ -211,7 +211,7 @@ def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
 
 
 def _fits(value: Any, kind: Any) -> bool:
-    """Whether a value is of a kind, as far as that can be seen without computing."""
+    """Return whether a value is of a kind, as far as this is clear without a computation."""
     if kind is Any or isinstance(kind, TypeVar):
         return True
     if kind is None or kind is type(None):

@@ -93,7 +93,7 @@ class NumericalError(ContinuumGraspError, ArithmeticError):
     message : str
         The fault and a remedy.
     time : float, optional
-        Model time at which it happened [s].
+        Model time of the error [s].
     state : array_like, optional
         The last finite state.
     result : object, optional

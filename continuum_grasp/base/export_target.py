@@ -28,7 +28,7 @@ class ExportTarget(ABC):
     @property
     @abstractmethod
     def write(self) -> Callable[..., Any]:
-        """Function (scene, path, **options); of the options of ``export`` it has those that are its parameters."""
+        """Function (scene, path, **options); its parameters determine which options of ``export`` it gets."""
 
     @abstractmethod
     def report(self, written: Any, output: Any) -> None:
@@ -39,9 +39,9 @@ class ExportTarget(ABC):
         return {}
 
     def check(self, scene: Any, path: Path, **options: Any) -> None:
-        """Refuse arguments of ``write`` before the grasp of a mission is optimized, as far as they show it."""
+        """Refuse arguments of ``write`` that are clearly wrong before the grasp of a mission is optimized."""
         return None
 
     def page_maker(self, kind: str) -> Callable[[Any], Any] | None:
-        """Function result -> page of one that shows a ``motion``, ``loop`` or ``hand``; None where there is none."""
+        """Function from a result of a ``motion``, ``loop`` or ``hand`` to its page; None without a page."""
         return None

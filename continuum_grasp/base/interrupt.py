@@ -1,10 +1,10 @@
-"""Ctrl-C that is neither lost nor comes where it leaves half of something.
+"""Ctrl-C that is neither lost nor interrupts work that must be complete.
 
-Python raises `KeyboardInterrupt` in whatever runs. Where C++ of CasADi asks a Python object for its type, the exception
-is dropped and the work goes on; in an import it leaves half a module; at the end of a ``with`` block, a temporary file.
-The handler here notes Ctrl-C and raises it in the innermost frame that no such code lies above, as soon as that frame
-goes on; computations that look at `interrupt_pressed` now and then end early for it. Within them linear algebra takes
-one thread.
+Python raises `KeyboardInterrupt` in any running code. If C++ of CasADi asks a Python object for its type, the exception
+is dropped and the work continues; in an import it leaves half a module; at the end of a ``with`` block, a temporary
+file. The handler here notes Ctrl-C and raises it in the innermost frame that is not under such code, as soon as this
+frame continues. Long computations check `interrupt_pressed` regularly and end early; their linear algebra uses one
+thread.
 """
 
 from __future__ import annotations
@@ -25,12 +25,11 @@ from typing import Any
 
 
 class ExitStatus(IntEnum):
-    """Exit statuses of commands, beside 0.
+    """Exit statuses of commands, except 0.
 
-    Failed means no usable result: a solver that failed, a supervisor that tripped, an object that was
-    dropped, data that do not agree with the model or do not answer the question. Bad input has the status of argparse
-    and click. Where the only grasp found is unstable, every check passes, and it does not hold the object. Ctrl-C gives
-    128 and the signal's number, as in shells.
+    Failed means no usable result: a solver that failed, a supervisor that tripped, an object that was dropped, data
+    that contradict the model or do not answer the question. Bad input has the status of argparse and click. An unstable
+    grasp passes every check but does not hold the object. Ctrl-C gives 128 plus the signal's number, as in shells.
     """
 
     FAILED = 1
@@ -55,11 +54,10 @@ _PARTS = {
     "continuum_grasp.results.record": None,
     "continuum_grasp.addons.sweeps.folder": ("append", "write_run_file"),
 }
-"""Modules, and functions of them, in and under which an exception would be lost or leave half of something; beside
-imports."""
+"""Modules, and functions in them, that would lose an exception or leave incomplete work; imports also count."""
 
 _noted: float | None = None
-"""Time at which Ctrl-C was pressed, as long as it has not been raised [s of the monotonic clock]."""
+"""Time of a Ctrl-C that has not been raised yet [s of the monotonic clock]."""
 _blocks = 0
 """Number of blocks that hold Ctrl-C back."""
 _seen = False
@@ -67,7 +65,7 @@ _ending = threading.Lock()
 _watched = False
 """Whether the process ends with the block that listens."""
 _handled = -math.inf
-"""Time at which the main thread last handled the signal [s of the monotonic clock]."""
+"""Last time that the main thread handled the signal [s of the monotonic clock]."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -114,10 +112,10 @@ def interruptible(command: bool = False) -> Iterator[None]:
 
 @contextmanager
 def listening_for_interrupts(command: bool = False) -> Iterator[None]:
-    """Take Ctrl-C within the block; without effect outside the main thread, and where another handler is installed.
+    """Handle Ctrl-C within the block; without effect outside the main thread, or if another handler is installed.
 
-    ``command``: the block is the whole process, which ends with status 130 at a second press before the first could be
-    raised, or if that takes long; what comes after the block ignores Ctrl-C.
+    ``command``: the block is the whole process. It ends with status 130 at a second press before the first could be
+    raised, or if this takes long; code after the block ignores Ctrl-C.
     """
     global _noted, _seen
     usual = signal.getsignal(signal.SIGINT)
@@ -174,7 +172,7 @@ def interrupts_ignored_by_children() -> Iterator[None]:
         return
     from multiprocessing import resource_tracker
 
-    resource_tracker.ensure_running()  # unblocks the signal where it is started
+    resource_tracker.ensure_running()  # its start unblocks the signal
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

@@ -13,13 +13,13 @@ _PREFIXES = {**dict.fromkeys(("N", "N/s", "N m", "J"), _PARTS), **dict.fromkeys(
 
 
 def prefixes(unit: str) -> dict[str, float]:
-    """Units in which values of an SI unit are shown to people, the greatest one first, and how many make one of it."""
+    """Return the units that display values of an SI unit, the greatest first, and the number of each in the SI unit."""
     return {prefix + unit: factor for prefix, factor in _PREFIXES.get(unit, {"": 1.0}).items()}
 
 
 def prefixed(unit: str, greatest: float) -> tuple[float, str]:
-    """Factor and unit in which values of an SI unit are shown: the first unit in which the greatest value is at least
-    0.1.
+    """Return factor and unit for the display of values of an SI unit: the first unit that makes the greatest value 0.1
+    or more.
     """
     units, size = prefixes(unit), abs(greatest)
     if not 0.0 < size < math.inf:
@@ -29,8 +29,8 @@ def prefixed(unit: str, greatest: float) -> tuple[float, str]:
 
 
 def amount_text(value: float, unit: str, form: str = ".3g", like: float | None = None) -> str:
-    """Write a value with its unit (`prefixed`), in a format; three digits in place of fixed decimals where its unit is
-    not ``unit``. The unit may be the one of another value that it is compared with, ``like``.
+    """Write a value with its unit (`prefixed`), in a format; with three digits instead of fixed decimals if its unit is
+    not ``unit``. The unit may be that of another value for comparison, ``like``.
     """
     factor, shown = prefixed(unit, value if like is None else like)
     sign = "+" if form.startswith("+") else ""
@@ -39,14 +39,14 @@ def amount_text(value: float, unit: str, form: str = ".3g", like: float | None =
 
 
 class SplitLabel(NamedTuple):
-    """Name and unit of an entry; the unit is empty where there is none."""
+    """Return name and unit of an entry; the unit may be empty."""
 
     name: str
     unit: str
 
     @property
     def words(self) -> str:
-        """The name as it is written in a legend, without underscores."""
+        """Name for a legend, without underscores."""
         return self.name.replace("_", " ")
 
 
@@ -76,7 +76,7 @@ class Summarized:
             cls.__repr__ = Summarized.__repr__  # type: ignore[method-assign]
 
     def headline(self) -> str:
-        """Name and status in one line; empty where there are none."""
+        """Name and status in one line; empty without them."""
         return ""
 
     def pairs(self) -> Mapping[str, str]:
@@ -98,20 +98,20 @@ class Summarized:
 
     @staticmethod
     def quoted(name: str | None, *more: str) -> str:
-        """A name in quotation marks, where there is one, and a statement about it: ``"mug": optimal``."""
+        """Return a statement, after a name in quotation marks if there is one: ``"mug": optimal``."""
         head = f'"{name}"' if name else ""
         rest = ", ".join(part for part in more if part)
         return f"{head}: {rest}" if head and rest else head or rest
 
     @staticmethod
     def listed(head: str, rows: Mapping[str, str]) -> str:
-        """Names and values below a line, so many at most."""
+        """Return names and values below a line, up to a number of rows."""
         lines = [clipped(f"  {line}") for line in Summarized.aligned(list(rows.items()), (0, 1))]
         return "\n".join([head, *lines[:_ROWS], *(["  ..."] if len(lines) > _ROWS else [])])
 
     @staticmethod
     def aligned(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> list[str]:
-        """Lines of a table, its columns two spaces apart and to the right, but for those to the ``left``."""
+        """Return the lines of a table, with right-aligned columns two spaces apart, except those to the ``left``."""
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         formats = [f"{{:{'<' if k in left else '>'}{width}}}" for k, width in enumerate(widths)]
         return ["  ".join(each.format(cell) for each, cell in zip(formats, row, strict=True)).rstrip() for row in rows]
@@ -123,7 +123,7 @@ class Summarized:
         return ""
 
     def _summary(self) -> tuple[str, dict[str, str]]:
-        """First line, and values by name; why there are none where they cannot be had: debuggers show them too."""
+        """Return the first line, and values by name, or the reason why they are missing: debuggers show them too."""
         kind = type(self).__name__
         try:
             head, rows = self.headline(), dict(self._shown_pairs())
@@ -134,7 +134,7 @@ class Summarized:
 
 
 def clipped(text: str, most: int = _LINE) -> str:
-    """A text in one line of so many characters at most."""
+    """Return a text in one line with a limited number of characters."""
     line = " ".join(text.splitlines())
     return line if len(line) <= most else line[: most - 3] + "..."
 

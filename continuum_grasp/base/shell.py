@@ -14,9 +14,9 @@ from importlib.util import find_spec
 from pathlib import Path
 
 COMMAND = "continuum-grasp"
-"""The command that an installation puts beside its Python."""
+"""The command that an installation adds to the folder of its Python."""
 STARTED_BY = "CONTINUUM_GRASP_STARTED_BY"
-"""Variable of the environment in which ``start.py`` leaves the Python that runs it and its own path, as JSON."""
+"""Environment variable with the Python that runs ``start.py`` and the path of ``start.py``, as JSON."""
 
 
 def command_words(*arguments: str, folder: str | os.PathLike[str] = ".") -> list[str]:
@@ -75,7 +75,7 @@ def _python() -> str:
 
 @cache
 def _typed(python: str) -> str:
-    """The name of a Python where a shell runs that one by it, also by a shim as of pyenv; otherwise its path."""
+    """Return the name of a Python if a shell finds it by this name, also by a shim of pyenv; otherwise its path."""
     name = os.path.basename(python)
     found = shutil.which(name)
     if name == python or found is None:

@@ -36,7 +36,7 @@ class ProcessPool:
 
     def __init__(self, count: int, start: Callable[..., None] | None = None, *arguments: Any) -> None:
         self.workers = self.most = count
-        # A forked child would inherit the locks of threads that it does not have, such as those of OpenBLAS.
+        # A forked child would inherit locks of threads that it does not have, for example from OpenBLAS.
         self._context = multiprocessing.get_context("spawn")
         # The writing end is open in this process alone: when it closes, however, the workers end.
         self._watched, self._alive = self._context.Pipe(duplex=False)
@@ -63,7 +63,7 @@ class ProcessPool:
         return worker.busy
 
     def as_completed(self, work: Callable[..., Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Future[Any]]]:
-        """Number and future of each task, in the order in which they end."""
+        """Yield number and future of each task, in the order of their ends."""
         pending: dict[Future[Any], int] = {}
         left = deque(enumerate(tasks))
         while left or pending:
@@ -74,7 +74,7 @@ class ProcessPool:
                 yield pending.pop(future), future
 
     def lost(self, future: Future[Any]) -> bool:
-        """Whether the worker's process ended; `SolverError` where it did before it had begun."""
+        """Return whether the worker's process ended; `SolverError` if it ended before it had begun."""
         if not isinstance(future.exception(), BrokenExecutor):
             return False
         worker = next(worker for worker in self._started if worker is not None and worker.busy is future)

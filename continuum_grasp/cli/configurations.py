@@ -168,15 +168,21 @@ def validate(
 
 def _check_structure(data: ConfigurationData) -> None:
     """Check a scene up to the structure of its model, without building expressions."""
+    from continuum_grasp.addons.sweeps import base_scene
     from continuum_grasp.control import Prediction
     from continuum_grasp.grasp import overlaps_at_rest
     from continuum_grasp.model import FingerModel
-    from continuum_grasp.scene import ControlScene, Finger, GraspScene, HandScene, Scene
+    from continuum_grasp.scene import CommandedScene, ControlScene, Finger, GraspScene, HandScene, Scene
 
     scene = data.scene
-    if isinstance(scene, GraspScene | HandScene | Scene):
-        for overlap in overlaps_at_rest(scene):
-            data.doubt(overlap.key, f"starts in the way: {overlap}")
+    with_fingers = GraspScene | HandScene | Scene | CommandedScene
+    base = base_scene(data)
+    below = "" if base is scene else "scene."
+    if getattr(base, "grasp", None) is not None:  # of a mission or a plan, which takes base and object from it
+        base, below = base.grasp, f"{below}grasp."
+    if isinstance(base, with_fingers):
+        for overlap in overlaps_at_rest(base):
+            data.doubt(f"{below}{overlap.key}", f"is in the way: {overlap}")
     try:
         if isinstance(scene, Scene):  # which model a tolerance needs is not asked here
             fidelity = scene.fidelity.replaced(tolerance=None)

@@ -47,7 +47,7 @@ def grasp(
 
     with output.doubting():
         for overlap in overlaps_at_rest(scene):
-            doubt(overlap.key, f"starts in the way: {overlap}")
+            doubt(overlap.key, f"is in the way: {overlap}")
     output.check_folder()  # by the files of its results
     with output.busy("searching") as report:
         result = optimize_grasp(

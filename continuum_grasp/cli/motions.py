@@ -42,11 +42,11 @@ def modes(output: Output) -> None:
     from continuum_grasp.scene import Scene
 
     scene = output.scene(Scene)
-    if output.out is not None:
-        output.check_folder()
 
     from continuum_grasp.simulation import modes as find
 
+    if output.out is not None:
+        output.check_folder()  # by the files of its results
     with output.busy("finding modes"):
         spectrum = find(scene)
     output.warn(spectrum.warnings)

@@ -19,7 +19,7 @@ Topics = dict[str, tuple[Array, Mapping[str, Sequence[Any] | Array]]]
 
 
 def topics_of_hardware(log: ControlLog, controller: Controller, commands: Mapping[int, Command]) -> Topics:
-    """Topics of a loop on hardware: its log, and its commands by the rows in which they were given."""
+    """Topics of a loop on hardware: its log, and its commands by the rows of the log."""
     at = log.t[[*commands]] if commands else np.zeros(0)
     given = [*commands.values()]
     states = np.array([command.estimate.x for command in given]).reshape(len(given), -1)

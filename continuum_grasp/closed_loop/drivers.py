@@ -107,7 +107,7 @@ class SerialBoard:
             raise InputError(f"{port} cannot be opened: {error}", key="port") from None
 
     def read(self) -> Array | None:
-        """The newest measurement that has arrived whole since the last call; None: there is none."""
+        """Return the newest complete measurement since the last call; None without one."""
         *lines, self._rest = (self._rest + self._port.read(self._port.in_waiting)).split(b"\n")
         # 4096: bytes without an end of line after which they are dropped: a line of 16 readings has 200
         self._rest = self._rest[-4096:]
@@ -171,7 +171,7 @@ class HangsError(TimeoutError):
 
 
 def wait_until(instant: float, spin: float) -> float:
-    """Sleep, then poll the clock; return the time at which the waiting ended."""
+    """Sleep, then poll the clock; return the time at the end of the wait."""
     rest = instant - spin - time.perf_counter()
     if rest > 0.0:
         time.sleep(rest)

@@ -128,7 +128,7 @@ def run_hardware(
         Hand-over without a jump: the input that acts at the start, under which the finger rests; or the last command of
         the controller before, whose estimate this one continues. By default the input at rest.
     soft_start : float
-        Time in which the command fades in from the input at the start [s].
+        Time for the command to fade in from the input at the start [s].
     watchdog : float
         Time without any reading after which the loop ends [s]. On Unix, in the main thread, a ``read`` or ``write``
         that hangs as long is broken off; elsewhere it is noticed when it returns.
@@ -237,7 +237,7 @@ def _first(controller: Controller, start: ArrayLike | Command | None) -> Array:
 
 
 class _Loop:
-    """The cycles of one run, and what they recorded."""
+    """Cycles of one run, and their records."""
 
     def __init__(self, controller: Controller, driver: Driver, first: Array, soft: float, watchdog: float) -> None:
         self.controller = controller

@@ -25,7 +25,7 @@ class Integration(Remade):
         self.run = Rollouts.by(method, model, what="the plant")
 
     def prepare(self, steps: float) -> CodeKind:
-        """Compile the steps, if so many pay for it; return the kind of their code."""
+        """Compile the steps, if their number pays for it; return the kind of their code."""
         return self.run.code.expect(steps).kind
 
     def advance(self, x: Array, u: Array, start: float, period: float, substeps: int) -> Array:

@@ -40,11 +40,12 @@ def _lag_of(control: ControlScene, plant: Scene) -> Array | None:
 
 
 _SHAPES = 4
-"""Shapes at which the fastest rate is taken: each costs a linearization of the fine model on the virtual machine."""
+"""Number of shapes in the search for the fastest rate: each costs a linearization of the fine model on the virtual
+machine."""
 
 
 def _announced(name: str) -> type[PlantModel]:
-    """The plant that an add-on announces; InputError where none is installed."""
+    """Return the plant that an add-on announces; InputError if no such add-on is installed."""
     known = {key: place for addon in addons().values() for key, place in addon.plants.items()}
     if name not in known:
         raise InputError("no installed add-on provides this plant", key=f"plant.{name}")
@@ -67,11 +68,11 @@ class PlantModel(Remade):
     """
 
     system: System
-    """Finger and object; plants of add-ons have something with the same functions in its place."""
+    """Finger and object; plants of add-ons have another object with the same functions here."""
     INTEGRATION: ClassVar[str] = "continuum_grasp.closed_loop:Integration"
     """Integrator (plant or shared plants, name of the method), as ``module:name``."""
     FALL: ClassVar[str] = "friction_fall [1]"
-    """Entry of w by which friction of all contacts is less than ``friction_factor``, as a share of it."""
+    """Entry of w that reduces the friction of all contacts below ``friction_factor``, as a share of it."""
     WRENCH: ClassVar[tuple[str, ...]] = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
     """Entries of w of what pulls at an object that moves."""
 
@@ -114,7 +115,7 @@ class PlantModel(Remade):
         self._p = ca.SX.sym("p", self.system.np + varied_lag)
         self.command = self._u
         self.symbols = (self._x, self._u, self._w, self._p)
-        # What equations of the system take: loads that it knows, and parameters as they are by now.
+        # Arguments of the system's equations: its known loads, and the present parameters.
         self._loads = self._w[: self.system.nw]
         self._now = ca.SX(self._p[: self.system.np])
         if falls:
@@ -123,7 +124,7 @@ class PlantModel(Remade):
         if varies:
             # Run-time numbers, so that plants that differ in them share one compiled integrator.
             self.p[-2:] *= (scene.plant.object_mass, scene.plant.object_friction)
-        # What the drive's equations take: numbers, or the argument.
+        # Arguments of the drive's equations: numbers, or the run-time argument.
         self._time: ca.DM | ca.SX = ca.DM() if self._lag is None else ca.DM(self._lag)
         if varied_lag and self._lag is not None:
             self.p = np.append(self.p, self._lag[0])
@@ -181,7 +182,9 @@ class PlantModel(Remade):
 
     @cached_property
     def _drive_rates(self) -> ca.SX:
-        """Rates of the drive's states: of what it exerts, and of these unless it is of first order."""
+        """Return the rates of the drive's states: of its forces, and of their rates unless the drive is of first
+        order.
+        """
         if self._lag is None:
             return ca.SX(0, 1)
         states = ca.vertsplit(self._x[self.system.nx :], self._lags)
@@ -189,7 +192,9 @@ class PlantModel(Remade):
 
     @cached_property
     def acting(self) -> ca.SX:
-        """Input of the system: what the drive exerts, its rate and acceleration as far as they are taken."""
+        """Return the input of the system: the force of the drive, and its rate and acceleration if the system needs
+        them.
+        """
         return ca.vertcat(self.drive, self._drive_rates)[: self.system.nu]
 
     @property
@@ -253,12 +258,12 @@ class PlantModel(Remade):
 
     @property
     def _bending_rate(self) -> ca.SX:
-        """Rates of the state, as far as angles along the finger depend on it."""
+        """Return the rates of the states that angles along the finger depend on."""
         return self._rate
 
     @property
     def first_other(self) -> int:
-        """Index of the first state behind bends, their rates and what integrators take beside them."""
+        """Index of the first state after bends, their rates and the other states that integrators treat with them."""
         return 2 * self.system.n
 
     @property
@@ -273,7 +278,7 @@ class PlantModel(Remade):
 
     @cached_property
     def touching_dynamics(self) -> ca.Function:
-        """State derivative, and what the finger exerts on the object."""
+        """Return the state derivative, and the force of the finger on the object."""
         return self._of_all("touching_dynamics", xd=self._rate, exerted=self._exerted)
 
     def implicit(self, touching: bool = False) -> ca.Function:
@@ -357,7 +362,7 @@ class PlantModel(Remade):
 
     @property
     def object_pose(self) -> ca.SX:
-        """Pose of an object that moves: x, y [m] and angle [rad], and its height [m] where it has one."""
+        """Return the pose of a moving object: x, y [m] and angle [rad], and its height [m] if it has one."""
         return self._x[self.system.object_states]
 
     def _own_name(self, name: str) -> str:

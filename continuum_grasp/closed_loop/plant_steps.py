@@ -39,7 +39,7 @@ def cheapest_steps(system: System, rate: float, period: float) -> tuple[str, int
     wanted = _explicit_steps(rate, period)
     # 12.5: longest step of either method per that; on fingers of a hand it follows a step of the input to 1e-6
     least = math.ceil(period / (12.5 * longest) - 1e-9)
-    # 40: sub-steps per control period up to which the explicit method is taken
+    # 40: greatest number of sub-steps per control period for the explicit method
     if wanted <= max(40, least):
         return "rk4", max(wanted, least)
     return structure.stiff_method(), max(least, 1)

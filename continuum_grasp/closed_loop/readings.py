@@ -16,13 +16,13 @@ from continuum_grasp.scene import ControlScene
 from continuum_grasp.simulation import ContactHistory
 
 _FINE = 64
-"""Sections along the backbone at which zones are checked [1]: many times the controller's four to an element, so that
-what happens between these shows."""
+"""Number of sections along the backbone that zones check [1]: many times the controller's four per element, to detect
+violations between these."""
 
 
 @dataclass(frozen=True)
 class Bound:
-    """Amount by which a bound is exceeded (K,), negative within it, in its unit; ``scale`` is a large amount."""
+    """Excess over a bound (K,), negative within it, in its unit; ``scale`` is a large excess."""
 
     name: str
     unit: str
@@ -135,7 +135,7 @@ class Readings:
 
 @dataclass(frozen=True)
 class BoundExcess:
-    """Greatest amount by which a bound was exceeded (negative: the least distance from it), and for how long."""
+    """Greatest excess over a bound (negative: the least distance from it), and its duration."""
 
     name: str
     unit: str
@@ -157,11 +157,11 @@ class PhaseTimes:
 class Metrics:
     """A closed loop in numbers.
 
-    ``tracking`` is per quantity that is followed; distances of points are Euclidean, over all of them for sections.
-    ``cost`` is the sum over the run of the controller's own running cost, on the plant. ``effort_rms`` is of the
-    input's deviation from the setpoint of effort, or from its least where there is none [N or N m], ``rate_rms`` of
-    its rate [N/s or N m/s]. ``late`` counts steps that took longer than the deadline; ``mismatch`` is the greatest
-    mean squared normalized innovation of a sensor, about 1 where sensors and model agree.
+    ``tracking`` has the errors per tracked quantity; distances of points are Euclidean, over all of them for sections.
+    ``cost`` is the sum of the controller's own running cost over the run of the plant. ``effort_rms`` belongs to the
+    deviation of the input from the setpoint of effort, or else from its least value [N or N m], ``rate_rms`` to its
+    rate [N/s or N m/s]. ``late`` counts steps that took longer than the deadline; ``mismatch`` is the greatest mean
+    squared normalized innovation of a sensor, about 1 if sensors and model agree.
     """
 
     tracking: tuple[Tracking, ...]

@@ -155,9 +155,9 @@ class ControlRun(MotionResult):
     def simulated(self) -> Scene:
         """Scene of a simulation of the recorded commands, in steps of the control period.
 
-        The finger is the one that the controller knows, without the differences of the scene's ``plant``, under the
-        scene's loads; a plant that was not the scene's own is not simulated. A tip moment acts as it follows the
-        command by ``controller.input.time_constant``.
+        The finger is the controller's, without the differences of the scene's ``plant``, under the scene's loads;
+        plants other than the scene's own are not simulated. A tip moment lags behind the command by
+        ``controller.input.time_constant``.
         """
         return self.simulated_on(None)
 
@@ -167,7 +167,7 @@ class ControlRun(MotionResult):
 
     @property
     def outcome(self) -> str:
-        """Outcome of the run, or ``missed`` where it finished far from a setpoint; ``status`` is of each command."""
+        """Outcome of the run, or ``missed`` if it finished far from a setpoint; ``status`` belongs to each command."""
         return "missed" if self.ended == "finished" and self.missed else self.ended
 
     @cached_property
@@ -209,7 +209,7 @@ class ControlRun(MotionResult):
 
     @property
     def command_times(self) -> Array:
-        """Instants (K,) at which commands were given [s]."""
+        """Instants (K,) of the commands [s]."""
         return self.t[:-1]
 
     @property
@@ -379,7 +379,7 @@ class ControlRun(MotionResult):
 
     @property
     def excesses(self) -> Array:
-        """Amount by which each bound was exceeded (bounds, K + 1)."""
+        """Excess over each bound (bounds, K + 1)."""
         return np.array([bound.excess for bound in self.bounds])
 
     @property
@@ -397,7 +397,7 @@ class ControlRun(MotionResult):
         ----------
         file : path-like
         fingers : mapping of str to ControlRun, optional
-            Runs of all fingers of a mission, in place of this one; names of topics begin with the finger's.
+            Runs of all fingers of a mission, instead of this one; names of topics begin with the finger's.
 
         Returns
         -------
@@ -452,7 +452,7 @@ def _parameter(name: str) -> str:
 
 
 def log_text(run: ControlRun) -> str:
-    """Commands and measurements of a run as CSV; the headings alone where it was stopped within two periods."""
+    """Return commands and measurements of a run as CSV; only the headings if it was stopped within two periods."""
     return run.log.text() if len(run.u) > 1 else ""
 
 

@@ -81,7 +81,7 @@ def run_closed_loop(
     plant : Plant, optional
         A plant at its start; by default the scene's.
     functions : mapping of str to callable, optional
-        Functions of time in place of references of the scene; see ``setpoints``.
+        Functions of time instead of references of the scene; see ``setpoints``.
     progress : callable, optional
         Called with the share done so far, 0 to 1.
     times : bool
@@ -165,8 +165,8 @@ class FingerLoop(NamedTuple):
         """Let controllers of equal periods move their plants for a time [s], each by its own setpoints.
 
         Returns the run of each finger, and the exception that stopped them if any, which is not raised. ``joint`` has
-        the equations of plants that move together, where they exist already; ``began`` is the time at which the making
-        of the arguments began, by ``perf_counter`` [s].
+        the equations of plants that move together, if they exist already; ``began`` is the time before the construction
+        of the arguments, by ``perf_counter`` [s].
         """
         started = perf_counter() if began is None else began
         shared = SharedPlant([loop.plant for loop in loops], joint)

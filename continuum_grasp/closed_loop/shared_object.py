@@ -52,7 +52,7 @@ class SharedModel:
     # -- the plants' states, and the common one -----------------------------------------------------------------------
 
     def joined(self, states: Sequence[Array]) -> Array:
-        """The common state (..., nx) of the plants' states; of what they share, the first one's."""
+        """Return the common state (..., nx) from the plants' states; shared parts come from the first plant."""
         joined: Array = np.empty((*np.shape(states[0])[:-1], self.nx))
         for place, state in reversed([*zip(self._at, states, strict=True)]):
             joined[..., place] = state

@@ -15,8 +15,9 @@ from continuum_grasp.scene import Reference, Rod
 FINAL = 0.1
 """Last share of the run over which the final error is averaged: noise averages out, and a step has settled."""
 _OFF = 0.05
-"""Error at the end from which on a setpoint is missed, per length of the finger [1]; of angles twice that [rad], which
-moves the tip as far; of forces twice that share of the greatest that is asked for, as of weighted goals of plans."""
+"""Greatest error at the end of a setpoint that is met, per length of the finger [1]. For angles, twice this value
+[rad], which moves the tip as far; for forces, twice this share of the greatest required one, as for weighted goals of
+plans."""
 _NEARING = 0.95
 """Share of its distance a tenth of the time before up to which a value off its setpoint still moves [1]: noise of a tip
 stays moves means over a tenth by less."""

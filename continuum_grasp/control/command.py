@@ -45,10 +45,11 @@ class StateEstimate(NamedTuple):
 
 
 class ContactForces(NamedTuple):
-    """Estimated normal forces where the finger may touch the object, in the order of ``Prediction.contact_names``.
+    """Estimated normal forces at the possible contacts of finger and object, in the order of
+    ``Prediction.contact_names``.
 
-    ``force`` (C) [N], and what the measurements leave open: ``std`` (C) [N] and ``covariance`` (C, C) [N2], by the
-    slope of the forces along states and disturbances and the covariance of these.
+    ``force`` (C) [N] and its uncertainty: ``std`` (C) [N] and ``covariance`` (C, C) [N2], from the slope of the forces
+    along states and disturbances and the covariance of these.
     """
 
     force: Array
@@ -80,7 +81,7 @@ class Command(Summarized):
         part that does not, ``health_text`` explains it.
     """
 
-    # Numbers stay where the C wrote them until they are read: a loop pays for what it looks at.
+    # Numbers stay in the memory of the C until they are read, so that a loop pays only for the numbers that it reads.
     __slots__ = ("_control", "_out", "_places", "health", "status", "u")
 
     def __init__(self, control: ControlParts, places: dict[str, slice], status: CommandStatus, out: Array) -> None:
@@ -90,7 +91,9 @@ class Command(Summarized):
         self.u = self._part("u")
 
     def with_input(self, u: Array, status: CommandStatus | None = None) -> Command:
-        """Copy with another input (nu), such as a bench counts it, and another status where it is given."""
+        """Return a copy with another input (nu), for example in the coordinates of a bench, and optionally another
+        status.
+        """
         out = self._out.copy()
         out[self._places["u"]] = u
         return Command(self._control, self._places, self.status if status is None else status, out)
@@ -126,7 +129,7 @@ class Command(Summarized):
 
     @property
     def plan(self) -> HorizonPlan:
-        """The last plan, with scenarios the first one's; all zero where there is none yet."""
+        """Last plan, of the first scenario if there are several; all zero without a plan."""
         x, u = self._part("plan_x"), self._part("plan_u")
         return HorizonPlan(x.reshape(-1, self._control.stages.nx), u.reshape(-1, self._control.stages.nu))
 
@@ -139,9 +142,9 @@ class Command(Summarized):
         }
 
     def planned(self, name: str) -> Array:
-        """Course of an input (N,), or else of a state (N + 1,), in the last plan.
+        """Return the course of an input (N,), or of a state (N + 1,), in the last plan.
 
-        ``InputError`` where neither has the name.
+        ``InputError`` if neither has the name.
         """
         s = self._control.stages
         for values, labels in zip(self.plan[::-1], (s.u_names, s.x_names), strict=True):
@@ -231,7 +234,7 @@ class Command(Summarized):
 
     @property
     def iterations(self) -> int:
-        """Factorizations of the QPs of this call, beyond the one of each preparation."""
+        """Factorizations of the QPs of this call, in addition to the one of each preparation."""
         return int(self._number("iterations"))
 
     @property
@@ -272,9 +275,7 @@ class Command(Summarized):
 
     @property
     def mismatch(self) -> float:
-        """Mean squared normalized innovation of the sensor that contradicts the model most; about 1 where they
-        agree.
-        """
+        """Mean squared normalized innovation of the sensor that contradicts the model most; about 1 if they agree."""
         return self._number("mismatch")
 
     @property
@@ -284,7 +285,7 @@ class Command(Summarized):
 
     @property
     def doubt(self) -> str:
-        """Why the estimate is in doubt, in words; empty where it is not."""
+        """Reason for doubt about the estimate, in words; empty without doubt."""
         if self.sight is Sight.SEES:
             return ""
         if self.sight is Sight.CONTRADICTED:
@@ -319,8 +320,9 @@ class Command(Summarized):
 
     @property
     def offset(self) -> float:
-        """Distance at which the measured tip stays from a setpoint that stands, though the loop had the time to reach
-        it, as a mean over five windows of the supervisor [m]; 0 where it does not stay away.
+        """Distance between the measured tip and a constant setpoint that the loop had time to reach [m].
+
+        It is a mean over five windows of the supervisor; 0 if the tip does not stay away.
         """
         return self._number("offset")
 
@@ -342,7 +344,9 @@ class Command(Summarized):
 
     @property
     def missed(self) -> float:
-        """Calls that were missed before this one, by the clock of ``time``, whole or not; 0 where none was."""
+        """Number of calls missed before this one, by the clock of ``time``, possibly a fraction; 0 without a missed
+        call.
+        """
         return self._number("missed")
 
     @property

@@ -65,7 +65,7 @@ def _joined(real: str, *texts: str) -> str:
 def _estimator(parts: ControlParts, real: str, *, has_lanes: bool = False) -> list[str]:
     """Write generated functions, those in lanes unless they are there already, and templates of an estimator."""
     e = parts.observed
-    # Step and half a step are two lanes of one, where they are made alike.
+    # A step and half a step are two lanes of one function if they have the same form.
     vector = CSource([e.single], real).lanes() if e.single is not None and not has_lanes else ""
     scalar = [] if vector or has_lanes else [e.step, *([e.flow] if parts.ahead > parts.shared else [])]
     return [
@@ -167,7 +167,7 @@ class Compiled:
         self.library.cg_settings(self.address, ctypes.c_void_p(values.ctypes.data))
 
     def step(self) -> tuple[int, dict[str, Array]]:
-        """Call ``cg_step``; its status, and what it wrote, by name."""
+        """Call ``cg_step``; return its status and its outputs by name."""
         status = self.library.cg_step(self.address, self.input_address, self.output_address)
         values = self.output.copy()
         return status, {name: values[part] for name, part in self.parts.items()}

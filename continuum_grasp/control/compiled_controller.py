@@ -57,7 +57,7 @@ class CompiledController(Remade, Summarized):
     """Arguments of a step by another name."""
 
     def _compile(self, parts: ControlParts, precision: str, deadline: float, steps: float = math.inf) -> None:
-        """Compile from parts, whose commands are late after ``deadline`` [s], for so many steps."""
+        """Compile from parts for a number of steps; commands are late after ``deadline`` [s]."""
         s = parts.stages
         n = parts.stages.stages
         estimation = parts.estimation
@@ -346,9 +346,7 @@ class CompiledController(Remade, Summarized):
 
     @property
     def current_setpoints(self) -> dict[str, Array]:
-        """Setpoints, by name, that the next step follows at its first node where it is given no ``reference``, by
-        name.
-        """
+        """Return the setpoints, by name, at the first node of the next step if it gets no ``reference``."""
         row = self._following().rows(self._now, check=False)[0]
         return {key: row[part] for key, part in self._following().parts.items()}
 
@@ -375,7 +373,7 @@ class CompiledController(Remade, Summarized):
 
     def _scheduled(self) -> Array:
         following = self._following()
-        # Functions may be defined as far as the horizon alone, or show what is now.
+        # Functions may be defined up to the horizon only, or return the present value.
         size = 1 if following.by_functions else _CHUNK
         chunk, at = divmod(self._step, size)
         if self._chunk != chunk:
@@ -387,7 +385,7 @@ class CompiledController(Remade, Summarized):
         return rows
 
     def _shape_error(self, **arguments: Any) -> InputError:
-        """Name what has another shape than expected, or entries that are no numbers."""
+        """Name arguments with a wrong shape, or with entries that are no numbers."""
         s = self.stages
         shapes: dict[str, tuple[Any, ...]] = {
             "measurement": (self._measurement.shape,),
@@ -423,7 +421,7 @@ def _check_sendable(key: str, value: Any) -> None:
 
 
 def _shape(value: Any) -> tuple[int, ...] | None:
-    """Shape of an argument; None where it is ragged, or no array of numbers."""
+    """Return the shape of an argument; None if it is ragged, or no array of numbers."""
     try:
         return CheckedArgument(None, value).doubles().shape
     except (ValueError, TypeError):

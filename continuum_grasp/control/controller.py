@@ -101,7 +101,7 @@ class Controller(CompiledController):
         # No path for a copy, since its file may change.
         self._arguments = (self.scene,), {"precision": precision, "deadline": deadline, "steps": steps}
         self.prediction = Prediction(self.scene)
-        self.setpoints()  # those that are wrong are refused before anything is compiled
+        self.setpoints()  # refuses wrong ones before anything is compiled
         parts = ControlParts.of_scene(self.scene, self.prediction)
         wanted = self.scene.controller.deadline or self.scene.controller.step if deadline is None else deadline
         self._compile(parts, precision, wanted, steps)
@@ -135,15 +135,15 @@ class Controller(CompiledController):
         Parameters
         ----------
         state : (nx,) array_like, optional
-            State of the prediction from which the estimator starts; by default the scene's initial pose.
+            Start state of the estimator; by default the scene's initial pose.
         u : (nu,) array_like, optional
-            Input that was applied before; by default least tensions or no moment. Beyond the limits of commands it
-            may be as far as drives can be.
+            Input that was applied before; by default least tensions or no moment. It may exceed the limits of commands
+            up to the limits of the drives.
 
         Raises
         ------
         InputError
-            If something has another size or is not finite, or u is beyond what drives can have.
+            If something has another size or is not finite, or u is beyond the limits of the drives.
         """
         x = CheckedArgument("state", self.first if state is None else state).vector(self.prediction.nx)
         before = CheckedArgument("u", self.scene.rest_input if u is None else u).vector(self.stages.nu)
@@ -214,7 +214,7 @@ class Controller(CompiledController):
 
     @check_arguments
     def setpoints(self, functions: Mapping[str, Function] | None = None) -> Setpoints:
-        """Collect setpoints over time: the scene's, or functions of time in their place.
+        """Collect setpoints over time: the scene's, or functions of time instead of them.
 
         Parameters
         ----------

@@ -80,5 +80,5 @@ class ControlLog:
 
 
 def _cell(value: float) -> str:
-    """A number in the table of a log; empty where it is missing."""
+    """Write a number for the table of a log; empty if it is missing."""
     return "" if np.isnan(value) else f"{value:.7g}"

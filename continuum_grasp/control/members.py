@@ -38,7 +38,7 @@ class Reported(NamedTuple):
     kind: str
     """Type in C."""
     exported: str = ""
-    """Name in the diagnosis of a package; empty where it is not there."""
+    """Name in the diagnosis of a package; empty if it is not part of it."""
     text: str = ""
 
 
@@ -101,4 +101,4 @@ REPORTED = (
         "mean squared change of the command, per that at its rate limit",
     ),
 )
-"""Numbers of a command, in the order in which the C hands them to Python and in which packages have them."""
+"""Numbers of a command, in the order of the C and of packages."""

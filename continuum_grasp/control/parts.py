@@ -1,4 +1,4 @@
-"""Parts of a controller and their numbers: what its C is written from and set up with.
+"""Parts of a controller and their numbers: the source of its C and of its settings.
 
 Settings are members of a structure of the C by name, with their values: whole numbers where the values are.
 """
@@ -49,14 +49,14 @@ _SHARED = 2
 """Steps of the estimator that one call remembers for the next [1]: implicit methods take two in a period, and each is
 1.2 kB of an estimator with eight states."""
 _STILL = 1e-3
-"""Change of a reading, relative to its sensor's standard deviation, up to which it is at rest [1]: 20 readings of white
-noise in a row stay within it once in 1e60 cases, at a tenth of the declared noise once in 1e45."""
+"""Greatest change of a frozen reading, relative to its sensor's standard deviation [1]: 20 readings of white noise in a
+row stay within it once in 1e60 cases, and at a tenth of the declared noise once in 1e45."""
 _HELD = 3.0
 """Motion by drives that friction in the tendons, nearly unknown to the model, may hold, in standard deviations of a
 reading [1]: in configs/mpc/winches.yaml a tip that rests answers none of the 1 to 2 that the noise causes."""
 _CROSSING = 1.3
-"""Natural times of the finger in which a fully active command crosses its range where its rate has no tighter limit
-[1]: as in the scenes of the hand finger (59 N at 600 N/s)."""
+"""Least time for a fully active command to cross its range, in natural times of the finger [1], unless its rate has a
+tighter limit: as in the scenes of the hand finger (59 N at 600 N/s)."""
 _OFFSET = 0.01
 """Mean distance from a setpoint that stands at which the tip is off, in finger lengths [1], at least four standard
 deviations of its measurement: working loops stay below 0.014 for less than 1 s (configs/mpc/tip_steps.yaml, under a
@@ -71,10 +71,10 @@ to 0.023 off (``python -m benchmarks.soak_standing --loops trunk_2m``); unknown 
 
 
 class ControllerCalls(NamedTuple):
-    """Calls of a controller: numbers that its C needs beside the problem."""
+    """Calls of a controller: numbers that its C needs in addition to the problem."""
 
     period: float  # [s]
-    safe: Array  # input (nu) to which the command goes where there is no plan
+    safe: Array  # input (nu) as the target of the command without a plan
     ramp: float  # time in which it crosses the whole range of an input [s]
     sqp_iterations: int  # per call
     start_iterations: int  # from a plan at rest

@@ -28,8 +28,8 @@ class Quantities:
     bending: Callable[[], Any]  # of each element of the controller's model [rad]
     bending_rate: Callable[[], Any]  # [rad/s]
     contact_force: Callable[[], Any]  # normal force at each tracked contact [N]
-    gap: Callable[[], Any]  # distance from the object where that is tracked [m]
-    input: Any  # tip moment [N m], tensions [N] or what drives take (nu)
+    gap: Callable[[], Any]  # distance from the object if it is tracked [m]
+    input: Any  # tip moment [N m], tensions [N] or commands of drives (nu)
     input_rate: Any  # its change per time
 
     def sensed(

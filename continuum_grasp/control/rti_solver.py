@@ -37,7 +37,7 @@ class RtiSolver(CompiledController):
     safe : mapping of str to float, optional
         Safe input used when there is no plan, by name. Defaults to the admissible input closest to zero.
     sqp_iterations, start_iterations : int
-        Iterations per step from the last plan, and from a plan at rest where there is none.
+        Iterations per step from the last plan, and from a plan at rest without a last plan.
     start_calls : int
         Steps over which the latter are spread, the fewest in the first: no step takes them all.
     iterations : int

@@ -12,7 +12,7 @@ import numpy as np
 from continuum_grasp.base import Array
 
 CALL_RATE = "call rate"
-"""Name of the supervised quantity beside the sensors."""
+"""Name of the supervised quantity that is no sensor."""
 
 
 class CommandStatus(IntEnum):
@@ -164,7 +164,7 @@ _UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 
 
 def _unit_of(missed: float) -> str:
-    """Unit of a clock by which so many calls were missed; empty where that is no unit, but a stall."""
+    """Return the unit of a clock that would explain a number of missed calls; empty if it was a stall."""
     return next((unit for factor, unit in _UNITS.items() if 0.5 < (missed + 1.0) / factor < 2.0), "")
 
 
@@ -230,9 +230,9 @@ def health_text(
 ) -> str:
     """Describe a health in words, with its likely cause; empty for OK.
 
-    ``suspect`` is what contradicts the model, or the reading that is frozen; ``ahead`` is 1 where a drive runs ahead of
-    the model's, -1 where it falls behind; ``missed`` is how many calls were missed before this one; ``offset`` is at
-    which distance the tip stays from its setpoint [m], 0 where it does not, and ``cause_of_offset`` why.
+    ``suspect`` is the quantity that contradicts the model, or the frozen reading; ``ahead`` is 1 if a drive runs ahead
+    of the model's, -1 if it falls behind; ``missed`` is the number of calls missed before this one; ``offset`` is the
+    distance of the tip from a setpoint that it does not reach [m], or 0, with its reason in ``cause_of_offset``.
     """
     if health == Health.OK:
         return ""

@@ -47,10 +47,11 @@ class Cache:
     suffix: str = ".so"
 
     def entry(self, identity: str, build: Callable[[Path], Path], maker: str) -> Path:
-        """File of an identity; where there is none, ``build`` writes it in an empty folder and returns its path there.
+        """Return the file of an identity; if it is missing, ``build`` writes it in an empty folder and returns its
+        path.
 
-        ``identity`` is everything that it depends on, ``maker`` a note of what made it. OSError if no folder can be
-        written or the disk is full.
+        ``identity`` has everything that determines the file; ``maker`` is a note on its origin. OSError if no folder
+        can be written or the disk is full.
         """
         folder = private_folder(self.kind)
         _remove_left_builds(folder)
@@ -70,7 +71,7 @@ class Cache:
         return entry
 
     def known(self, identity: str) -> Path | None:
-        """File of an identity, which counts as used now; None where there is none."""
+        """Return the file of an identity, which now counts as used; None if it does not exist."""
         folder = _lasting_folder(self.kind)
         key, entry, record = _names(folder or Path(), identity, self.suffix)
         if folder is None or not _sound(entry, record, key):
@@ -135,7 +136,7 @@ def _build_folder(folder: Path) -> Iterator[Path]:
 
 def _is_left(build: Path) -> bool:
     """Whether no process works in a folder of a build any more."""
-    # 2.0 * 3600.0: age at which a build is over where there are no locks [s]; a compiler is stopped after half an hour
+    # 2.0 * 3600.0: age of a finished build on systems without locks [s]; a compiler is stopped after half an hour
     if time.time() - build.lstat().st_mtime > (2.0 * 3600.0):
         return True
     if fcntl is None:
@@ -146,7 +147,7 @@ def _is_left(build: Path) -> bool:
 
 
 def private_folder(kind: str = "compiled") -> Path:
-    """The cache folder of a kind; a temporary one where that cannot be had for this user alone."""
+    """Return the cache folder of a kind; a temporary one if no folder can be private to this user."""
     try:
         return _own_folder(kind)
     except (OSError, RuntimeError) as error:  # RuntimeError: there is no home folder
@@ -154,7 +155,7 @@ def private_folder(kind: str = "compiled") -> Path:
 
 
 def _lasting_folder(kind: str) -> Path | None:
-    """The cache folder of a kind; None where it cannot be had for this user alone."""
+    """Return the cache folder of a kind; None if it cannot be private to this user."""
     with suppress(OSError, RuntimeError):
         return _own_folder(kind)
     return None

@@ -77,7 +77,7 @@ class Caller:
                 raise InputError(f"{self.function.name()}: {name} is given twice")
             values[at] = value
         self._check_history(values)
-        # Arrays that fit as they are need no conversion, which would take longer than most functions themselves.
+        # Arrays of the right form are not converted; a conversion would take longer than most functions themselves.
         ready = len(values) == len(self._inputs) and all(
             value is None or (type(value) is np.ndarray and value.dtype == float and value.shape == buffer.shape)
             for value, buffer in zip(values, self._inputs, strict=True)

@@ -15,7 +15,7 @@ from continuum_grasp.base import InputError
 
 
 def straight_function(name: str, given: Mapping[str, ca.SX], found: Mapping[str, ca.SX]) -> ca.Function:
-    """SX function of named inputs and outputs, which computes what they share once."""
+    """Return an SX function of named inputs and outputs that computes common parts once."""
     return ca.Function(name, [*given.values()], ca.cse([*found.values()]), [*given], [*found])
 
 
@@ -27,11 +27,11 @@ def call(function: ca.Function, *given: ca.MX) -> list[ca.MX]:
 
 _CALLS_ONLY = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_CALL}
 _SUMS = {ca.OP_ADD}
-"""Operations beside calls in derivatives, which add up contributions of several calls."""
+"""Operations other than calls in derivatives, which add up contributions of several calls."""
 
 
 def straight_functions(functions: Iterable[ca.Function]) -> list[ca.Function]:
-    """The SX functions that functions are or call, each once; InputError where one computes more than sums beside."""
+    """Return all SX functions among functions and their calls, each once; InputError if one computes more than sums."""
     straight: dict[str, ca.Function] = {}
     for function in functions:
         if function.is_a("SXFunction"):
@@ -48,11 +48,11 @@ def straight_functions(functions: Iterable[ca.Function]) -> list[ca.Function]:
 
 
 def calls_source(function: ca.Function, kind: str, real: Callable[[float], str], suffix: str = "") -> str:
-    """C of ``static int NAME(const KIND *const arg[], KIND *const res[])`` from an MX function of calls and sums.
+    """Write C of ``static int NAME(const KIND *const arg[], KIND *const res[])`` from an MX function of calls and sums.
 
-    ``suffix`` stands behind the names of the function and of those that it calls, which have the same arguments; they
-    compute nothing from the first result on that is null. ``real`` writes a constant of type ``kind``. All of ``arg``
-    and ``res`` are given, and no two overlap.
+    ``suffix`` follows the names of the function and of its called functions, which have the same arguments; they
+    compute no results after the first one that is null. ``real`` writes a constant of type ``kind``. No pointer in
+    ``arg`` and ``res`` is null, and no two arrays overlap.
     """
     # Places of CasADi's work vector, which are used again: each holds what was written to it last.
     values: dict[int, str] = {}
@@ -95,12 +95,12 @@ def calls_source(function: ca.Function, kind: str, real: Callable[[float], str],
             lines.append(f"    {kind} *const out[] = {{{', '.join(outputs)}}};")
             lines.append(f"    {called.name()}{suffix}(in, out); }}")
         elif operation == ca.OP_OUTPUT:
-            # What is given, constant, or a result twice.
+            # Arguments, constants, and results that occur twice.
             (place,), (k_out, *_) = function.instruction_input(k), function.instruction_output(k)
             if values[place] != f"res[{k_out}]" and (size := function.nnz_out(k_out)):
                 copy = f"for (int j = 0; j < {size}; ++j) res[{k_out}][j] = ({values[place]})[j];"
                 lines.append(f"  if (res[{k_out}]) {copy}")
-    # What is neither given nor a result is in one array.
+    # All intermediate values are in one array.
     spots, at = {}, 0
     for name, size in sizes.items():
         spots[name] = f"w + {at}" if at else "w"

@@ -6,8 +6,8 @@ twice the time that it would take with all calls known before (A. R. Karlin et a
 Algorithmica 3, 1988, doi:10.1007/BF01762111). Calls that earlier runs announced count, too, so that what runs again and
 again is compiled by one of its runs. Code that is in the cache costs no compiling.
 
-What cannot be interpreted, the C of controllers, is compiled in either case: quickly, or optimized where that pays.
-``CONTINUUM_GRASP_QUICK_COMPILE`` decides instead where it is set: 1 for code that is compiled quickly, 0 for optimized.
+The C of controllers cannot be interpreted and is always compiled: quickly, or optimized if this pays. If
+``CONTINUUM_GRASP_QUICK_COMPILE`` is set, it decides: 1 for code that is compiled quickly, 0 for optimized code.
 
 The seconds below are measured by ``python -m benchmarks.bench_code``.
 """
@@ -29,7 +29,7 @@ from continuum_grasp.core.cache import Cache
 from continuum_grasp.core.compiler import CompileError, Compiler, quick_compile
 
 _EARLIER = Cache("earlier", ".txt")
-"""Calls, or instructions, by which code that was not optimized ran."""
+"""Number of calls, or of instructions, that code ran without optimization."""
 _WARNED: set[str] = set()
 """Reports of missing or failing compilers so far."""
 
@@ -50,12 +50,12 @@ class CodeKind(StrEnum):
 
     @staticmethod
     def force_optimized() -> None:
-        """Have all code of this process, and of those that it starts, optimized."""
+        """Optimize all code of this process and of its child processes."""
         os.environ["CONTINUUM_GRASP_QUICK_COMPILE"] = "0"
 
     @staticmethod
     def of_source(source: str, instructions: float = math.inf) -> CodeKind:
-        """Kind of code for C that cannot be interpreted, if a run executes so many instructions."""
+        """Return the kind of code for C that cannot be interpreted, from the number of instructions of a run."""
         if (kind := CodeKind.forced()) is not None:
             return kind
         compiler = Compiler.find()
@@ -99,7 +99,7 @@ class Size:
 
     @staticmethod
     def of(function: ca.Function) -> Size:
-        """Size of a function with what it calls: each function is written once, and runs as often as it is called."""
+        """Return the size of a function with its calls: each function is written once, and runs once per call."""
         known: dict[int, Size] = {}
         called = _size(function, known)
         return Size(sum(each.lines for each in known.values()), called.instructions, called.operations)
@@ -111,7 +111,9 @@ class Size:
 
 
 def _size(function: ca.Function, known: dict[int, Size]) -> Size:
-    """Lines of a function itself, instructions and operations with what it calls; ``known`` has all that were met."""
+    """Count the lines of a function, and instructions and operations with its calls; ``known`` has all found
+    functions.
+    """
     key = hash(function)
     if key in known:
         return known[key]
@@ -123,7 +125,7 @@ def _size(function: ca.Function, known: dict[int, Size]) -> Size:
     inner = [k for k in range(count) if function.instruction_id(k) not in (ca.OP_INPUT, ca.OP_OUTPUT)]
     expressions = [function.instruction_MX(k) for k in inner]
     called = [e.which_function() for e in expressions if e.is_call()]
-    if not count:  # maps, switches and the like: what they hold, once
+    if not count:  # maps, switches and the like: their contents, once
         called = [function.get_function(name) for name in function.get_function()]
     sizes = [_size(each, known) for each in called]
     instructions = sum(size.instructions for size in sizes) + sum(e.nnz() for e in expressions)
@@ -132,9 +134,9 @@ def _size(function: ca.Function, known: dict[int, Size]) -> Size:
 
 
 class Backend:
-    """Runner of the functions of a model: a compiler, until it fails, and the virtual machine without one.
+    """Runner of the functions of a model: a compiler, until it fails; without a compiler, the virtual machine.
 
-    ``what`` is what the log calls their code.
+    The log calls their code ``what``.
     """
 
     def __init__(self, compiled: bool = True, what: str = "the model") -> None:
@@ -193,7 +195,7 @@ class FunctionCode:
         return self
 
     def library(self, calls: float = 1.0) -> ctypes.CDLL | None:
-        """The library for so many calls that follow; None where the virtual machine runs them."""
+        """Return the library for a number of further calls; None if the virtual machine runs them."""
         self._calls += calls
         if self.kind is CodeKind.INTERPRETED:
             self._choose(max(self._calls, self._expected))
@@ -201,7 +203,9 @@ class FunctionCode:
 
     @cached_property
     def _pays_from(self) -> tuple[float, float]:
-        """Calls from which on optimized code takes less time, where it is in the cache, and where it is not."""
+        """Return the least numbers of calls that make optimized code faster, with and without this code in the
+        cache.
+        """
         size = Size.of(self._function)
         operations = size.operations + (_CALL_FROM_PYTHON if self._from_python else 0)
         size = Size(size.lines, size.instructions, operations)

@@ -33,28 +33,28 @@ _ZIG = ("-m", "ziglang", "cc", "-fno-sanitize=undefined")
 """Clang of the extra ``compiler``, as arguments of Python; Zig would have it check for undefined behavior, which takes
 time and traps."""
 LONG = 20_000
-"""Lines of a function up to which it is compiled with -O3, a longer one with -O1, for which gcc 12 needs 0.13 s per
-thousand lines, 0.2 s with -O3 (measured on functions of 70,000 to 140,000 lines); what either gains
-over -O0 in straight-line code is the registers, and -O1 has that."""
+"""Greatest number of lines of a function for -O3; longer ones use -O1, with which gcc 12 needs 0.13 s per thousand
+lines, 0.2 s with -O3 (measured on functions of 70,000 to 140,000 lines). In straight-line code, the gain over -O0 comes
+from registers, which -O1 also uses."""
 _LONG_LEVEL = ("-O1", "-fexpensive-optimizations")
 """Optimization level of longer functions: the second one has products and sums fused, 21,400 instead of 27,400
 instructions of the slope of a mission's estimator, and takes no longer."""
 _GCC = ("-fschedule-insns", "-fsched-pressure", "-flive-range-shrinkage")
 """Scheduling under register pressure: straight-line code gains about 7 %, compiling takes twice as long."""
 _SHORT = 15_000
-"""Lines of a translation unit up to which that is worth it."""
+"""Greatest number of lines of a translation unit for which this pays."""
 _SPILLS = ("--param", "lra-max-considered-reload-pseudos=50")
 """Registers that gcc looks at when it spills one [1], of usually 500: straight-line code of 24,000 lines takes 5.8
 instead of 8.3 s, with as many instructions and the same time of a call (gcc 12)."""
 _PER_LINE, _PER_LINE_QUICK = 0.25e-3, 0.03e-3
-"""Seconds of a line, of a quick build and of others, by which compiling is announced (gcc 12, one core of an AMD EPYC:
+"""Expected seconds per line of a quick build and of other builds, for announcements (gcc 12, one core of an AMD EPYC:
 the controller of ``configs/mpc/tip_steps.yaml``, 18,000 lines, takes 4.7 s, a plant of 75,000 lines 16 s)."""
 _ANNOUNCED = 2.0
-"""Seconds from which compiling is announced."""
+"""Least expected seconds of a compilation that is announced."""
 _TIMEOUT = 1800.0
 """Most seconds that the compiler may take for a translation unit."""
 _ASKING = 60.0
-"""Most seconds that a compiler may take to say what it is and what it takes."""
+"""Greatest number of seconds for a compiler to report its version and its options."""
 
 
 _LOG = logging.getLogger(__name__)
@@ -93,7 +93,7 @@ class Compiler:
     def said_by(
         line: Sequence[str], folder: Path | None = None, seconds: float = _TIMEOUT
     ) -> subprocess.CompletedProcess[str]:
-        """Run a program to its end and read what it says, in whatever encoding the system's messages are."""
+        """Run a program to its end and read its output in any encoding of the system's messages."""
         return subprocess.run(
             line, cwd=folder, capture_output=True, encoding="utf-8", errors="replace", timeout=seconds, check=False
         )
@@ -124,7 +124,7 @@ class Compiler:
     def load(source: str, what: str, *, quick: bool | None = None) -> ctypes.CDLL:
         """Compile a C source, or find it in the cache, and load it; messages call it ``what``.
 
-        ``quick`` as of `library`. InputError without a compiler, and where compiling fails.
+        ``quick`` is as in `library`. InputError without a compiler, and if compiling fails.
         """
         compiler = Compiler.find()
         if compiler is None:
@@ -137,7 +137,9 @@ class Compiler:
 
     @staticmethod
     def portable_level(lines: int) -> str:
-        """Optimization level of a source file of so many lines, for libraries that run on other machines, too."""
+        """Return the optimization level for a source file with a number of lines; other machines also run its
+        library.
+        """
         if quick_compile():
             return "-O0"
         return "-O1" if lines > LONG else "-O2"
@@ -163,9 +165,9 @@ class Compiler:
         return "\0".join((*self.command, self.version, self.machine, *rules, source))
 
     def build(self, source: Path, library: Path, what: str = "code", *, quick: bool = False) -> None:
-        """Compile a source file to a shared library; long functions apart, on all processors.
+        """Compile a source file to a shared library, with long functions apart, on all processors.
 
-        What takes long is logged under ``continuum_grasp``, at its start and at its end.
+        ``continuum_grasp`` logs the start and the end of long compilations.
         """
         units = translation_units(source.read_text(encoding="utf-8"), LONG, quick=quick)
         with _logged(what, units, quick):
@@ -217,7 +219,7 @@ def quick_compile() -> bool:
 
 
 def _tried() -> Iterator[tuple[str, Compiler | str]]:
-    """Each command that may be a compiler, with the compiler or why it is none."""
+    """Yield each possible compiler command, with the compiler or the reason why it is none."""
     named = os.environ.get("CC")
     for line in _USUAL if named is None else (named,):
         try:
@@ -292,11 +294,11 @@ def longest_function(source: str) -> int:
 
 
 def translation_units(source: str, limit: int, *, quick: bool = False) -> list[str]:
-    """Split a source into units that are compiled separately and linked: functions longer than ``limit`` lines apart.
+    """Split a source into units that are compiled separately and linked; functions above ``limit`` lines are apart.
 
-    The source is one unit as the generators of this package write it: a function ends with a brace in the first column,
-    and variables outside of functions are constants. Of the result the first has declarations in the place of the long
-    functions, each other one long function with what stands before it. Only what the source exports is exported.
+    The source is one unit in the form of this package's generators: a function ends with a brace in the first column,
+    and variables outside of functions are constants. The first resulting unit has declarations instead of the long
+    functions; each other unit has one long function with the text before it. The units export the names of the source.
     """
     units, whole, before = [], "", ""
     for piece in _END.split(source):
@@ -309,7 +311,7 @@ def translation_units(source: str, limit: int, *, quick: bool = False) -> list[s
         before += _SHORT_EXPORTED.sub(r"\1;", lead)
         if piece.count("\n") <= limit:
             whole += piece
-            # Short static functions are defined anew in each unit, where the compiler can inline them.
+            # Each unit defines short static functions again, so that the compiler can inline them.
             before += piece[head.start() :] if is_static else f"{signature};\n"
             continue
         declared = f"{_HIDDEN if is_static else ''}{signature}"
@@ -321,10 +323,10 @@ def translation_units(source: str, limit: int, *, quick: bool = False) -> list[s
 
 
 def _single_assignment(body: str) -> str:
-    """CasADi's straight-line code with a variable per assignment; other code as it is.
+    """Give CasADi's straight-line code a variable per assignment; other code stays.
 
-    CasADi uses variables again and again, for which clang's SROA needs time in the square of the length: more than a
-    minute for 70,000 lines, instead of 4 s.
+    CasADi reuses variables, so clang's SROA needs time with the square of the length: more than a minute for 70,000
+    lines, instead of 4 s.
     """
     lines, names, count = [], dict[str, str](), 0
     for line in body.split("\n")[:-2]:

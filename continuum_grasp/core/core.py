@@ -22,7 +22,7 @@ from continuum_grasp.model import Model, Remade
 from continuum_grasp.scene import INTEGRATORS
 
 _ROUNDING = 1e-12
-"""Part of the greatest input by which a constant moment may vary [1]."""
+"""Greatest variation of a constant moment, per greatest input [1]."""
 
 
 @check_arguments
@@ -64,7 +64,7 @@ def compile(model: Model, functions: Sequence[str] | None = None) -> Core:
 
 
 class Core(Remade, Summarized):
-    """The functions of a model on numpy arrays, compiled where there is a C compiler.
+    """Functions of a model on numpy arrays, compiled if a C compiler is available.
 
     Every function of the model is a method of the same name, with the model's inputs as positional or keyword
     arguments and arrays as results. Missing arguments are zero, ``p`` is nominal; the ``history`` of a finger with
@@ -149,7 +149,7 @@ class Core(Remade, Summarized):
         values = list(np.moveaxis(u[:, :, : structure.inputs.count], -1, 0))
         for source in structure.sources:
             driven, couples = source.amplitudes(values, len(structure.finger.inputs))
-            # A lag gives the rates of what it follows, not those of a couple beside it.
+            # A lag determines the rates of its own moment, not the rates of another couple.
             known = 0.0 if source.lags else source.gain * driven
             amplitude = np.broadcast_to(known + couples, values[0].shape)
             largest = max([1.0] * bool(source.couples) + [abs(source.gain * arm) for arm in source.arms])
@@ -307,7 +307,7 @@ class Core(Remade, Summarized):
         return self._rollouts[method, single]
 
     def prepare_rollout(self, method: str = "rk4", single: bool = True, steps: float = math.inf) -> Rollouts:
-        """Compile the rollouts of a method, if so many steps pay for it, and give their caller."""
+        """Compile the rollouts of a method, if the number of steps pays for it, and return their caller."""
         rollouts = self.rollouts(method, single)
         rollouts.code.expect(steps)
         return rollouts

@@ -1,8 +1,8 @@
 """C of expressions as loops: an SX function on vectors of lanes, for many states at once, and sweeps along the chain.
 
 CasADi's own generator writes scalar code that compilers do not vectorize across calls. Lanes walk the same instructions
-and write them for the vector types that gcc and clang share. A sweep is one loop over the links in place of CasADi's,
-which copies what it hands on.
+and write them for the vector types that gcc and clang share. A sweep is one loop over the links; it replaces CasADi's
+loop, which copies the values between links.
 """
 
 from __future__ import annotations
@@ -121,14 +121,14 @@ _PRELUDE = "/* lanes */\n"
 
 
 def with_loops(source: str, fill: Callable[..., str], prelude: str) -> str:
-    """CasADi's C with a loop in place of each sweep.
+    """Return CasADi's C with a loop instead of each sweep.
 
-    ``fill`` comes from the templates, ``prelude`` has what lanes need.
+    ``fill`` comes from the templates; ``prelude`` has the code that lanes need.
     """
     kernels = dict[str, re.Match[str]]()
     for match in _FUNCTION.finditer(source):
         kernels.setdefault(match[1], match)  # equal kernels of several sweeps: the first stands before all of them
-    # Backwards, so that the places of those before stay as they are.
+    # Backwards, so that earlier places do not move.
     for name, match in reversed(kernels.items()):
         made = Kernels.of_sweep(name)
         if made is None:

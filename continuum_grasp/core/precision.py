@@ -22,7 +22,7 @@ class CReal:
         r"|(?P<number>(?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?![\w.])|\d\w*",
         re.DOTALL,
     )
-    """C tokens in which digits may stand: comments, texts, names, real numbers without a suffix, all other numbers."""
+    """C tokens that may contain digits: comments, texts, names, real numbers without a suffix, all other numbers."""
 
     name: str
     dtype: Any
@@ -58,7 +58,7 @@ class CReal:
 
     @staticmethod
     def named(given: Any) -> CReal:
-        """The type of a name; InputError where there is none."""
+        """Return the type of a name; InputError if there is none."""
         if not isinstance(given, str) or given not in CReal.KINDS:
             raise InputError(f"precision: expected one of {', '.join(CReal.KINDS)}, got {given!r:.60}")
         return CReal.KINDS[given]

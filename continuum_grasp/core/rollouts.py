@@ -83,11 +83,11 @@ class Rollouts:
 
     @staticmethod
     def by(method: str, model: Any, *, what: str = "the model") -> Rollouts:
-        """Rollouts by a method of ``INTEGRATORS`` of what has the functions that `step_function` asks for."""
+        """Return rollouts by a method of ``INTEGRATORS`` for a model with the functions that `step_function` needs."""
         return Rollouts(step_function(model, method), what=what)
 
     def _compiled(self, steps: int) -> Any:
-        """The compiled function for so many steps; None where the virtual machine takes them."""
+        """Return the compiled function for a number of steps; None if the virtual machine takes them."""
         library = self.code.library(steps)
         if library is None:
             return None

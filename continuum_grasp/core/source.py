@@ -1,6 +1,6 @@
-"""C source of what the core calls: one function, a batch of states, or whole rollouts, in doubles.
+"""C source of the functions that the core calls: one function, a batch of states, or whole rollouts, in doubles.
 
-Of lanes and plain functions, which controllers take, ``real`` is what they compute in.
+Lanes and plain functions, which controllers use, compute in the type ``real``.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class CSource:
     functions : sequence of casadi.Function
         Straight-line functions, or calls of such functions.
     real : {"double", "float"}
-        Type in which ``plain`` and ``lanes`` compute.
+        Type of the numbers in ``plain`` and ``lanes``.
     """
 
     functions: Sequence[ca.Function]
@@ -44,18 +44,18 @@ class CSource:
 
     @property
     def straight(self) -> list[ca.Function]:
-        """Straight-line functions that the functions are or call, each once.
+        """Straight-line functions among the functions and their calls, each once.
 
         Raises
         ------
         InputError
-            If one computes more than sums beside its calls.
+            If one computes more than calls and sums.
         """
         return straight_functions(self.functions)
 
     def of_core(self, name: str) -> str:
         """CasADi's C, by the symbols of the core; ``name`` stands before the names of its own help functions."""
-        # The type of lanes is that of the source, which ``single`` may change.
+        # Lanes have the type of the source, which ``single`` may change.
         prelude = f"#ifndef CG_LANES\n{lane_prelude('casadi_real')}\n#endif\n"
         code = _with_static_help(str(_generator_of(name, self.functions, with_export=False).dump()))
         for function in self.functions:
@@ -68,7 +68,7 @@ class CSource:
         return _with_static_help(str(_generator_of("functions", self.functions).dump()))
 
     def loaded(self, what: str) -> list[ca.Function] | None:
-        """The functions as compiled code, which the log calls ``what``; None where nothing can be compiled."""
+        """Return the functions as compiled code, which the log calls ``what``; None if nothing can be compiled."""
         compiler = Compiler.find()
         if compiler is None:
             return None
@@ -233,7 +233,7 @@ def batch_source(function: ca.Function) -> str:
 
 
 def scan_source(function: ca.Function) -> str:
-    """C of ``SYMBOL_scan``: a recursion of many rows over steps, in lanes where it is a straight-line function.
+    """Write C of ``SYMBOL_scan``: a recursion of many rows over steps, in lanes if it is a straight-line function.
 
     ``function`` is (carry, *signals) -> (next carry, *results); see ``Scan`` of ``core.batches``.
     """
@@ -262,10 +262,11 @@ def rollout_source(step: ca.Function) -> str:
 
 
 def rollouts_source(step: ca.Function) -> str:
-    """C of ``SYMBOL_rollouts``: many rollouts in one call, in vector lanes where the step is a straight-line function.
+    """Write C of ``SYMBOL_rollouts``: many rollouts in one call, in vector lanes if the step is a straight-line
+    function.
 
-    As ``rollout_source``, with a stride per rollout (``ur``, ``wr``) beside that per half step; ``valid`` receives the
-    result of each.
+    As ``rollout_source``, with a stride per rollout (``ur``, ``wr``) in addition to the one per half step; ``valid``
+    receives the result of each.
     """
     if not step.is_a("SXFunction"):  # has calls and branches of its own, which lanes cannot take together
         return f"{rollout_source(step)}\n" + _fill("rollouts.c", **_step_words(step))

@@ -27,12 +27,12 @@ class Template(NamedTuple):
         return Template(file.read_text(encoding="utf-8"))
 
     def filled(self, words: Mapping[str, object]) -> str:
-        r"""Text with its words for ``<<word>>``, and with its blocks, which may be in each other.
+        r"""Return the text with its words for ``<<word>>`` and with its blocks, which may be nested.
 
         ``<<word.name:format>>`` is an attribute or an entry of a word, in a format of Python. ``<<if word>>...<<end>>``
-        is left out where the word is false or empty, ``<<if not word>>...<<end>>`` where it is not; ``<<else>>`` may be
-        in it. ``<<for a in word>>...<<end>>`` is written for each entry, ``<<for a, b in word>>`` for each tuple; what
-        follows a bar, as in ``<<for a in word|, >>``, stands between, with ``\n`` for the end of a line.
+        is written if the word is neither false nor empty, ``<<if not word>>...<<end>>`` otherwise; it may contain
+        ``<<else>>``. ``<<for a in word>>...<<end>>`` is written for each entry, ``<<for a, b in word>>`` for each
+        tuple; the text after a bar, as in ``<<for a in word|, >>``, separates them, with ``\n`` for the end of a line.
         """
         return _written(_pieces(self.text), words)
 

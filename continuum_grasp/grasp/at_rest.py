@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.scene import Finger, GraspScene, HandScene, Scene, Wall
+from continuum_grasp.scene import CommandedScene, Finger, GraspScene, HandScene, Scene, Wall
 
 PANELS = 400
 """Number of chords of a finger at rest: for a bend of one turn they deviate by 3e-5 of its length."""
@@ -27,7 +27,7 @@ class RestOverlap:
     finger : str
         Name of the finger.
     key : str
-        Key of the finger in the scene.
+        Key of the body in the scene.
     body : str
         ``object``, or the name of a support.
     depth : float
@@ -50,7 +50,7 @@ class RestOverlap:
         )
 
 
-def overlaps_at_rest(scene: GraspScene | HandScene | Scene) -> tuple[RestOverlap, ...]:
+def overlaps_at_rest(scene: GraspScene | HandScene | Scene | CommandedScene) -> tuple[RestOverlap, ...]:
     """Find the fingers that pass through the object or a support while no tendon pulls.
 
     This takes milliseconds, because it solves nothing. Bodies and bases are at the poses of the scene; a free pose
@@ -58,8 +58,8 @@ def overlaps_at_rest(scene: GraspScene | HandScene | Scene) -> tuple[RestOverlap
 
     Parameters
     ----------
-    scene : GraspScene, HandScene or Scene
-        The finger of a scene of motion has the name ``finger``.
+    scene : GraspScene, HandScene, Scene or CommandedScene
+        A grasp, or a scene of motion (simulation, closed loop, plan), whose finger has the name ``finger``.
 
     Returns
     -------
@@ -68,8 +68,8 @@ def overlaps_at_rest(scene: GraspScene | HandScene | Scene) -> tuple[RestOverlap
     """
     lines = _in_space(scene) if isinstance(scene, HandScene) else _in_plane(scene)
     found = list[RestOverlap]()
-    for name, key, stations, gaps in lines:
-        for body, gap in gaps.items():
+    for name, stations, gaps in lines:
+        for body, (key, gap) in gaps.items():
             deepest = int(gap.argmin())
             depth = -float(gap[deepest])
             if depth > CLEAR * stations[-1]:
@@ -96,8 +96,8 @@ def free_line(finger: Finger, tensions: tuple[float, float] = (0.0, 0.0)) -> tup
     return stations, line
 
 
-_Line = tuple[str, str, Array, dict[str, Array]]
-"""Name and key of a finger, stations along it [m], and by body the gaps between body and skin [m]."""
+_Line = tuple[str, Array, dict[str, tuple[str, Array]]]
+"""Name of a finger, stations along it [m], and by body its key and the gaps between body and skin [m]."""
 
 
 def _in_space(scene: HandScene) -> Iterator[_Line]:
@@ -111,7 +111,7 @@ def _in_space(scene: HandScene) -> Iterator[_Line]:
         points = frame.world(np.column_stack([line, np.zeros(len(line))]))
         half = setup.finger.profile.half_thickness(stations)
         # A mesh differs from its object by no more than its deviation.
-        gaps = {"object": body.distance(points)[0] - half + scene.object.deviation}
+        gaps = {"object": ("object", body.distance(points)[0] - half + scene.object.deviation)}
         for support in scene.supports:
             away = points - np.array(support.point)
             heights = away @ np.array(support.normal)
@@ -119,17 +119,18 @@ def _in_space(scene: HandScene) -> Iterator[_Line]:
             base = bases[setup.name]
             # Near its base, a finger may come out of the support.
             first = support.clear_from(base.position, base.direction, setup.finger.thickness_radius)
-            gaps[support.name] = np.where(stations >= first, np.maximum(heights, beside) - half, np.inf)
-        yield setup.name, setup.where, stations, gaps
+            gap = np.where(stations >= first, np.maximum(heights, beside) - half, np.inf)
+            gaps[support.name] = support.key, gap
+        yield setup.name, stations, gaps
 
 
-def _in_plane(scene: GraspScene | Scene) -> Iterator[_Line]:
-    if isinstance(scene, Scene):
-        fingers = [("finger", "finger", scene.finger)]
+def _in_plane(scene: GraspScene | Scene | CommandedScene) -> Iterator[_Line]:
+    if isinstance(scene, GraspScene):
+        fingers: dict[str, Finger] = {setup.name: setup.finger for setup in scene.setups}
     else:
-        fingers = [(setup.name, setup.where, setup.finger) for setup in scene.setups]
+        fingers = {"finger": scene.finger}
     body = scene.object
-    for name, key, finger in fingers:
+    for name, finger in fingers.items():
         stations, line = free_line(finger)
         base = finger.base
         c, s = math.cos(base.angle), math.sin(base.angle)
@@ -137,7 +138,7 @@ def _in_plane(scene: GraspScene | Scene) -> Iterator[_Line]:
         half = finger.profile.half_thickness(stations)
         gaps = {}
         if body is not None:
-            gaps["object"] = np.array([body.distance((x, y)) for x, y in points.tolist()]) - half
+            gaps["object"] = "object", np.array([body.distance((x, y)) for x, y in points.tolist()]) - half
         for place in scene.places:
             if isinstance(place, Wall):
                 away = points - np.array(place.point)
@@ -149,5 +150,6 @@ def _in_plane(scene: GraspScene | Scene) -> Iterator[_Line]:
                 gap = np.linalg.norm(points - np.array(place.position), axis=1) - place.radius
             # A finger may come out of a support that its base is in.
             out = np.logical_or.accumulate(gap >= half)
-            gaps[place.name] = np.where(out, gap - half, np.inf) if out.any() else gap - half
-        yield name, key, stations, gaps
+            gap = np.where(out, gap - half, np.inf) if out.any() else gap - half
+            gaps[place.name] = f"supports.{place.name}", gap
+        yield name, stations, gaps

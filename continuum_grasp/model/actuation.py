@@ -41,7 +41,7 @@ class Lag(NamedTuple):
     order: int
 
     def names(self, label: str) -> list[str]:
-        """Names of its states, by the label of what it drives, ``"name [unit]"``."""
+        """Return the names of its states, ``"name [unit]"``, with the label of the driven tendons."""
         name, unit = split_unit(label)
         return [f"{name} [{unit}]", f"{name}_rate [{unit}/s]"][: self.order]
 

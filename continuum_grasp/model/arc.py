@@ -38,7 +38,7 @@ class Arc(Link):
     length: Scalar  # [m]
     linear_density: Scalar  # rho A [kg/m]
     rotary_inertia: Scalar  # rho I [kg m]
-    angle_range: float  # greatest angle at which the series are as accurate as asked [rad]
+    angle_range: float  # greatest angle with the required accuracy of the series [rad]
     accuracy: float  # truncation error up to it
 
     @cached_property
@@ -188,7 +188,7 @@ class ArcFamily(Family):
         return CurvatureShapes(start, end, one, rest, parts, ((value, value),), (None,), *densities)
 
     def block(self, element: int, length: Scalar) -> list[list[Scalar]]:
-        # Of the energy. The harmonic mean, of the flexibility, is 10 to 20 times worse on a smooth taper.
+        # The mean of the energy. The harmonic mean, of the flexibility, is 10 to 20 times worse on a smooth taper.
         return [[mean(self.mesh, element, self.mesh.stiffness) / length]]
 
     def work(self, element: int, lengths: Sequence[Scalar], moment: Curve | None = None) -> list[Scalar]:

@@ -144,7 +144,7 @@ class Backbone:
         return [_Uniform(link, density, stiffness, rule, start, self.lengths[k], point, angle)]
 
     def _function(self, name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
-        """Function of expressions; what they have in common is written once where all of a problem is."""
+        """Return a function of expressions; it computes common parts once if the whole problem is available."""
         eq = self._eq
         return ca.Function(name, [eq.q, eq.u, *inputs, self.p], [ca.SX(value) for value in outputs])
 
@@ -247,8 +247,9 @@ class Backbone:
 
     @cached_property
     def curvatures(self) -> ca.Function:
-        """``(q, u, f, p)``: what a strain limit is for, at fractions f of the elements too where it changes along them;
-        curvatures (degree + 1, N) at the ``places`` of the elements; and bends, these times their lengths.
+        """``(q, u, f, p)``: curvatures (degree + 1, N) at the ``places`` of the elements, and bends, the curvatures
+        times the lengths. Strain limits apply to them, also at fractions f of the elements if the limit changes along
+        them.
         """
         eq = self._eq
         at, bends = (matrix(list(zip(*rows, strict=True))) for rows in (eq.curvatures, eq.greatest_bends))
@@ -265,10 +266,10 @@ class Backbone:
         return self._function("stored", [], [self._eq.q, ca.SX(self._eq.curvatures[-1][-1])])
 
     def missing(self, masses: int = 0) -> ca.Function:
-        """``(q, u, w, m, history, p)``: generalized force (n,) that is missing for rest.
+        """``(q, u, w, m, history, p)``: missing generalized force (n,) for rest.
 
-        ``m`` (2, masses) are masses and where they are, beside the finger's; ``history`` is as in
-        `FingerModel`, empty without friction.
+        ``m`` (2, masses) has additional masses and their places; ``history`` is as in `FingerModel`, empty without
+        friction.
         """
         eq = self._eq
         m = ca.SX.sym("m", 2, masses)

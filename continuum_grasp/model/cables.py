@@ -1,4 +1,4 @@
-"""Tendons of a drive at an instant: tensions that begin softly, and angles of a drum at which they balance a torque."""
+"""Tendons of a drive at an instant: tensions with a soft onset, and angles of a drum whose tendons balance a torque."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from continuum_grasp.model.planar import Scalar
 class Cables:
     """Tendons of a drive at an instant.
 
-    Their tensions begin softly. By `towards` and `under` they pull as soon as they are not slack: the torque then grows
-    with the angle by straight pieces, with a tendon in tension, both or none.
+    Their tensions have a soft onset. In `towards` and `under`, they pull as soon as they are not slack: the torque is
+    then piecewise linear in the angle, with a tendon in tension, both or none.
     """
 
     start: Scalar  # wound up while the drum is at zero [m], counted from where a straight tendon pulls
     radius: float  # wound up per angle of the drum [m]
-    onset: float  # half the length in which they go from slack to tension [m]
+    onset: float  # half the change of length from slack to tension [m]
     slack_stiffness: float  # share of the stiffness that they have while they are slack [1]
     compliances: Sequence[Scalar]  # elongation per tension [m/N]
-    paths: Sequence[Scalar]  # what the bend draws in [m]
+    paths: Sequence[Scalar]  # length that the bend draws in [m]
 
     def slacks(self, drum: Scalar) -> list[Scalar]:
         """Cable wound up beyond slack [m] where the drum is."""
@@ -50,7 +50,7 @@ class Cables:
 
     @cached_property
     def _tight(self) -> list[Scalar]:
-        """Angle at which each tendon is in tension [rad]."""
+        """Least angle with each tendon in tension [rad]."""
         return [side * (path - self.start) / self.radius for side, path in zip(self.sides, self.paths, strict=True)]
 
     @cached_property
@@ -59,7 +59,7 @@ class Cables:
         return [self.radius**2 / c for c in self.compliances]
 
     def towards(self, gain: float, angle: Scalar) -> Scalar:
-        """Angle at which they balance a torque of a gain [N m/rad] towards an angle."""
+        """Return the angle of balance with a torque of a gain [N m/rad] towards an angle."""
         rises = list(zip(self._rises, self._tight, strict=True))
         alone = [angle - slope * (angle - at) / (gain + slope) for slope, at in rises]
         if len(alone) == 1:
@@ -75,7 +75,9 @@ class Cables:
         return ca.if_else(balanced < low, alone[1], ca.if_else(balanced > high, alone[0], balanced))
 
     def under(self, torque: Scalar) -> Scalar:
-        """Angle at which they balance a torque [N m]; where none pulls, between them, or short of where it begins."""
+        """Return the angle of balance with a torque [N m]; if no tendon pulls, an angle between or before their
+        onsets.
+        """
         rises = list(zip(self._rises, self._tight, strict=True))
         alone = [at + torque / slope for slope, at in rises]
         if len(alone) == 1:

@@ -26,7 +26,7 @@ class ChainPlace:
 
 @dataclass(frozen=True)
 class Load:
-    """A point force, in the base's axes or, where it follows, in the section's; a couple, counter-clockwise."""
+    """A point force, in the base's axes or, if it follows, in the section's; and a couple, counter-clockwise."""
 
     place: ChainPlace
     force: Vec = ZERO
@@ -118,7 +118,7 @@ class Chain:
     @cached_property
     def _inertias(self) -> tuple[Inertia, ...]:
         """Mass integrals of each link about its start, in the base's axes."""
-        # There is one rotation more than links, that of the tip.
+        # The tip has a rotation of its own, in addition to those of the links.
         pairs = zip(self.rotations, (link.inertia() for link in self.links), strict=False)
         return tuple(
             replace(k, first=turn.apply(k.first), arms=tuple(turn.apply(arm) for arm in k.arms)) for turn, k in pairs
@@ -178,7 +178,7 @@ class Chain:
         moment: Scalar = 0.0
         for k in range(len(self.links) - 1, -1, -1):
             end, turn = self.links[k].link.end, self.rotations[k]
-            # What acts within the link: about its start, and on its own coordinates.
+            # Forces within the link: their moment about its start, and their effect on its own coordinates.
             inner = ZERO
             inner_moment: Scalar = 0.0
             extra: list[Scalar] = [0.0] * len(end.arms)

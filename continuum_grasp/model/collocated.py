@@ -5,7 +5,7 @@ constant kernel K,
 
     T = 1/2 sum_jk K_jk phid_j phid_k cos(phi_j - phi_k),
 
-from which mass matrix and bias follow exactly: the node equations are
+which determines mass matrix and bias exactly: the node equations are
 sum_k K_jk [cos(phi_j - phi_k) phidd_k + sin(phi_j - phi_k) phid_k^2]. So the discrete link is a mechanical system of
 its own that conserves energy, whatever the number of nodes.
 """
@@ -52,7 +52,7 @@ class CollocatedLink(Link):
         self.rule = rule
         places = zip(rule.piece, rule.nodes.tolist(), strict=True)
         self._shape = np.array([self._angles(u, piece) for piece, u in places]).T
-        # Numbers go into the table, expressions are factors of what it gives.
+        # Numbers enter the table; expressions are factors of its values.
         properties = (length, linear_density, rotary_inertia)
         self._numbers = [value if isinstance(value, float) else 1.0 for value in properties]
         self._factors: list[Scalar] = [1.0 if isinstance(value, float) else value for value in properties]

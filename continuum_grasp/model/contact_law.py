@@ -20,9 +20,9 @@ from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene import ContactLaw, Rod
 
 _SPRINGS_BACK = 0.2
-"""Slip per displacement, in a contact's time, up to which its friction springs back, so that what swings slowly in a
-hand does not creep; the same is the share of itself that an open contact forgets in that time [1]: 115 and 364 per
-second on pads of 2 and 20 N/mm."""
+"""Greatest slip per displacement and per time of the contact at which friction springs back, so that an object that
+swings slowly in a hand does not creep [1]. It is also the share of friction that an open contact forgets in this time:
+115 and 364 per second on pads of 2 and 20 N/mm."""
 
 
 _ROUNDINGS = 18000.0
@@ -42,12 +42,14 @@ class TouchLaw:
 
     @cached_property
     def time(self) -> float:
-        """Time in which the rod's mass on the contact's spring moves by one radian [s]: 0.6 ms of 6 g on 20 N/mm."""
+        """Time of one radian of the oscillation of the rod's mass on the contact's spring [s]: 0.6 ms for 6 g, 20
+        N/mm.
+        """
         return math.sqrt(self.rod.mass / self.law.stiffness)
 
     @property
     def rounding(self) -> float:
-        """Gap at which the force begins, and depth from which on it is linear [m]."""
+        """Gap at the onset of the force, and least depth with a linear force [m]."""
         return self.rod.length / _ROUNDINGS if self.law.rounding is None else self.law.rounding
 
     @property
@@ -122,7 +124,7 @@ class TouchLaw:
         displacement, rounding = self.displacement, self.rounding
         if displacement is None:
             return []
-        # Zero at a gap of three times the rounding, one from where there is a force.
+        # Zero at a gap of three times the rounding, and 1 wherever a force acts.
         near = ca.fmin(ca.fmax((0.5 / rounding) * (3.0 * rounding - gap), 0.0), 1.0)
         touching = near * near * (3.0 - 2.0 * near)
         fast, speed = self._fast(v)
@@ -163,9 +165,9 @@ class TouchLaw:
 
 
 def touch_law_of(law: ContactLaw, rod: Rod) -> TouchLaw:
-    """The law by which a finger with this rod touches: our own, or the law of an add-on.
+    """Return the contact law of a finger with this rod: our own, or the law of an add-on.
 
-    InputError if no add-on that is installed has it.
+    InputError if no installed add-on has it.
     """
     if law.law is None:
         return TouchLaw(law, rod)

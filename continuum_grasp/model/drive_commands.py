@@ -1,4 +1,4 @@
-"""Commands of drives for tensions, of a finger whose tendons were pulled to where they are."""
+"""Commands of drives for tensions, in a finger whose tendons were only pulled."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from continuum_grasp.scene import Finger, MotorDrive
 
 
 class DriveCommands:
-    """Commands by tensions of a finger whose tendons were pulled to where they are; ``s`` are places along it [m]."""
+    """Commands from tensions, in a finger whose tendons were only pulled; ``s`` are places along it [m]."""
 
     def __init__(self, finger: Finger, s: ArrayLike) -> None:
         self._finger = finger
@@ -30,8 +30,10 @@ class DriveCommands:
         return np.array([self._command(winch, pulled, drawn) for winch in self._winches])
 
     def closing(self, pulls: ArrayLike) -> Array:
-        """Direction in which each command (nu) pulls harder with the tendons that close the finger: 1 up, -1 down, as
-        of a pulley that winds up its second tendon, 0 where it moves none of them. ``pulls`` says which tendons do (T).
+        """Return the direction in which each command (nu) pulls harder with the tendons that close the finger.
+
+        1 is up; -1 is down, for example for a pulley that winds up its second tendon; 0 means that the command moves
+        none of them. ``pulls`` (T) marks the closing tendons.
         """
         closes = np.asarray(pulls, dtype=bool)
         directions = []
@@ -58,7 +60,7 @@ class DriveCommands:
     def _command(self, winch: Winch, pulled: Array, drawn: list[tuple[float, float]]) -> float:
         routes = [drawn[k] for k in winch.tendons]
         lengths = [path + give * pulled[k] for (path, give), k in zip(routes, winch.tendons, strict=True)]
-        # Of two on one pulley that which pulls harder says where it is; the other has what this leaves it.
+        # On one pulley, the stronger tendon determines the angle; the tension of the other one follows.
         tightest = max(winch.tendons, key=lambda k: pulled[k])
         position = float(ca.DM(winch.position(lengths, [float(pulled[k]) * (k == tightest) for k in winch.tendons])))
         drive = winch.drive

@@ -34,7 +34,7 @@ class Mesh:
     linear_density: Curve
     rotary_inertia: Curve
     rest: Curve  # curvature at rest [1/m]
-    own_stiffness: float  # that of the rod itself at the base, without what chambers add
+    own_stiffness: float  # of the rod itself at the base, without chambers
     moments: tuple[Curve, ...] = ()  # shapes of the bending moments of the input [1]
     known: bool = False  # whether what these bend is taken as known
 
@@ -48,7 +48,7 @@ class Mesh:
         return self.ends[element], self.ends[element + 1]
 
     def panels(self, element: int, *curves: Curve) -> Panels:
-        """Parts of an element [m] on which curves are smooth, from base to tip."""
+        """Return the parts of an element with smooth curves [m], from base to tip."""
         return Panels.of(self.ends[-1], curves, *self.span(element))
 
     def integral(self, a: float, b: float, values: Callable[[Array], Array], *curves: Curve) -> Array:
@@ -56,7 +56,7 @@ class Mesh:
         return Panels.of(self.ends[-1], curves, a, b).integral(values)
 
     def constant(self, curve: Curve, element: int) -> float | None:
-        """Value of a curve where it is the same on an element; else None."""
+        """Return the value of a curve that is constant on an element; else None."""
         first, *more = self.panels(element, curve)
         middle, inside = 0.5 * sum(first), np.linspace(*first, 5)[1:-1]
         value = float(curve(middle))
@@ -86,7 +86,7 @@ class RodProperties:
     lengths: tuple[Scalar, ...]
     linear_density: Scalar
     rotary_inertia: Scalar
-    rest: Scalar | None  # curvature [1/m] where it is a run-time number; None: that of the mesh
+    rest: Scalar | None  # curvature [1/m] as a run-time number; None: the mesh has it
     masses: tuple[tuple[int, float, Scalar], ...]  # (element, fraction of its length, mass [kg])
 
 
@@ -98,7 +98,7 @@ class Family(ABC):
 
     degree: ClassVar[int]  # of the polynomial that the bending moment is on each element
     continuous: ClassVar[bool]  # whether the bending moment is continuous
-    order: ClassVar[int]  # in the elements' length, with which the shape converges to that of the exact rod
+    order: ClassVar[int]  # of the convergence of the shape to the exact rod, in the elements' length
     force_unit: ClassVar[str] = "N m2"  # of a generalized force: energy per coordinate
     folds_masses: ClassVar[bool] = False  # whether links have masses at their ends among their constants
 
@@ -128,8 +128,8 @@ class Family(ABC):
 
     @property
     def nodal(self) -> Array | None:
-        """Values of the coordinates at which they balance the moments of the input, per amplitude [1/(N m2)] times the
-        factor of the stiffness; where these are known.
+        """Coordinates that balance the moments of the input, per amplitude [1/(N m2)] times the factor of the
+        stiffness, if they are known.
         """
         return None
 
@@ -141,7 +141,7 @@ class Family(ABC):
     @property
     @abstractmethod
     def default_accuracy(self) -> float:
-        """Relative accuracy of the evaluation where none is asked for."""
+        """Default relative accuracy of the evaluation."""
 
     @abstractmethod
     def local(self, element: int) -> tuple[int, ...]:
@@ -161,7 +161,7 @@ class Family(ABC):
 
     @property
     def places(self) -> Array:
-        """The ``degree + 1`` fractions of an element's length at which curvatures are given; its middle for arcs."""
+        """The ``degree + 1`` places of the curvatures, as fractions of an element's length; its middle for arcs."""
         return np.linspace(0.0, 1.0, self.degree + 1) if self.degree else np.array([0.5])
 
     @abstractmethod

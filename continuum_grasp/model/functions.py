@@ -44,7 +44,7 @@ class Remade:
 
 
 def _own(value: Any) -> Any:
-    """A copy of what the caller may change later."""
+    """Copy values that the caller may change later."""
     return copy.copy(value) if isinstance(value, list | dict) or hasattr(value, "__array__") else value
 
 
@@ -52,9 +52,9 @@ Output = ca.SX | Vec | Scalar | list[Scalar]
 
 
 def named(inputs: str, *, history: bool = False, **outputs: Callable[[Any], Output]) -> cached_property[ca.Function]:
-    """An attribute that is a function of space-separated inputs; each output is read off the model's equations.
+    """Define an attribute that is a function of space-separated inputs, with outputs from the model's equations.
 
-    ``history``: also a function of the friction history, where there is any.
+    ``history``: the function also depends on the friction history, if any.
     """
 
     def build(model: Model) -> ca.Function:
@@ -122,10 +122,10 @@ class Model(Remade, Summarized):
         return {key: f"{len(names)}: {', '.join(names)}" for key, names in named.items() if names}
 
     def rates_sprung_back(self, x: Array, u: Array, p: Array) -> Array:
-        """Rates (n,) at which a finger springs back from the shape of a state, against inertia and quadratic damping.
+        """Return the rates (n,) of a finger that springs back from a shape against inertia and quadratic damping.
 
-        At these rates the work of the stiffness has gone into both. Zero without such damping: nothing else
-        that is fast about a finger depends on its rates.
+        At these rates, both have absorbed the work of the stiffness. Zero without such damping, because no other fast
+        effect of a finger depends on its rates.
         """
         n, state = self.n, np.asarray(x, dtype=float)
         q = state[:n]
@@ -147,16 +147,16 @@ class Model(Remade, Summarized):
         return ca.Function(name, arguments, ca.cse(expressions), names, list(outputs))
 
     def _placed(self, expressions: list[ca.SX]) -> list[ca.SX]:
-        """Expressions of the model's own symbols, where the equations have others in their place."""
+        """Return expressions in the model's own symbols, instead of the symbols of the equations."""
         return expressions
 
     def _at_command(self, expressions: list[ca.SX]) -> list[ca.SX]:
-        """Expressions with the moments that u commands in place of those that lag, which are states."""
+        """Return expressions with the moments that u commands, instead of the lagging moments, which are states."""
         eq = self._equations
         if not eq.lag.numel():
             return expressions
         commanded = ca.vertcat(*(ca.SX(state) for state in eq.lags_at_rest))
-        # What is wound up is not commanded at rest (``Equations.resting``), and nothing of this depends on it.
+        # Winches have no commands at rest (``Equations.resting``), and these expressions do not depend on them.
         commanded = ca.vertcat(commanded, ca.SX.zeros(eq.lag.numel() - commanded.numel()))
         return list(ca.substitute(expressions, [eq.lag], [commanded]))
 
@@ -211,7 +211,7 @@ class Model(Remade, Summarized):
 
     @property
     def fewest_swept(self) -> int:
-        """Number of elements from which on sweeps are taken."""
+        """Least number of elements for sweeps."""
         return FEWEST_ELEMENTS
 
     @property
@@ -224,7 +224,7 @@ class Model(Remade, Summarized):
     internal = named(
         "x u p",
         M=lambda eq: matrix(eq.mass_matrix),
-        # Slopes of elastic and damping forces, which are linear but for stops and quadratic damping.
+        # Slopes of elastic and damping forces, which are linear except for stops and quadratic damping.
         K=lambda eq: ca.jacobian(column(eq.elastic[: eq.q.numel()]), eq.q),
         D=lambda eq: ca.jacobian(column(eq.damping[: eq.q.numel()]), eq.qd),
     )

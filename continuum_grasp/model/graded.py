@@ -32,7 +32,7 @@ class CurvatureShapes:
     end: float
     stiffness: Curve
     rest: Curve
-    parts: Panels  # on which all is smooth
+    parts: Panels  # with smooth curves
     values: tuple[tuple[float, float], ...]  # per shape, what of the linear functions from start and end is in it
     moments: tuple[Curve | None, ...]  # per shape
     linear_density: Curve
@@ -71,13 +71,13 @@ class CurvatureShapes:
 
     @cached_property
     def angles(self) -> list[Array]:
-        """Per part, coefficients (degree + 1, K + 1) of the integrals of the shapes and of the rest curvature.
+        """Return, per part, coefficients (degree + 1, K + 1) of the integrals of the shapes and of the rest curvature.
 
-        Of powers of the distance from the part's middle, per half its length.
+        They belong to powers of the distance from the part's middle, per half its length.
         """
         total, coefficients = np.zeros(len(self.values) + 1), []
         x = chebyshev.chebpts1(_FIT)
-        # The inverse of the table at these nodes is its transpose, but for the first row.
+        # The inverse of the table at these nodes is its transpose, except for the first row.
         transform = 2.0 / _FIT * chebyshev.chebvander(x, _FIT - 1).T
         transform[0] *= 0.5
         for a, b in self.parts:
@@ -95,7 +95,7 @@ class CurvatureShapes:
     def angle(self, fraction: Scalar, piece: int) -> list[Scalar]:
         """Integrals of shapes and rest curvature from the start to a fraction of the length on a part [m, rad]."""
         (a, b), length = self.parts[piece], self.end - self.start
-        # Numbers of the parts are fractions too: what is 0 or 1 stays so.
+        # Numbers of the parts are fractions too; 0 and 1 stay exact.
         v = ((self.start - a) + fraction * length) * (2.0 / (b - a)) - 1.0
         table = self.angles[piece]
         integrals: list[Scalar] = []
@@ -123,16 +123,17 @@ class CurvatureShapes:
 
 @lru_cache(maxsize=1024)
 def measured_rule(shapes: CurvatureShapes, reach: float, accuracy: float) -> Collocation:
-    """The rule of least nodes that is as accurate as asked, for bends up to ``reach`` [rad].
+    """Find the quadrature rule with the fewest nodes and the required accuracy, for bends up to ``reach`` [rad].
 
-    Measured against a finer one: mass matrix and end point over extreme shapes, relative to the largest entry.
+    Its error is the difference from a finer rule: mass matrix and end point over extreme shapes, relative to the
+    largest entry.
     """
     length = shapes.end - shapes.start
     peaks = shapes.peaks
     # Bent all one way, to both sides, and by one end or one moment alone; scaled so that the range is used.
     turns = np.vstack([np.eye(len(peaks)), np.ones(len(peaks)), [(-1.0) ** k for k in range(len(peaks))]])
     cases = []
-    # Of cones the curvature may be greatest inside.
+    # A cone may have its greatest curvature inside.
     looked = np.hstack([shapes.sides[:-1], *(shapes.on(s)[:-1] for s, _ in shapes.parts.nodes())])
     for turn in np.vstack([turns, -turns]) / peaks:
         bend = np.abs(turn @ looked).max() * length
@@ -169,7 +170,7 @@ def measured_rule(shapes: CurvatureShapes, reach: float, accuracy: float) -> Col
 
 
 class GradedLink(CollocatedLink):
-    """A link whose stiffness, mass or rest curvature changes along it, or on which a known moment ends."""
+    """A link with varying stiffness, mass or rest curvature, or with the end of a known moment."""
 
     def __init__(
         self,

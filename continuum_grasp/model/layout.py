@@ -27,7 +27,7 @@ WHOLE_RANGE = 8 * math.pi / 3
 """Bending range by default of all elements together [rad]: twice 240 degrees, from five elements on below one
 element's. With 32 elements it saves two of eight quadrature nodes."""
 _LOOKED = 9
-"""Places per element at which thickness and limits of the curvature are looked up [1]."""
+"""Number of places per element that sample thickness and limits of the curvature [1]."""
 SHORTEST = 0.02
 """Shortest element that is made for a load, a mass or a jump of the rest curvature, per length of the finger [1]:
 shorter ones would raise the highest frequency, which sets the step of explicit integrators (see ``with_breaks``)."""
@@ -43,11 +43,11 @@ _FINE = 400
 def element_lengths(
     profile: Profile, contacts: Sequence[float], elements: int | Sequence[float] | None
 ) -> tuple[float, ...]:
-    """Lengths of the elements from base to tip [m], with a boundary at each contact [m].
+    """Return the lengths of the elements from base to tip [m], with a boundary at each contact [m].
 
-    ``elements`` is their number, or their lengths; None: two, or one per segment between contacts where that is more.
-    Between contacts they have equal shares of the integral of (rho A / E I)^(1/4), which goes with the local length of
-    bending waves: equal lengths where the rod is uniform.
+    ``elements`` is their number, or their lengths; None: two, or one per segment between contacts if these are more.
+    Between contacts they have equal shares of the integral of (rho A / E I)^(1/4), in inverse proportion to the local
+    length of bending waves; a uniform rod has elements of equal length.
     """
     length = profile.length
     edges = [0.0, *contacts, length]
@@ -89,7 +89,7 @@ def open_lengths(finger: Finger, contacts: Sequence[float]) -> tuple[float, ...]
 
 
 def _beyond_stops(finger: Finger, lengths: Sequence[float]) -> NDArray[np.float64]:
-    """Bends (elements,) up to which a finger is evaluated because of its stops [rad]; zero without."""
+    """Return the greatest bends (elements,) that stops require [rad]; zero without stops."""
     stop, ends = finger.stop_curvature, np.cumsum([0.0, *lengths])
     if stop is None:
         return np.zeros(len(lengths))
@@ -140,7 +140,7 @@ def with_breaks(
         if not near and min(places) > 0.0 and max(places) < length and len(marks) + len(places) < MOST_ELEMENTS:
             marks.extend(places)
 
-    # Where two are too near for an element, the first one stays: jumps of the curvature before those of its slope.
+    # Of two that are too near for an element, the first one stays: jumps of the curvature before jumps of its slope.
     profile = finger.profile
     mechanics = (profile.rest_curvature, profile.bending_stiffness, profile.linear_density)
     for at in sorted({at for curve in mechanics for at in curve.jumps}):
@@ -175,11 +175,11 @@ def _given(length: float, contacts: Sequence[float], lengths: list[float]) -> tu
 
 
 def element_spans(lengths: Sequence[float], bending_range: float | None, finger: Finger) -> tuple[float, ...]:
-    """Bend [rad] that each element has above its shape at rest: as declared, or by default.
+    """Return the greatest bend of each element from its shape at rest [rad], as declared or by default.
 
-    By default a finger of many elements bends by 240 degrees as a whole, and twice as sharply anywhere; thin parts bend
-    more than thick ones, and each by its share where there are stops, or as far as these let it. A strain limit may
-    allow less.
+    By default, a finger of many elements bends by 240 degrees in total, and each element by up to twice its share. The
+    share of an element is in proportion to its length per thickness; with stops, to its bend at which links touch. A
+    strain limit may reduce it.
     """
     if bending_range is not None:
         if not 0.0 < bending_range <= Fidelity.WIDEST:

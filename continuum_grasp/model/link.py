@@ -162,7 +162,7 @@ class LoadedLink:
     attached: tuple[tuple[Scalar, Attached], ...] = ()
 
     def _bodies(self) -> Iterator[tuple[Scalar, Attached, LinkSection]]:
-        """Fraction at which each body is attached, the body, and its center of mass as a section of the link."""
+        """Return the fraction of each body's place, the body, and its center of mass as a section of the link."""
         for fraction, body in self.attached:
             section = self.link.section(fraction)
             lever = section.rotation.apply(body.center)

@@ -4,8 +4,8 @@ With the bending stiffness B(s) and the curvature at rest k*(s),
 
     k(s) = k*(s) + sum_i q_i N_i(s) B(s_i) / B(s) + sum_j v_j G_j(s),
 
-where N_i are hat functions, q_i the elastic curvatures at the nodes, and G_j what a known moment of the input bends
-beside its values at the nodes. On a uniform rod these are clothoids.
+where N_i are hat functions, q_i the elastic curvatures at the nodes, and G_j the bend by a known moment of the input in
+addition to its values at the nodes. On a uniform rod these elements are clothoids.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class MomentLinearFamily(Family):
         s = np.concatenate([np.linspace(a, b, 7)[1:-1] for a, b in parts])
         first, last = moment([start, end])
         line = first + (last - first) * (s - start) / (end - start)
-        # 1e-12: share of a moment below which what is left of it between the nodes is rounding
+        # 1e-12: share of a moment; a smaller rest between the nodes is rounding
         return bool(np.abs(moment(s) - line).max() > 1e-12 * np.abs(moment(self.mesh.ends)).max())
 
     def _shapes(self, element: int) -> tuple[CurvatureShapes, bool]:
@@ -95,7 +95,7 @@ class MomentLinearFamily(Family):
         left = [k for k in self._left if self._rest_of(mesh.moments[k], element)]
         curves = (mesh.stiffness, mesh.linear_density, mesh.rotary_inertia, mesh.rest)
         first, last = self._at_nodes[element : element + 2].tolist()
-        # Behind a jump of the stiffness the curvature at the start is not that of the node.
+        # After a jump of the stiffness, the curvature at the start differs from the node's.
         same = first == last == mesh.constant(mesh.stiffness, element)
         if not left and same and all(mesh.constant(curve, element) is not None for curve in curves):
             one = Curve.along(mesh.ends[-1], 1.0)

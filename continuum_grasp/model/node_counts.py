@@ -29,7 +29,7 @@ the worst; the mass matrix is about ten times better."""
 
 
 def node_count(angle_range: float, accuracy: float) -> int:
-    """Nodes (3 to 16) with which an element of a greatest length times curvature [rad] is as accurate as asked.
+    """Return the number of nodes (3 to 16) of an element with a greatest length times curvature [rad] for an accuracy.
 
     ``accuracy`` is the error of mass matrix, bias, gravity and position, relative to their largest entries.
     """

@@ -58,7 +58,7 @@ _FACTORS = ("linear_density", "bending_stiffness", "rotary_inertia")
 
 
 class Parameters:
-    """Nominal values and, of those with ``names``, symbols: they stay run-time arguments, in this order in ``p``."""
+    """Nominal values, and symbols of those with ``names``: these stay run-time arguments, in this order in ``p``."""
 
     def __init__(
         self, finger: Finger, gravity: tuple[float, float], lengths: Sequence[float], names: Sequence[str]
@@ -142,7 +142,7 @@ class Parameters:
         numbers = numbers_of_laws(finger)
         for name, (unit, key, least) in _KNOWN.items():
             keys = key.replace("*.time", "*.drive.time", 1) if finger.winches else key
-            # One value of all; none where they differ.
+            # The common value of all; none if they differ.
             values = {finger.entry(place) for place in places_of(finger, keys)}
             numbers[name] = Number(unit, known.get(name, values.pop() if len(values) == 1 else None), keys, least)
         for k, mass in enumerate(finger.masses):
@@ -207,7 +207,7 @@ class Choices:
         return any(self._options.get(name) is not None for name in names)
 
     def located(self, error: InputError) -> InputError:
-        """The error with the path in the scene in place of an option that was not given."""
+        """Return the error with the path in the scene instead of an option that was not given."""
         name = re.match(r"\w*", error.key or "")
         word = name.group() if name else ""
         if not error.key or self.scene is None or self._options.get(word) is not None:

@@ -72,7 +72,7 @@ def weighted_sum(weights: Iterable[float], values: Iterable[Scalar], scale: Scal
 
 
 class Vec:
-    """A planar vector, zero where nothing is given."""
+    """A planar vector, zero by default."""
 
     __slots__ = ("x", "y")
 
@@ -82,7 +82,7 @@ class Vec:
 
     @staticmethod
     def columns(vectors: Iterable[Vec]) -> ca.SX:
-        """(2, K), also where there are none."""
+        """Return the vectors as (2, K), also for K = 0."""
         return ca.horzcat(ca.SX(2, 0), *[v.column() for v in vectors])
 
     def __add__(self, other: Vec) -> Vec:
@@ -112,7 +112,7 @@ class Vec:
 
 
 class Rotation:
-    """A planar rotation by its cosine and sine, none where nothing is given."""
+    """A planar rotation by its cosine and sine; by default, no rotation."""
 
     __slots__ = ("c", "s")
 

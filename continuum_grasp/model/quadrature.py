@@ -131,5 +131,5 @@ def collocation(count: int) -> Collocation:
 
 
 STRICT = 1e-8
-"""Accuracy [1] from which on a tenth of it is asked of the table, whose errors are relative to the largest entry over
-all shapes: shapes with a small bias then reach it too."""
+"""Least accuracy [1] that requires a tenth of it from the table. The table's errors are relative to the largest entry
+over all shapes, so that shapes with a small bias then reach the accuracy too."""

@@ -1,4 +1,4 @@
-"""Stations of a finger, at which it may touch something, and what acts on them."""
+"""Stations of a finger, its possible places of contact, and the forces on them."""
 
 from __future__ import annotations
 
@@ -31,14 +31,16 @@ class Touched:
 
     def __init__(self) -> None:
         self.pairs: list[Any] = []  # surfaces that can touch
-        self.press = ca.SX(0, 1)  # run-time numbers by which their gaps are smaller [m]
+        self.press = ca.SX(0, 1)  # run-time reductions of their gaps [m]
         self.states, self.names = ca.SX(0, 1), list[str]()  # further states, and name and unit of each
         self.wrench, self.w_names = ca.SX(0, 1), list[str]()  # further inputs
         self.start: list[float] = []  # the first of the states at time zero: the pose of what moves
 
     @property
     def on_stations(self) -> list[tuple[Vec, Scalar]]:
-        """World force [N] on each station, and its couple about the center where that bends the finger [N m]."""
+        """Return the world force on each station [N], and its couple about the center line if it bends the finger [N
+        m].
+        """
         return []
 
     def rates(self, gravity: Vec) -> list[Scalar]:

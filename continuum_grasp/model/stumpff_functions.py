@@ -22,10 +22,10 @@ ROUNDING = 1.5e-16
 
 
 def horner_degree(angle_range: float, accuracy: float, top: int) -> int:
-    """Degree n in x = theta^2 at which the series of c_top may be cut.
+    """Return the degree n in x = theta^2 that suffices for the series of c_top.
 
-    The error stays below ``accuracy`` up to ``angle_range`` [rad], relative to c_top at zero, 1 / top!, and in what the
-    downward recursion makes of it, theta^top c_top.
+    The error stays below ``accuracy`` up to ``angle_range`` [rad], relative to c_top at zero, 1 / top!, and also in the
+    result of the downward recursion, theta^top c_top.
     """
     # The series alternates and its terms soon fall, so the first one left out bounds the error. Logarithms, because
     # factorials and powers overflow for wide ranges.

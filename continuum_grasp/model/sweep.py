@@ -108,7 +108,7 @@ def digest(content: bytes) -> str:
 
 
 _SWEEPS: dict[str, Kernels] = {}
-"""Kernels by the name of the function that is made of them: ``core`` and ``export`` write one loop in its place."""
+"""Kernels by the name of their function: ``core`` and ``export`` replace it by one loop."""
 
 
 def sweep_function(made: Kernels, eq: Equations, *, implicit: bool = False) -> ca.Function:

@@ -1,4 +1,4 @@
-"""A finger, and where there is one the object that it touches, as one system of equations of motion."""
+"""A finger, and its object if there is one, as one system of equations of motion."""
 
 from __future__ import annotations
 
@@ -154,14 +154,14 @@ class System(Model):
 
     @property
     def touch_law(self) -> TouchLaw | None:
-        """Law of the contacts; None where nothing touches by one."""
+        """Law of the contacts; None without contacts that follow a law."""
         law = None if self.surroundings is None else self.surroundings.contact_law
         return None if law is None else touch_law_of(law, self.finger_model.finger.rod)
 
     @property
     def greatest_press(self) -> float:
-        """Normal force that a contact bears at most [N]: twice that with which drives and weight press at rest, as of a
-        load that sets in at once.
+        """Return the greatest normal force of a contact [N]: twice the force of drives and weight at rest, as under a
+        sudden load.
         """
         model, around = self.finger_model, self.surroundings
         rod, tendons = model.finger.rod, model.finger.tendon_list
@@ -189,7 +189,7 @@ class System(Model):
 
     @property
     def object_states(self) -> slice:
-        """Slice of x with the object's pose: x, y, angle, and z where it can slide out of the plane; empty if fixed."""
+        """Slice of x with the object's pose: x, y, angle, and z if it can slide out of the plane; empty if fixed."""
         return slice(self.finger_model.nx, self.finger_model.nx + len(self._equations.contacts.start))
 
     @property
@@ -215,7 +215,7 @@ class System(Model):
         u : (nu,) array_like, optional
             Input that the drives have reached; by default zero.
         pose : array_like, optional
-            Pose of a moving object: x, y [m], angle [rad] (and z [m]); where it is in its surroundings if not given.
+            Pose of a moving object: x, y [m], angle [rad] (and z [m]); by default, its pose in the surroundings.
         friction : array_like, optional
             Friction states of the tendons, one per cell; by default zero.
         pulled : float, optional
@@ -241,9 +241,9 @@ class System(Model):
         return [*x, *start, *[0.0] * (self.nx - len(x) - len(start))]
 
     def spring_frequency(self, closing: Array) -> float:
-        """Fastest oscillation [rad/s] on the springs of contacts; infinite where the numbers are not finite.
+        """Return the fastest oscillation on the springs of contacts [rad/s]; infinite if numbers are not finite.
 
-        ``closing`` is the Jacobian with them closed less that with them open, in which the finger's own stiffness
+        ``closing`` is the Jacobian with closed contacts minus the one with open contacts; the finger's own stiffness
         cancels.
         """
         n, pose = self.n, self.object_states
@@ -293,7 +293,7 @@ class System(Model):
         normal_force=lambda eq: [pair.normal_force for pair in eq.contacts.pairs],
         friction=lambda eq: [pair.tangential for pair in eq.contacts.pairs],
         lift=lambda eq: [pair.lift for pair in eq.contacts.pairs],
-        # What touches the object bears ``pair.force``, the object its reaction.
+        # The finger or support bears ``pair.force``, and the object bears the reaction.
         force=lambda eq: Vec.columns(pair.force.scaled(-1.0) for pair in eq.contacts.pairs),
         point=lambda eq: Vec.columns(pair.point for pair in eq.contacts.pairs),
         normal=lambda eq: Vec.columns(pair.normal for pair in eq.contacts.pairs),

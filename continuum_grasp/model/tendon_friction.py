@@ -23,12 +23,30 @@ from continuum_grasp.scene import Channel, Curve, Tendon
 
 @dataclass(frozen=True)
 class Cell:
-    """A part of an element along which one friction state holds; sequences have an entry per local coordinate.
+    """A part of an element with one friction state.
 
-    Integrals along the cell are of the curvature shapes: ``bends``, one per part on which the finger is smooth, since
-    it may bend to the other side where the rest curvature jumps; with the shape of the tendon's moment ``work``; this
-    with the fraction of the cell less a half, per ``most``, ``lean``; and ``late`` is ``work`` of the half towards the
-    tip. The same of the rest curvature is one more entry, but of ``lean``; of one where it is a run-time number.
+    Each sequence has an entry per local coordinate. An entry is an integral along the cell of the curvature that a unit
+    of the coordinate causes. All sequences but ``lean`` have one more entry, the integral of the rest curvature, or of
+    1 if the rest curvature is a run-time number.
+
+    Attributes
+    ----------
+    element : int
+    share : Scalar
+        Length of the cell per length of the finger [1].
+    length : Scalar
+        Length of the cell [m].
+    bends : sequence of sequences
+        Integral of the curvature, one sequence per smooth part of the cell: at a jump of the rest curvature the finger
+        may begin to bend to the other side.
+    work : sequence
+        Integral of the curvature times the shape of the tendon's moment.
+    lean : sequence
+        As ``work``, times the distance from the middle of the cell per its length; divided by ``most``.
+    late : sequence
+        As ``work``, over the half of the cell next to the tip.
+    most : float
+        Greatest of the integrals of ``lean`` [m].
     """
 
     element: int

@@ -32,7 +32,7 @@ _SLOW = 1.0 / 6000.0
 time [1]: 0.4 mm/s of a hand's finger."""
 
 _LOOSE = 1e-6
-"""Share of a gear's stiffness by which the drum is where it is within the play while no tendon pulls [1]."""
+"""Stiffness that centers the drum within the play while no tendon pulls, per stiffness of the gear [1]."""
 _DRUM_STEPS = 3
 """Steps of Newton's method that find the drum behind a play: torques are off by 2e-6 N m in one of a thousand states
 that are drawn around the corners of gear and tendons (two steps: 1e-4 N m)."""
@@ -52,13 +52,13 @@ class Winch(ABC):
     stiffness: Scalar
     """Tension per length wound up, of a tendon without friction [N/m]."""
     parameters: Parameters | None = None
-    """Parameters, some of which may be run-time arguments; None: all numbers come from the drive."""
+    """Parameters, possibly with run-time arguments; None: all numbers come from the drive."""
     slack_stiffness: float = 0.0
     """Share of the stiffness that its tendons have while they are slack [1]."""
 
     @cached_property
     def onset(self) -> float:
-        """Half the length in which its tendons go from slack to tension [m]."""
+        """Half the change of length of its tendons from slack to tension [m]."""
         return self.finger.onset(self.finger.tendon_list[self.tendons[0]])
 
     @property
@@ -122,7 +122,7 @@ class Winch(ABC):
     @property
     @abstractmethod
     def time_constant(self) -> float:
-        """Time in which it gets where it is sent while its cables are held [s]."""
+        """Time to reach its command while the cables are held [s]."""
 
     @abstractmethod
     def rates(self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar]) -> list[Scalar]:
@@ -133,11 +133,13 @@ class Winch(ABC):
         """Position of what winds up, of a drive at rest under a command."""
 
     def given_at_rest(self, command: Scalar) -> list[Scalar]:
-        """Tensions that a command alone gives its tendons at rest [N]; none where they depend on where the drum is."""
+        """Return the tensions of its tendons at rest from the command alone [N]; None if they depend on the drum's
+        angle.
+        """
         return []
 
     def drum(self, states: Sequence[Scalar], cables: Cables, *, sharp: bool = False) -> Scalar:
-        """Position of what winds up; ``sharp``: tendons that pull as soon as they are in tension."""
+        """Return the position of the drum; ``sharp``: tendons pull as soon as they are in tension."""
         return states[0]
 
     def drum_rate(self, states: Sequence[Scalar], drum: Scalar, cables: Cables, path_rates: Sequence[Scalar]) -> Scalar:
@@ -207,7 +209,7 @@ class _Spring:
         return torque if math.isinf(self.most) else ca.fmin(ca.fmax(torque, -self.most), self.most)
 
     def bearing(self, drum: Scalar) -> Scalar:
-        """Stiffness where it is twisted [N m/rad]."""
+        """Return the stiffness of the twisted gear [N m/rad]."""
         twist = ca.fabs(self.angle - drum)
         if math.isinf(self.most):
             return ca.if_else(twist > self.half, self.stiffness, _LOOSE * self.stiffness)
@@ -217,7 +219,7 @@ class _Spring:
         return ca.if_else(bears, self.stiffness, _LOOSE * self.stiffness)
 
     def meets(self, cables: Cables) -> Scalar:
-        """Angle of the drum at which it balances tendons that pull as soon as they are in tension [rad]."""
+        """Return the angle of the drum in balance with tendons that pull as soon as they are in tension [rad]."""
         if not self.stiffness:
             return cables.under(self.torque)
         flank = self.angle
@@ -271,7 +273,7 @@ class Motor(Winch):
     # -- torques ------------------------------------------------------------------------------------------------------
 
     def torque(self, command: Scalar, angle: Scalar = 0.0, rate: Scalar = 0.0) -> Scalar:
-        """Torque at the drum [N m] under a command, where it is and how it turns."""
+        """Return the torque at the drum under a command, from its angle and its rate [N m]."""
         drive = self.drive
         if drive.position_gain is not None:
             wanted = drive.position_gain * (command - angle) - drive.rate_gain * rate
@@ -282,9 +284,9 @@ class Motor(Winch):
     def balance(
         self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar], slowed: Scalar = 0.0
     ) -> Scalar:
-        """Torque that turns it [N m], without dry friction but for the part ``slowed`` by it [N m s].
+        """Return the driving torque [N m], without dry friction except for the part ``slowed`` by it [N m s].
 
-        The drum behind a play has no inertia: what the tensions exert on it the motor feels.
+        The drum behind a play has no inertia, so the torque of the tensions acts on the motor.
         """
         position, speed = states[0], states[1]
         driven = self.torque(command, position, speed) - (self._own("viscous_friction") + slowed) * speed
@@ -308,7 +310,7 @@ class Motor(Winch):
     def holding(
         self, states: Sequence[float], tensions: Sequence[float], friction: float | None = None
     ) -> tuple[float, float]:
-        """Least and greatest command under which a motor at rest stays where it is by its dry friction [N m].
+        """Return the least and greatest command at which dry friction holds a motor at rest [N m].
 
         ``friction`` is by default the drive's.
         """
@@ -356,9 +358,9 @@ class Motor(Winch):
         return [ca.fmax(self.torque(command), 0.0) / self.radius]
 
     def _balanced(self, spring: _Spring, cables: Cables, steps: int) -> Scalar:
-        """Angle of the drum at which the tensions balance what turns it [rad].
+        """Return the angle of the drum at which the tensions balance its torque [rad].
 
-        It is first where it were if tendons had a sharp onset.
+        The first guess assumes a sharp onset of the tensions.
         """
         drum = spring.meets(cables)
         loose = 0.0 if spring.stiffness else _LOOSE * self.radius**2 * self.stiffness
@@ -388,7 +390,7 @@ class Motor(Winch):
             if command is None or self.drive.position_gain is None:
                 angle += half * ca.sign(torque)
             else:
-                # Between the flanks a servo is where it is commanded; otherwise it is on the flank that bears.
+                # Between the flanks, a servo is at its command; otherwise it is on the loaded flank.
                 angle += _within(command - position, half)
         return super().at(angle, tensions, command)
 
@@ -403,7 +405,7 @@ class Motor(Winch):
 
 
 def _within(angle: Scalar, half: float) -> Scalar:
-    """An angle as far as it is within half a play to both sides [rad]."""
+    """Limit an angle to half the play on both sides [rad]."""
     return ca.fmin(ca.fmax(angle, -half), half)
 
 

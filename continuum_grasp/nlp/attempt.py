@@ -39,9 +39,9 @@ class SolverStatus(StrEnum):
     SOLVED = "solved"
     """At a point where the conditions of optimality hold to the full tolerance, whatever the solver says of it."""
     ACCEPTABLE = "acceptable"
-    """At a point where they hold to 100 times the tolerance, with no further progress."""
+    """At a point that satisfies them to 100 times the tolerance, without further progress."""
     INFEASIBLE = "infeasible"
-    """At a point from which no nearby one violates the constraints less: start elsewhere, or relax a constraint."""
+    """At a point with the least violation nearby: start elsewhere, or relax a constraint."""
     ITERATION_LIMIT = "iteration_limit"
     """Out of iterations of its own: raise ``max_iterations``."""
     STOPPED = "stopped"
@@ -133,10 +133,11 @@ class Start:
         Distance from a solution: rough, so that the settings hold; nearly exact, for few, bold iterations; nearly
         exact, where bold iterations left it.
     patience : int or None
-        Number of iterations in which a violation has to fall to half; else the run ends as
-        `Attempt.stalled`. None: any number.
+        Greatest number of iterations until a violation falls to half; otherwise the run ends as `Attempt.stalled`.
+        None: any number.
     standstill : int or None
-        Number of iterations in a row that may leave a violation the same to 0.1 %; then the run ends likewise.
+        Greatest number of iterations in a row that change a violation by less than 0.1 %; then the run ends in the same
+        way.
     known : sequence of (n,) ndarray
         Solutions: a run that comes to one of them ends as `Attempt.known`.
     """
@@ -160,7 +161,7 @@ class Start:
         return Approach(self.option_set, self.barrier, self.multipliers is not None)
 
     def stalling(self) -> Stalling | None:
-        """A rule that decides whether a run from here stalls; None where it never does."""
+        """Return a rule that decides whether a run from here stalls; None if it never stalls."""
         if self.patience is None and self.standstill is None:
             return None
         return Stalling(self.patience, self.standstill)
@@ -183,7 +184,7 @@ class Attempt:
     outcome : str
         The solver's own return status.
     x, g : ndarray
-        Unknowns and constraints where it stopped.
+        Unknowns and constraints at the end.
     objective : float
     multipliers : Multipliers
     iterations : int
@@ -285,7 +286,7 @@ class Budget:
 
     @contextmanager
     def share(self, iterations: int | None) -> Iterator[Budget]:
-        """Spend at most so many iterations (by default all that are left) on the runs in the block."""
+        """Limit the iterations of the runs in the block (by default to all that are left)."""
         granted = min(iterations or self.left, self.left)
         # The callback that counts also sees the start, before the first iteration.
         part = Budget(granted + 1, self.until)
@@ -297,7 +298,7 @@ class Budget:
 
     @staticmethod
     def last_iterates() -> AbstractContextManager[Callable[[], bool]]:
-        """Block in which Ctrl-C ends runs, which then give their last iterates; yields whether it was pressed."""
+        """Let Ctrl-C end the runs in the block, which then return their last iterates; yield whether it was pressed."""
         return interrupts_held(quietly=True)
 
     @property

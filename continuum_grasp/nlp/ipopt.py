@@ -30,7 +30,7 @@ _SETS: dict[OptionSet, dict[str, Any]] = {
 
 
 class Ipopt(Solver):
-    """Options of IPOPT; ``tuning`` may set any of them, and ``near`` in place of 1e-4."""
+    """Options of IPOPT; ``tuning`` may set any of them, and ``near`` instead of 1e-4."""
 
     plugin = "ipopt"
 

@@ -31,7 +31,7 @@ from continuum_grasp.nlp.attempt import (
 from continuum_grasp.nlp.problem import NLP
 
 CLOSE = 1e-3
-"""Distance of every unknown from a known solution at which a run ends there [units of the problem]."""
+"""Greatest distance of every unknown from a known solution that ends a run there [units of the problem]."""
 _UNKNOWNS, _CONSTRAINTS = map(ca.nlpsol_out().index, ("x", "g"))
 """Places of unknowns and constraints among what CasADi passes to a callback, in the order of its outputs."""
 _ACCEPTABLE = 100.0

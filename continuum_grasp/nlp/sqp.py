@@ -19,9 +19,9 @@ from continuum_grasp.nlp.solver import Solver
 class Sqp(Solver):
     """Options of ``sqpmethod``; ``tuning`` may set any of them.
 
-    QPs have to be convex: a Hessian that is not positive semidefinite gives way to damped BFGS updates. Shifting its
-    eigenvalues to positive ones (``convexify_strategy``) took 200 iterations on configs/grasp/mug.yaml in place of 13.
-    The budget and Ctrl-C are looked at before each QP. There is no barrier parameter, one set of options, and an
+    QPs must be convex: damped BFGS updates replace a Hessian that is not positive semidefinite. Shifting its
+    eigenvalues to positive ones (``convexify_strategy``) took 200 iterations on configs/grasp/mug.yaml instead of 13.
+    The solver checks the budget and Ctrl-C before each QP. It has no barrier parameter and one set of options, and an
     infeasible problem ends as ``failed``.
     """
 

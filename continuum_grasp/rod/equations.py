@@ -31,20 +31,20 @@ class Balance:
 class RodEquations:
     """The rod as an integral equation of the second kind for its curvature k at the nodes, in dimensionless numbers.
 
-    With the section's angle psi = angle + integral of k, the tangent t = i exp(i psi) and the force n(s) that the part
-    beyond s exerts, the moment of the loads is m(s) = (couples beyond s) + drives(s) exp(-friction b(s)) + integral
-    from s to the tip of t x n, and equilibrium is EI (k - rest) = m (S. S. Antman, 2005, doi:10.1007/0-387-27649-1,
-    chapter 4), with EI(s) per EI of the problem. The derivative is EI plus a compact operator: but for the scale of
-    its rows it is well conditioned on any mesh.
+    The section has the angle psi = angle + integral of k and the tangent t = i exp(i psi), and the part beyond s exerts
+    the force n(s). The loads then have the moment m(s) = (couples beyond s) + drives(s) exp(-friction b(s)) + integral
+    from s to the tip of t x n, and the rod is in equilibrium if EI (k - rest) = m (S. S. Antman, 2005,
+    doi:10.1007/0-387-27649-1, chapter 4), with EI(s) divided by the EI of the problem. The derivative is EI plus a
+    compact operator. With scaled rows, it is thus well conditioned on any mesh.
 
-    The tension of a tendon that is wound up by y is what it is longer, (y - integral of e k) rounded off where it is
-    slack, per its compliance c0 + integral of exp(-friction b) / EA.
+    A tendon that is wound up by y has the tension (y - integral of e k) divided by its compliance c0 + integral of
+    exp(-friction b) / EA; the numerator is rounded off where the tendon becomes slack.
 
-    Where links touch beyond a curvature c, the elastic moment grows by EI added (|k| - c), rounded off. Each drive
-    changes by the capstan law, by its own friction, negative where the rod bends away from its tendon when that is
-    pulled: b(s) is the integral of w |k| from the base, with |k| rounded off to k^2 / sqrt(k^2 + (1e-3 rad / L)^2) and
-    the way w = u / sqrt(u^2 + (1e-3 rad)^2) of the sliding u(s), the change of the bend beyond s since the shape from
-    which the tendons slid. The mesh has panels between the problem's breaks.
+    If links touch beyond a curvature c, the elastic moment grows by EI added (|k| - c), rounded off. Each drive changes
+    along the rod by the capstan law, with its own friction coefficient; this is negative if the pulled tendon bends the
+    rod away from itself. The angle b(s) is the integral of w |k| from the base. Here |k| is rounded off to k^2 /
+    sqrt(k^2 + (1e-3 rad / L)^2), w = u / sqrt(u^2 + (1e-3 rad)^2) is the direction of sliding, and u(s) is the change
+    of the bend beyond s since the tendons began to slide. The mesh has panels between the problem's breaks.
     """
 
     def __init__(self, problem: RodProblem, mesh: PanelMesh) -> None:

@@ -1,4 +1,4 @@
-"""From a file, those that it names, and changes from outside (``--set``) to one checked document."""
+"""Assemble one checked document from a file, the files that it names, and changes from outside (``--set``)."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
 
 
 def _put_in_drawings(document: Document, kind: ConfigurationKind, scene: KeyPath, main: Path) -> None:
-    """Put in place what the scene of a kind, at a path, names in files of other programs."""
+    """Insert the contents of other programs' files that the scene of a kind, at a path, names."""
     if kind.scene_class.FILES:
         named_value(kind.scene_class.FILES)(document, scene, main)
 

@@ -131,7 +131,7 @@ class _Bag:
         return self._first[topic]
 
     def _first_messages(self) -> dict[str, Any]:
-        """First message of each topic that can be read: bags have others beside those that are asked for."""
+        """Yield the first message of each readable topic; bags also have topics that no configuration names."""
         for topic in self.topics:
             with suppress(InputError):
                 self.first(topic)

@@ -65,7 +65,7 @@ class SqliteReader:
         return self._summary
 
     def iter_decoded_messages(self, topics: Iterable[str]) -> Iterator[Any]:
-        """Channel, message and decoded message of some topics, in the order in which they were logged."""
+        """Yield channel, message and decoded message of some topics, in the order of the log."""
         wanted = {*topics}
         decoders = dict[int, Any]()
         for number, stamp, data in self._rows(_MESSAGES):

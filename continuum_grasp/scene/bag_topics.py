@@ -14,7 +14,7 @@ from continuum_grasp.base import Array, InputError, install_line, split_unit
 _PACKAGE = "continuum_grasp_msgs"
 """ROS 2 package of each message, by name."""
 NANOSECONDS = 1_000_000_000
-"""Nanoseconds, in which stamps count, per second."""
+"""Nanoseconds, the unit of stamps, per second."""
 _HEADER_PARTS = f"""{"=" * 80}
 MSG: std_msgs/Header
 builtin_interfaces/Time stamp
@@ -28,7 +28,7 @@ uint32 nanosec
 
 
 def ros_module(module: str, file: str) -> Any:
-    """A module of the libraries for bags; an `InputError` that says how to install them where they are missing."""
+    """Import a module of the libraries for bags; if they are missing, an `InputError` tells how to install them."""
     try:
         return import_module(module)
     except ImportError:
@@ -83,7 +83,7 @@ def _defined(writer: Any, topic: str, columns: Mapping[str, Any]) -> tuple[Any, 
 
 
 def _field_names(labels: Sequence[str]) -> list[str]:
-    """A name per label, of which none is there twice."""
+    """Return a unique name per label."""
     names = list[str]()
     for label in labels:
         name = field_name(label)

@@ -44,11 +44,11 @@ def kinds() -> dict[str, ConfigurationKind]:
 
 
 def kind_of(data: Any) -> ConfigurationKind:
-    """Kind of a configuration by its keys: the one that requires most of those that are there.
+    """Return the kind of a configuration: of the kinds that recognize its keys, the one that requires the most keys.
 
-    What no other kind recognizes is a scene for simulation.
+    A configuration that no kind recognizes is a scene for simulation.
     """
     keys = set(data) if isinstance(data, dict) else set()
-    # Add-ons first: a plan or a sweep has keys of scenes of the core beside its own.
+    # Add-ons first: a plan or a sweep also has keys of scenes of the core.
     fitting = [kind for kind in reversed(kinds().values()) if kind.recognizes(keys)]
     return max(fitting, key=lambda kind: len(kind.required) + 0.5 * bool(kind.marks), default=kinds()["simulate"])

@@ -17,16 +17,16 @@ from continuum_grasp.base import InputError
 
 @dataclass(frozen=True)
 class Consumer:
-    """A declaration of the keys of a scene, or of a part of one, that something does not take as they are.
+    """Declaration of the keys of a scene, or of a part of a scene, that a consumer refuses or changes.
 
-    A key is dotted, without indices: it stands for the key of each entry of a list or mapping. ``key=word`` is the key
-    with that value alone, or that word in a list. A key counts as given where it differs from its default. Arguments of
-    functions and options of commands are declared in the same way, by their names.
+    A key is dotted, without indices: it means the key of each entry of a list or mapping. ``key=word`` means the key
+    with exactly this value, or with this word in a list. A key counts as given if it differs from its default.
+    Arguments of functions and options of commands are declared in the same way, by their names.
 
     Attributes
     ----------
     name : str
-        What it is, as the table in the documentation has it; empty of keys that have no place beside others.
+        Name of the consumer in the table of the documentation; empty for keys that exclude each other.
     refused : mapping of str to str
         By key, why it is an error.
     otherwise : mapping of str to str
@@ -35,7 +35,7 @@ class Consumer:
         By key, or by a whole part, why nothing is missing without it: in the documentation alone. ``*`` is any
         name.
     where : callable
-        Whether it is about a scene: of what has no effect beside other keys.
+        Whether the declaration applies to a scene: for keys without effect next to others.
     """
 
     name: str = ""
@@ -76,12 +76,12 @@ class Consumer:
 
     @staticmethod
     def refusals(rules: str, **functions: Callable[..., Any]) -> tuple[Consumer, ...]:
-        """Declare keys that have no place beside others, or without them: a rule per line, continued where indented.
+        """Declare keys that exclude or need others: one rule per line; indented lines continue a rule.
 
-        ``KEYS with OTHERS: WHY`` refuses keys where one of the others is given, ``KEYS without OTHERS: WHY`` where none
-        is, ``KEYS: WHY`` everywhere; ``table.{point,stays}`` are two keys, and NAME is the last name of each. Others
-        are keys, properties, or ``functions`` that take the scene, and a word as ``differs(NAME)``. For needed keys,
-        the reason may be left out.
+        ``KEYS with OTHERS: WHY`` refuses keys if one of the others is given, ``KEYS without OTHERS: WHY`` if none is
+        given, and ``KEYS: WHY`` always. ``table.{point,stays}`` means two keys, and NAME is the last name of each.
+        Others are keys, properties, or ``functions`` of the scene, also with a word as in ``differs(NAME)``. Rules for
+        needed keys may omit the reason.
         """
         declared = []
         for line in re.sub(r"\n\s+", " ", inspect.cleandoc(rules)).splitlines():
@@ -95,16 +95,16 @@ class Consumer:
 
     @staticmethod
     def unknown_laws(who: str, *known: str) -> dict[str, str]:
-        """Say, by key, why one that has laws of the sections of its own refuses all but those that it knows."""
+        """Return, by key, why a consumer with its own laws of the sections refuses all laws that it does not know."""
         others = {key: word for key, word in SECTION_LAWS.items() if key not in known}
         return {key: f"{who} does not know {word}: leave {key.rpartition('.')[2]} out" for key, word in others.items()}
 
     def check(self, scene: Any, place: str = "", of: BaseModel | Mapping[str, Any] | None = None) -> tuple[str, ...]:
-        """List what becomes of keys that are taken otherwise, of a scene or of a part of one.
+        """List how the consumer changes keys of a scene, or of a part of it.
 
-        ``of`` is what has the keys, where that is not the scene: a value, or arguments by name with whether they are
-        given, or as what the error calls them. The key of an `InputError`, of the first that is refused, is seen from
-        there, or begins with ``place``.
+        ``of`` has the keys if it is not the scene: a value, or a mapping from the names of arguments to whether they
+        are given, or to their names in errors. The `InputError` for the first refused key counts the key from there, or
+        begins it with ``place``.
         """
         of = scene if of is None else of
         for key, why in self.refused.items():
@@ -178,4 +178,5 @@ SECTION_LAWS = {
     "finger.damping.relaxation": "a material that relaxes",
 }
 FIT_MATCHED_TIP = ("finger.damping.quadratic", "finger.gyration_radius")
-"""Laws under which the moment of the input alone gives the curvature at the tip: with quadratic damping at rest."""
+"""Laws under which the moment of the input alone determines the curvature at the tip; with quadratic damping, at
+rest."""

@@ -23,10 +23,11 @@ tolerate two periods of unmodeled delay, at 0.23 none (docs/control.md)."""
 
 
 _BORNE_MASS, _BORNE_FORCE = 1.5, 1.0 / 12.0
-"""Load of the tip that loops bear whose estimators have no unknown for it [1]: mass, per mass of the rod with each part
-weighed by (s / L)^4, which is a fifth of a uniform one; and deflection by the force, in first order, per length. Of a
-uniform rod 0.3 m and E I / 4 L^2. With them no shipped loop trips, in four directions; twice the force trips tip_arc,
-tip_circle, keep_out, motor_servo, winches and three_tendons: ``python -m benchmarks.tip_loads --factors 1 2``."""
+"""Load of the tip that loops withstand without an unknown for it in the estimator [1]. The first number is a mass per
+mass of the rod, weighted by (s / L)^4, which is a fifth of the mass of a uniform rod. The second is the first-order
+deflection by a force, per length. For a uniform rod of mass m they mean 0.3 m and E I / 4 L^2. No shipped loop trips
+under them, in four directions; twice the force trips tip_arc, tip_circle, keep_out, motor_servo, winches and
+three_tendons: ``python -m benchmarks.tip_loads --factors 1 2``."""
 _OF_SCENARIOS = {
     "stiffness": ("bending_stiffness",),
     "damping": ("material_damping", "per_arc_damping"),
@@ -57,13 +58,13 @@ class LogFormat(Value):
     """Form of the logs that ``replay`` and ``commission`` read."""
 
     columns: dict[str, str] = Field(default_factory=dict)
-    """Column of each channel (tip_x, commanded_tension_1, ...) that has another name in the log: a heading, or
-    /topic.field of a bag, with its unit behind in brackets where it is not SI; t: the times of a table."""
+    """Columns of channels (tip_x, commanded_tension_1, ...) with another name in the log: a heading, or /topic.field of
+    a bag, followed by its unit in brackets unless it is SI; t: the times of a table."""
     stamps: Literal["header", "log"] | None = None
     """Stamps of a bag: of the messages' headers, or of their recording; None: of headers."""
     max_age: Annotated[Duration | None, Field(examples=[0.02, "20 ms"])] = None
-    """Age up to which ``commission`` takes the last reading of a channel with stamps of its own [s]; None: it needs
-    readings of one stamp. ``replay`` takes the last of each period."""
+    """Greatest age of the last reading of a channel with its own stamps that ``commission`` accepts [s]; None: it needs
+    readings with one stamp. ``replay`` takes the last reading of each period."""
 
 
 class ControlScene(CommandedScene):
@@ -141,8 +142,8 @@ class ControlScene(CommandedScene):
     estimator: EstimatorSettings | None = None
     """Estimator of the state; None: the controller measures the state."""
     mounting: Mounting | None = None
-    """Mounting of the bench, as ``commission`` finds it; what drives read and are sent goes through it. None: as the
-    model does."""
+    """Mounting of the bench, as found by ``commission``; readings and commands of drives are converted by it. None: the
+    mounting of the model."""
     plant: PlantDifferences = PlantDifferences()
     """Differences of the plant from the controller's model."""
     loads: ListOf[ForceLoad] = ()
@@ -180,7 +181,7 @@ class ControlScene(CommandedScene):
         """
         rate, weight = self.controller.input.rate_max, self.controller.cost.input_rate
         unit = f"{self.finger.inputs[0].unit}/s"
-        # The rate at which the weighted square is one, as that of an error of its own unit.
+        # The rate whose weighted square is 1, like that of an error of one unit.
         tolerated = 1.0 / math.sqrt(weight) if weight else math.inf
         tracks_force = self.controller.cost.contact_force is not None
         if rate is not None and not tracks_force and tolerated > _CALM * rate * (1 + 1e-9):
@@ -277,7 +278,7 @@ class ControlScene(CommandedScene):
 
     @property
     def bench_mounting(self) -> Mounting | None:
-        """True mounting of the plant's bench: where it states none, the one that the controller knows."""
+        """True mounting of the plant's bench; by default, the mounting that the controller knows."""
         return self.mounting if self.plant.mounting is None else self.plant.mounting
 
     @property
@@ -295,7 +296,7 @@ class ControlScene(CommandedScene):
         return 0 if self.estimator is None else round(self.estimator.delay / self.controller.step)
 
     def measurement_std(self, name: str) -> float:
-        """Standard deviation of a measurement, by its name; infinite where it is not measured."""
+        """Return the standard deviation of a measurement, by its name; infinite if it is not measured."""
         return (self.estimator and self.estimator.measured.std_of(name)) or math.inf
 
     @property

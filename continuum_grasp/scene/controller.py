@@ -50,8 +50,9 @@ MOST_SCENARIOS = 8
 
 
 class Penalty(Value):
-    """Penalty weights of a soft constraint, per share of its scale; where they are large enough, the constraint is
-    satisfied wherever it can be.
+    """Penalty weights of a soft constraint, per share of its scale.
+
+    With large enough weights, the constraint is satisfied whenever this is possible.
     """
 
     linear: Ratio = 100.0
@@ -66,7 +67,7 @@ class _Zone(Value):
     clearance: Distance = 0.0
     """Distance from the edge [m]."""
     penalty: Penalty | Literal["hard"] | None = None
-    """Penalty of a violation; hard: there is none, or no solution; None: soft, and hard in plans."""
+    """Penalty of a violation. hard: a violation means that there is no solution. None: soft, and hard in plans."""
 
 
 class HalfPlaneZone(_Zone):
@@ -112,8 +113,8 @@ class Bounds(Value):
     keep_out: dict[str, Zone] = Field(default_factory=dict)
     """Zones by name."""
     penalty: Penalty | Literal["hard"] | None = None
-    """Penalty of violations of curvature and speed; hard: there is none, or no solution; None: soft, and hard in
-    plans."""
+    """Penalty of violations of curvature and speed. hard: a violation means that there is no solution. None: soft, and
+    hard in plans."""
     usual_penalty: ClassVar[Penalty | Literal["hard"]] = Penalty()
     """Penalty where a scene states none."""
 
@@ -140,8 +141,9 @@ class InputLimits(Value):
     rate_max: Annotated[Positive, Field(examples=[600.0]), Unit("unit of the input per second")] | None = None
     """Greatest change of the input per time [unit of the input per second], such as N/s of tensions."""
     time_constant: TimeConstant | None = None
-    """Time constant T of each of the two lags in series, 1/(T s + 1)^2, by which the tip moment of a finger without
-    tendons follows [s]: of a drive of first order half its own. ``finger.tendons`` has the tendons' constant."""
+    """Time constant T of each of two lags in series, 1/(T s + 1)^2, between the command and the tip moment of a finger
+    without tendons [s]; for a first-order drive, half its time constant. ``finger.tendons`` has the constant of
+    tendons."""
 
 
 class CommandedScene(FingerScene, Surroundings):
@@ -311,9 +313,9 @@ class CommandedScene(FingerScene, Surroundings):
 
     @property
     def simulated(self) -> Scene:
-        """The scene as models and simulations take it, under the input before the motion.
+        """Scene for models and simulations, under the input before the motion.
 
-        A tip moment acts as it is commanded, without its lag.
+        A tip moment acts without its lag.
         """
         at_rest = Actuation.of(self.finger.input_keys, self.initial_input)
         fidelity = self.fidelity.replaced(family=self.model_family)
@@ -381,8 +383,8 @@ class Scenario(_Differs):
     """A plant that a robust controller plans for, by how it differs from the controller's finger."""
 
     weight: Annotated[Positive, Unit("1")] = 1.0
-    """Weight of this plant's cost, beside the weights of other plants: its probability, up to a factor [1]. Constraints
-    count in full."""
+    """Weight of this plant's cost relative to the other plants: its probability, up to a factor [1]. Constraints count
+    in full."""
 
     @property
     def changes(self) -> dict[str, float]:
@@ -416,18 +418,19 @@ class ControllerSettings(Limited):
     start_iterations: Annotated[int, Field(ge=1, le=100)] = 5
     """Linearizations for a command without a previous plan, such as the first one."""
     start_calls: Annotated[int, Field(ge=1, le=100)] = 1
-    """Commands over which these are spread, where the longest call counts: the first one makes its share, rounded down,
-    after the integration of a motion from which it starts. No more than ``start_iterations``."""
+    """Number of commands over which the start iterations are spread, to shorten the longest call. The first command
+    integrates the motion from which it starts, and then makes its share of the iterations, rounded down. No more than
+    ``start_iterations``."""
     iterations: Annotated[int, Field(ge=1, le=100)] = 40
-    """Greatest number of factorizations per QP, beyond the one of its preparation. A QP that is not solved with as many
-    ends with an input within its limits and the status ITERATION_LIMIT."""
+    """Greatest number of factorizations per QP, in addition to the one of its preparation. If they do not solve the QP,
+    it ends with an input within its limits and the status ITERATION_LIMIT."""
     scenarios: ListOf[Scenario] = ()
-    """Plants for which the controller plans at once, 2 to 8: each has a plan of its own, all have the first command in
-    common, and the cost is the weighted mean. {} is the finger as it is. Empty: only that one."""
+    """Plants for which the controller plans at once, 2 to 8: each has its own plan, all plans share the first command,
+    and the cost is the weighted mean. {} is the unchanged finger. Empty: only the unchanged finger."""
     supervisor: bool = True
-    """Whether the loop is supervised: where sensors contradict the model, ``input_rate`` is raised up to 64-fold; where
-    that does not help, or readings freeze, the command ramps to the input at rest (no moment, the least tensions, the
-    pretension of drives) until it is re-armed."""
+    """Whether a supervisor watches the loop. If sensors contradict the model, it raises ``input_rate`` up to 64-fold.
+    If this does not help, or readings freeze, it ramps the command to the input at rest (no moment, the least tensions,
+    the pretension of drives) until it is re-armed."""
 
     def _check(self) -> None:
         if self.period is not None and self.period > self.horizon.stage * self.horizon.stages:
@@ -452,15 +455,16 @@ class PlantDifferences(_Differs):
     fidelity: Fidelity = Fidelity(family=FAMILIES.default(free_tip=True), elements=8)
     """Resolution of the plant's model."""
     guides: Annotated[int, Field(ge=8, le=200)] | None = None
-    """In place of ``fidelity``: a chain of this many hinges with a guide of the tendons at each, at which they stick or
-    slide by the capstan law alone, elastic in between, slack where they would push. None: elements and cells."""
+    """Alternative to ``fidelity``: a chain with this number of hinges and a guide of the tendons at each. At the
+    guides, the tendons stick or slide by the capstan law alone; between guides they are elastic, and slack instead of
+    pushing. None: elements and cells."""
     drive_order: Literal[1, 2] | None = None
     """Order of the drive's lag; None: as the controller knows it. A ramp is followed as many times the time constant
     late."""
     object_mass: Annotated[Positive, Unit("1")] = 1.0
-    """Mass of an object that moves, per that which the controller knows [1]."""
+    """Mass of a moving object, per mass that the controller knows [1]."""
     object_friction: Annotated[Positive, Unit("1")] = 1.0
-    """All friction coefficients of an object that moves, per those that the controller knows [1]."""
+    """Friction coefficients of a moving object, per coefficients that the controller knows [1]."""
     noise: Ratio = 1.0
     """Measurement noise relative to ``estimator.measured`` [1]. Without any, no reading at rest counts as frozen."""
     delay: Annotated[NonNegative, Unit("s")] | None = None

@@ -121,7 +121,7 @@ class RowSamples(Sampled):
     """Rows of numbers over time."""
 
     values: Annotated[ListOf[Row], Field(min_length=2), Unit(None)]
-    """One row per instant, in the unit of what they are given for."""
+    """One row per instant, in the unit of the referenced quantity."""
 
     def _check(self) -> None:
         if len({len(row) for row in self.values}) > 1:
@@ -180,8 +180,8 @@ class Reference(Value):
     object_angle: Annotated[AngleRow | RowSamples, Unit("rad")] | None = None
     """World angle of an object that moves [rad]; samples have rows of one entry."""
     input: Annotated[Rows, Unit("unit of the input")] | None = None
-    """Input that costs no effort: tip moment, tensions, or what drives take [unit of the input]; where not
-    given, none, the least tensions, or the pretension of drives."""
+    """Input that costs no effort: tip moment, tensions, or commands of drives [unit of the input]. None: zero moment,
+    the least tensions, or the pretension of drives."""
 
     def _check(self) -> None:
         for name in ("tip", "object_position"):
@@ -191,4 +191,4 @@ class Reference(Value):
 
 
 _WITH_DEFAULT = frozenset({"bending", "input"})
-"""Quantities with a setpoint where none is given: straight, least tension. The world's origin is no setpoint."""
+"""Quantities with a default setpoint: straight, least tension. The world's origin is no setpoint."""

@@ -1,4 +1,4 @@
-"""Curves that drawn polygons stand for: arcs in place of edges between corners that turn little."""
+"""Curves that drawn polygons approximate: arcs replace edges between corners that turn little."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ BLUNT, _SPAN = 0.1, 0.3
 """Turn of the normal at a corner [rad] below which it may be a point of a curve, and what such corners, one after the
 other, turn at least in all: a corner alone, however blunt, is a corner."""
 _UNEVEN = 3.0
-"""Ratio of the lengths of two edges from which on the longer one is a straight line that a curve leaves along it."""
+"""Least ratio of the lengths of two edges that makes the longer one a straight line, tangent to the curve."""
 SHARE = 1e-3
 """Distance of a polygon from the curve that it stands for, per longer side of the object [1], by default and at most: a
 circle that is drawn has 64 corners then."""
 _NEAR = 2e-5
-"""Distance, per extent of the part, up to which arcs pass by the corners of a curve: the rounding of coordinates in
+"""Greatest distance between arcs and the corners of a curve, per extent of the part: the rounding of coordinates to
 whole micrometers, for a few centimeters."""
 _BENT = 0.1, 1.0
-"""Turn of the normal between three corners whose circle gives the tangent at the middle one, where they are as close;
-and greatest turn along two arcs [rad]."""
+"""Greatest turn of the normal between three corners whose circle gives the tangent at the middle one, and greatest turn
+along two arcs [rad]."""
 
 
 def curved(part: OffsetPolygon) -> OffsetPolygon:
-    """The part with curves in place of edges between corners that are points of a curve.
+    """Return the part with curves instead of edges between corners that are points of a curve.
 
-    These are convex corners as blunt as `BLUNT`, several after each other that turn by `_SPAN` in all. The curve has
-    the tangents of circles through three corners, and stays within `SHARE` of the polygon's extent: drawings are no
-    more accurate. Corners at which lines meet, and reflex ones, stay as they are.
+    Such corners are convex, as blunt as `BLUNT`, and follow each other with a total turn of `_SPAN`. The curve has the
+    tangents of circles through three corners, and stays within `SHARE` of the polygon's extent, because drawings are
+    not more accurate. Corners between lines, and reflex corners, stay.
     """
     core, count = part.vertices, len(part.vertices)
     if count < 3 or part.radius > 0.0:
@@ -55,8 +55,9 @@ def curved(part: OffsetPolygon) -> OffsetPolygon:
 
 
 def hollowed(part: OffsetPolygon) -> tuple[Face, ...]:
-    """Lines and arcs of the core of a part, with arcs in place of edges between reflex corners that are points of a
-    curve, too: `curved` with inside and outside exchanged. Such arcs turn by a negative angle about a center outside.
+    """Return lines and arcs of the core of a part, with arcs also between reflex corners that are points of a curve.
+
+    This is `curved` with inside and outside exchanged. Such arcs turn by a negative angle about a center outside.
     """
     core, count = part.vertices, len(part.vertices)
     if count < 3:
@@ -85,7 +86,7 @@ def hollowed(part: OffsetPolygon) -> tuple[Face, ...]:
 
 
 def _fitted(part: OffsetPolygon, bends: list[tuple[float, float]], smooth: list[bool]) -> OffsetPolygon:
-    """The part with few arcs in place of runs of bent edges, on which it has its corners."""
+    """Return the part with few arcs instead of runs of bent edges; the corners lie on the arcs."""
     core, count = part.vertices, len(part.vertices)
     normals = [edge_normal(a, b) for a, b in pairwise((*core, core[0]))]
     inner = [smooth[k] and bends[k] != (0.0, 0.0) != bends[k - 1] for k in range(count)]
@@ -139,8 +140,10 @@ def _tangents(corners: list[PlanePoint], ends: tuple[float, float], *, closed: b
 
 
 def _on_arcs(corners: list[PlanePoint], angles: list[float], near: float) -> list[tuple[PlanePoint, float, float]]:
-    """Corners of a run, but for the last, moved onto arcs with given normals at some of them, which come as ``near``
-    [m] to all: places, and angles of the normals where an edge begins and where it ends [rad].
+    """Move the corners of a run onto arcs with given normals at some of them, if the arcs pass within ``near`` [m].
+
+    Return the places of all corners except the last one, and the angles of the normals at the start and at the end of
+    each edge [rad].
     """
     count, begin, places = len(corners), 0, list[tuple[PlanePoint, float, float]]()
     while begin < count - 1:
@@ -160,9 +163,9 @@ def _on_arcs(corners: list[PlanePoint], angles: list[float], near: float) -> lis
 
 
 def _over(corners: list[PlanePoint], first: float, last: float, near: float) -> list[tuple[PlanePoint, float]] | None:
-    """Corners but for the last on two arcs from the first to the last one, where the normals have these angles.
+    """Return the corners, except the last one, on two arcs from the first to the last corner, with these normals.
 
-    With them, the place where both arcs meet, and the angles of the normals; None where some corner is not near.
+    Also return the joint of both arcs and the angles of the normals; None if a corner is not near the arcs.
     """
     a, b = corners[0], corners[-1]
     normal = edge_normal(a, b)
@@ -185,13 +188,13 @@ def _over(corners: list[PlanePoint], first: float, last: float, near: float) -> 
         places.append((at, first + math.remainder(angle - first, math.tau)))
     places.sort(key=lambda place: place[1])
     steps = [other[1] - place[1] for place, other in pairwise(places)]
-    # 1e-3: an edge that is shorter than so much of the arcs is left out, with the corner, not the place, at its end.
+    # 1e-3: an edge shorter than this share of the arcs is left out; the corner at its end stays, not the joint.
     spare = {places[k][0] for k, step in enumerate(steps) if step < 1e-3 * (low + high) and k > 0}
     return [place for place in places if place[0] not in spare]
 
 
 def _in_runs(smooth: list[bool], turns: list[float]) -> list[bool]:
-    """Corners that are smooth with others beside them that turn by `_SPAN` in all."""
+    """Find corners that are smooth together with their neighbors and turn by `_SPAN` in total."""
     count = len(turns)
     if all(smooth):
         return smooth
@@ -210,7 +213,7 @@ def _in_runs(smooth: list[bool], turns: list[float]) -> list[bool]:
 def _bends(
     core: tuple[PlanePoint, ...], turns: list[float], sizes: list[float], smooth: list[bool]
 ) -> list[tuple[float, float]]:
-    """Per edge, the angles by which a curve through smooth corners leaves it and comes back [rad]."""
+    """Return, for each edge, the angles between it and a curve through smooth corners, at both ends [rad]."""
     count = len(core)
     low, high = [0.0] * count, [0.0] * count
     for k in (k for k in range(count) if smooth[k]):
@@ -225,7 +228,7 @@ def _bends(
             low[k] = math.asin(min(after / (2.0 * radius), math.sin(turns[k])))
             high[k - 1] = turns[k] - low[k]
     for k in range(count):
-        # Into a corner that is none of the curve's, it goes on as a circle.
+        # Toward a corner that does not belong to the curve, the curve continues as a circle.
         ends = (smooth[k], turns[k]), (smooth[(k + 1) % count], turns[(k + 1) % count])
         if low[k] > 0.0 == high[k] and not ends[1][0] and ends[1][1] > 2.0 * low[k]:
             high[k] = low[k]

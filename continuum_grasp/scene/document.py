@@ -19,7 +19,8 @@ KeyPath = tuple[str | int, ...]
 class Place:
     """Positions of a value and of its key in a file; lines and columns count from 1, None outside a file.
 
-    Paths are relative to ``folder``; where that is None, to the folder of the file, or of the main file outside one.
+    Paths are relative to ``folder``. If it is None, they are relative to the folder of the file; without a file, to
+    that of the main file.
     """
 
     file: str
@@ -44,11 +45,11 @@ class Place:
 
 @dataclass
 class Document:
-    """Plain data and the place of each entry in it.
+    """Plain data and the place of each entry.
 
-    ``value`` holds dict, list, str, int, float, bool and None; ``places`` maps paths of entries, such as
-    ``("finger", "masses", 0, "at")``, to where they were written. Files whose keys are
-    ``varied`` are not put in place; ``notes`` say of each key what was read.
+    ``value`` holds dict, list, str, int, float, bool and None; ``places`` maps paths of entries, such as ``("finger",
+    "masses", 0, "at")``, to their places in files. Files whose keys are ``varied`` are not inserted; ``notes`` describe
+    the contents of files by key.
     """
 
     value: Any
@@ -63,9 +64,9 @@ class Document:
 
     @staticmethod
     def path_of(key: str, name: str) -> KeyPath:
-        """The path that a text such as ``finger.masses[0].mass`` means; ``name`` says in errors where it stands."""
+        """Parse a path such as ``finger.masses[0].mass``; errors use ``name`` for the place of the text."""
         path = tuple(int(part) if str(part).isdecimal() else part for part in undotted(key))
-        # What is skipped, such as an open bracket, is missing when the path is written again.
+        # A skipped character, such as an open bracket, is missing when the path is written again.
         if not path or re.search(r"\s", key) or dotted(path) != re.sub(r"\.(\d+)(?=\.|\[|$)", r"[\1]", key):
             raise InputError(f"expected a key path such as finger.masses[0].mass, got {key!r}", file=name)
         return path
@@ -198,7 +199,7 @@ def _is_tag(kind: Any) -> bool:
 
 
 def child(value: Any, part: str | int) -> Any:
-    """The entry of a scene value, mapping or sequence; None where there is none."""
+    """Return the entry of a scene value, mapping or sequence; None if it does not exist."""
     if hasattr(value, "model_fields_set"):
         return getattr(value, part, None) if isinstance(part, str) and part in type(value).model_fields else None
     try:
@@ -212,9 +213,9 @@ Change = tuple[KeyPath, Document]
 
 
 def refuse_what_is_no_file(path: str | os.PathLike[str], name: str | None = None) -> None:
-    """Refuse folders, pipes and devices, which have no end or wait for a writer; a missing file is not looked at.
+    """Refuse folders, pipes and devices, which have no end or wait for a writer; a missing file passes.
 
-    ``name`` is what errors call it in place of its path.
+    Errors call the file ``name`` instead of its path.
     """
     file = Path(path)
     try:
@@ -227,9 +228,10 @@ def refuse_what_is_no_file(path: str | os.PathLike[str], name: str | None = None
 
 
 def text_of(path: str | os.PathLike[str], most: int, name: str | None = None) -> str:
-    """Text of a file in UTF-8 of at most so many bytes, without a byte order mark, as editors on Windows write it.
+    """Return the text of a file in UTF-8 with a limited number of bytes, without the byte order mark of Windows
+    editors.
 
-    InputError if it cannot be read, is longer, or not UTF-8; ``name`` is what errors call it in place of its path.
+    InputError if the file cannot be read, is longer, or is not UTF-8. Errors call it ``name`` instead of its path.
     """
     name = name or os.fspath(path)
     refuse_what_is_no_file(path, name)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.magnitudes import FORCE
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import GREATEST, Distance, Extent, NonNegative, Positive, TimeConstant, Value
 
@@ -41,7 +42,7 @@ class Input(NamedTuple):
     key: str  # in ``actuation``
     name: str
     unit: str
-    least: float  # as far as drives, tendons and chambers state it; else infinite
+    least: float  # infinite unless drives, tendons or chambers state it
     most: float
 
     @property
@@ -66,7 +67,7 @@ def numbered(given: Iterable[tuple[str, float, float]]) -> tuple[Input, ...]:
 
 
 class Pull(NamedTuple):
-    """By what the tension of a tendon [N], or the pressure of a chamber [Pa], bends the finger."""
+    """Effect by which the tension of a tendon [N], or the pressure of a chamber [Pa], bends the finger."""
 
     least: float
     most: float
@@ -84,7 +85,7 @@ class _Winch(Value):
     arrangement: Literal["one_pulley", "per_tendon"] = "per_tendon"
     """one_pulley: one drive winds up the first of two tendons by as much as it pays out the second; per_tendon: each
     tendon has a drive of its own."""
-    pretension: Annotated[NonNegative, Unit("N")] = 0.0
+    pretension: Annotated[NonNegative, Unit("N"), FORCE] = 0.0
     """Tension of the straight finger while the drives are at zero [N]."""
     slack: Distance = 0.0
     """Length that a drive must wind up until its tendon is in tension on the straight finger [m]."""
@@ -95,8 +96,8 @@ class LengthDrive(_Winch):
 
     kind: Literal["length"]
     time_constant: TimeConstant
-    """Time constant T of each of the two lags in series, 1/(T s + 1)^2, by which the servo follows [s]: of one of first
-    order half its own."""
+    """Time constant T of each of two lags in series, 1/(T s + 1)^2, between the command and the servo [s]; for a
+    first-order servo, half its time constant."""
     rate_max: Annotated[Positive, Field(examples=[0.1]), Unit("m/s")] | None = None
     """Greatest speed [m/s]; None: not limited."""
 
@@ -107,7 +108,7 @@ class LengthDrive(_Winch):
 
     @property
     def limit(self) -> float:
-        """Greatest magnitude of a command; infinite where it is not limited."""
+        """Greatest magnitude of a command; infinite without a limit."""
         return math.inf
 
 
@@ -135,8 +136,8 @@ class MotorDrive(_Winch):
     coulomb_friction: Annotated[NonNegative, Unit("N m")] = 0.0
     """Dry friction at the drum [N m]; a gear ratio N multiplies the motor's N times."""
     presliding_angle: Annotated[float, Field(ge=1e-6, le=1.0, examples=[0.005]), Unit("rad")] | None = None
-    """Angle within which dry friction turns from one direction to the other, halved [rad]: a drive that holds a load
-    without current, as worm gears do. None: friction by the velocity alone, under which a load creeps."""
+    """Half the angle within which dry friction changes its direction [rad]; such a drive holds a load without current,
+    like a worm gear. None: friction depends on the velocity alone, and a load creeps."""
     torque_max: Annotated[Positive, Field(examples=[0.2]), Unit("N m")]
     """Greatest magnitude of the torque at the drum [N m]."""
     position_gain: Annotated[Positive, Field(examples=[2.0]), Unit("N m/rad")] | None = None
@@ -150,7 +151,7 @@ class MotorDrive(_Winch):
     """Stiffness of the gear at the drum [N m/rad]; needed for backlash, without it a part of ``series_stiffness``."""
 
     def unlimited(self) -> MotorDrive:
-        """The motor with so much torque that it never saturates, and stands wherever it is to stand."""
+        """Return the motor with unlimited torque, so that it never saturates and holds any position."""
         return self.replaced(torque_max=GREATEST)
 
     @property
@@ -160,7 +161,7 @@ class MotorDrive(_Winch):
 
     @property
     def limit(self) -> float:
-        """Greatest magnitude of a command; infinite where it is not limited."""
+        """Greatest magnitude of a command; infinite without a limit."""
         return self.torque_max if self.position_gain is None else math.inf
 
 
@@ -177,7 +178,7 @@ class DriveLaw:
     axial: float
     """Elongation along the finger per tension that is the same all along [m/N]."""
     onset: float
-    """Half the length in which a tendon goes from slack to tension [m]."""
+    """Half the change of length between a slack tendon and a tendon in tension [m]."""
 
     @property
     def pulley(self) -> bool:
@@ -191,7 +192,9 @@ class DriveLaw:
 
     @property
     def start(self) -> float:
-        """Cable wound up of the straight finger while the drive is at zero [m], counted from where it is in tension."""
+        """Length of cable wound up by the drive at zero while the finger is straight [m]; zero is the start of
+        tension.
+        """
         return self.drive.pretension * (self.series + self.axial) - self.drive.slack
 
     @property

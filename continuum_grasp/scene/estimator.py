@@ -27,14 +27,14 @@ class Camera(Value):
     """A camera whose axes differ from the world's."""
 
     position: Position = (0.0, 0.0)
-    """World position of what the camera counts as zero [m]."""
+    """World position of the camera's origin [m]."""
     angle: Angle = 0.0
     """World angle of the camera's x axis [rad]."""
     scale: Annotated[Positive, Unit("1")] = 1.0
     """Camera's reading per true distance [1]."""
     mirrored: bool = False
-    """Whether the camera's y axis is to the right of its x axis, as y down in images; where it is stated,
-    ``commission`` takes it as known."""
+    """Whether the camera's y axis is to the right of its x axis, as in images with y down. If stated, ``commission``
+    takes it as known."""
 
 
 class Connection(Value):
@@ -45,7 +45,7 @@ class Connection(Value):
     sign: Literal[-1, 1] = 1
     """Sign of the number of the bench per number of the model."""
     zero: Annotated[Real, Unit("N or N m")] = 0.0
-    """Command at which the drive exerts nothing, or reading of a load cell without load [N or N m]."""
+    """Command of a drive that exerts nothing, or reading of a load cell without load [N or N m]."""
 
 
 Connections = Annotated[ListOf[Connection], Field(max_length=16)]
@@ -129,7 +129,7 @@ class Measured(Value):
     """Noise of the torque of each motor at its drum [N m]."""
 
     def std_of(self, name: str) -> float | None:
-        """Standard deviation of a number that is measured, by its name; None where it is not measured."""
+        """Return the standard deviation of a measured number, by its name; None if it is not measured."""
         key = next((key for start, key in _SENSOR_KEYS.items() if name.startswith(start)), "tension")
         std: Any = self
         for part in key.split("."):
@@ -151,17 +151,17 @@ class Disturbed(Value):
     tip_moment: Annotated[Positive, Field(examples=[0.01]), Unit("N m / s^0.5")] | None = None
     """Tip moment missing in the model, from wrong stiffness or friction [N m / s^0.5]."""
     tip_offset: Annotated[Positive, Field(examples=[0.001]), Unit("m / s^0.5")] | None = None
-    """Error of the measured tip across the path on which an even bend moves it, as of a camera that is scaled, shifted
-    or turned [m / s^0.5]. Without it the estimate bends to an error that no bend explains, and the tip goes off its
-    setpoint by several times as much. With it the measured tip meets its setpoint; use it beside one disturbance that
-    moves the tip along that path."""
+    """Error of the measured tip across the path of the tip under an even bend, such as that of a scaled, shifted or
+    turned camera [m / s^0.5]. Without this unknown, the estimated finger bends to an error that no bend explains, and
+    the tip misses its setpoint by several times this error. With it, the measured tip meets its setpoint. Use it
+    together with one disturbance that moves the tip along the path."""
     tip_force: Annotated[Positive, Field(examples=[0.1]), Unit("N / s^0.5")] | None = None
     """Unknown world force at the tip, each component [N / s^0.5]."""
     contact_force: Annotated[Positive, Field(examples=[0.2]), Unit("N / s^0.5")] | None = None
     """Unknown world force at each place of ``contacts``, each component [N / s^0.5]."""
     contact_friction: Annotated[Positive, Field(examples=[0.5]), Unit("1 / s^0.5")] | None = None
-    """Friction at each contact with the object, in the plane, per ``contact_law.friction`` times the normal force: a
-    share between -1 and 1 [1 / s^0.5]; in place of that which a law would give."""
+    """Friction in the plane at each contact with the object, per ``contact_law.friction`` times the normal force: a
+    share between -1 and 1 [1 / s^0.5]; it replaces the friction of the contact law."""
     object_position: Annotated[Positive, Field(examples=[0.004]), Unit("m / s^0.5")] | None = None
     """Position of a fixed object, each coordinate [m / s^0.5]; observable only in contact."""
     bending_stiffness: Annotated[Positive, Field(examples=[0.1]), Unit("1 / s^0.5")] | None = None
@@ -171,7 +171,7 @@ class Disturbed(Value):
 
 
 class Spread(Value):
-    """Standard deviations of unknowns at the start, of those that a plant has once and for all."""
+    """Standard deviations at the start for unknowns that stay constant for a plant."""
 
     object_position: Annotated[Positive, Field(examples=["3 mm"]), Unit("m")] | None = None
     """Spread of each coordinate of a fixed object [m]."""
@@ -184,8 +184,8 @@ class Spread(Value):
 class Adapt(Value):
     """Model parameters estimated while the controller runs, each with the standard deviation of plants about nominal.
 
-    Each must be one of the scene's ``parameters``. Estimates start at the nominal values, with which the controller
-    plans until measurements tell more.
+    Each must be one of the scene's ``parameters``. Estimates start at the nominal values; the controller plans with
+    them until measurements tell more.
     """
 
     bending_stiffness: Annotated[Positive, Field(le=1.0, examples=["30 %"]), Unit("1")] | None = None
@@ -196,13 +196,13 @@ class Adapt(Value):
     """Drift of the time constant T of the drive, relative [1]. Only the dead time, 2 T and the delay of measurements,
     shows: a delay other than ``delay`` is found as half of it in T."""
     forgetting_time: Annotated[Duration, Field(examples=["60 s"])] | None = None
-    """Time in which variances return to their start where no informative measurement arrives [s]: shorter follows
-    parameters that change, longer averages over more noise. None: 785 natural times of the finger, sqrt(m L^3 / E I);
-    60 s of one with 76 ms."""
+    """Time within which variances return to their start without informative measurements [s]: a shorter time follows
+    changing parameters, a longer one averages over more noise. None: 785 natural times of the finger, sqrt(m L^3 / E
+    I); for example, 60 s at 76 ms."""
 
     @property
     def spreads(self) -> dict[str, float]:
-        """Standard deviations at the start of those that are estimated, by name."""
+        """Standard deviations of the estimated parameters at the start, by name."""
         return self.stated("forgetting_time")
 
     def _check(self) -> None:
@@ -232,8 +232,8 @@ class EstimatorSettings(Value):
     disturbances: Disturbed = Disturbed()
     """Unknowns that are estimated with the state."""
     spread: Spread = Spread()
-    """Standard deviations of unknowns from their nominal values at the start; by default as far as they drift in 100
-    control periods. A stiffness that one plant has and another has not is a wide spread with a slow drift."""
+    """Standard deviations of unknowns from their nominal values at the start; by default, their drift in 100 control
+    periods. A stiffness that differs between plants has a wide spread and a slow drift."""
     adapt: Adapt | None = None
     """Model parameters that are estimated while it runs; None: none."""
     acceleration_std: Annotated[Positive, Field(examples=[1.0]), Unit("rad/s2 s^0.5")] | None = None

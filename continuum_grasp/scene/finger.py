@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.profile import Channel, Curve, Profile
 
 _AT_ONCE = 1e-3
-"""Time in which a material relaxes, per the finger's natural time, below which it only damps [1]."""
+"""Least relaxation time of a material per natural time of the finger [1]; a material that relaxes faster only damps."""
 
 
 class PointMass(Value):
@@ -80,7 +80,7 @@ class Stops(Value):
     """Links that touch where the finger is bent far: beyond a curvature it is stiffer."""
 
     curvature: Varying[Annotated[Positive, Unit("1/m")]] | None = None
-    """Curvature from which on links touch [1/m], a magnitude, or its values at base and tip; None: that which closes
+    """Curvature at which links touch [1/m], a magnitude, or its values at base and tip. None: the curvature that closes
     the gaps of ``rod.spirob``."""
     stiffness_ratio: Annotated[float, Field(gt=1.0, le=1e6, examples=[50.0]), Unit("1")]
     """Bending stiffness beyond it per that before it [1]."""
@@ -95,14 +95,16 @@ class Stops(Value):
 
 
 class Softening(Value):
-    """A material that softens where it is bent far, as superelastic and printed ones do; it unloads as it was loaded.
+    """A material that softens under a strong bend, such as superelastic and printed ones, and unloads on the same
+    curve.
 
-    The bending moment is EI (k - (1 - ratio) c(k)) of the curvature k above that at rest, where c is k less
-    ``curvature`` beyond it, and rounded off there, to either side alike.
+    The bending moment is EI (k - (1 - ratio) c(k)), with the change k of the curvature since rest. Here c is the part
+    of k beyond ``curvature``, rounded off there; both directions are alike.
     """
 
     curvature: Varying[Annotated[Positive, Unit("1/m")]]
-    """Curvature above that at rest from which on it is softer [1/m], a magnitude, or its values at base and tip."""
+    """Change of curvature since rest at which the material softens [1/m], a magnitude, or its values at base and
+    tip."""
     stiffness_ratio: Annotated[float, Field(ge=0.01, lt=1.0, examples=[0.2]), Unit("1")]
     """Bending stiffness beyond it per that before it [1]."""
     rounding: Annotated[float, Field(ge=0.001, le=2.0), Unit("1")] = 0.1
@@ -168,22 +170,22 @@ class Finger(Value):
     strain_limit: Annotated[float, Field(ge=1e-9, lt=1.0, examples=[0.06, "6 %"]), Unit("1")] | None = None
     """Greatest bending strain of the rod [1], 0.06 for 6 %; needs the thickness of the rod's section."""
     masses: ListOf[PointMass] = ()
-    """Point masses beside the rod's own mass."""
+    """Point masses in addition to the rod's own mass."""
     tip_body: TipBody | None = None
     """A body fastened to the tip; None: none."""
     stops: Stops | None = None
-    """Stops at which links of the finger touch; None: there are none."""
+    """Stops of the finger's links; None: no stops."""
     softening: Softening | None = None
-    """Softening of the material where it is bent far; None: the material is linear."""
+    """Softening of the material under a strong bend; None: the material is linear."""
     gyration_radius: Annotated[Length | None, Field(examples=[0.0015, "1.5 mm"])] = None
-    """Radius of gyration of the rod's section at the base [m], by which the tensions of tendons shorten the rod: a
-    quarter of the diameter of a round section, 0.289 of the thickness of a rectangle; along the finger it goes with the
-    thickness. None: the rod keeps its length."""
+    """Radius of gyration of the rod's section at the base [m]: a quarter of the diameter of a round section, 0.289 of
+    the thickness of a rectangle. It determines how far tendon tensions shorten the rod, and varies along the finger
+    like the thickness. None: the rod keeps its length."""
     tendons: AnyTendons | None = None
     """A pair of tendons at equal distances on both sides, or a list of single ones; None: none."""
     pressure: Chamber | ChamberList | None = None
-    """A pressure chamber, or a list of them, which may act beside tendons; None: none. Without tendons and chambers the
-    input is the tip moment itself."""
+    """A pressure chamber, or a list of chambers, which may act together with tendons; None: none. Without tendons and
+    chambers the input is the tip moment itself."""
     base: BasePose = BasePose()
     """Position and direction of the clamped base."""
 
@@ -193,7 +195,7 @@ class Finger(Value):
         check_shorter("half_thickness", half or 0.0, length)
         if isinstance(self.rest_curvature, PiecewiseCurvature):
             self.rod.check_inside("rest_curvature.breaks[{}]", self.rest_curvature.breaks, tip=False)
-        # Only a rod given by its density shows by its mass in which unit its user thinks.
+        # Only the mass of a rod with a stated density reveals the user's unit.
         for k, m in enumerate(self.masses if self.rod.density is not None else ()):
             if m.mass > 1e3 * self.rod.mass:
                 rod_mass = f"{self.rod.mass:.2g} kg"
@@ -233,7 +235,7 @@ class Finger(Value):
                 )
 
     def _check_tendons(self) -> None:
-        # Of a pair the second is the mirror image of the first.
+        # The second tendon of a pair is the mirror image of the first.
         for key, tendon in zip(self.places_of("tendons"), self.tendon_list, strict=False):
             self.rod.check_inside(f"{key}.to", [tendon.to or 0.0])
             key, offset, half = f"{key}.offset", tendon.greatest_offset, self.half_thickness
@@ -252,7 +254,7 @@ class Finger(Value):
                 self._doubt(
                     key, f"= {offset:g} m is more than half_thickness = {half:g} m: the tendons run outside the finger"
                 )
-            # The outer thickness of a graded rod is that of its sections, where nothing else is stated.
+            # By default, the outer thickness of a graded rod is the thickness of its sections.
             if half is None and self.rod.graded and self.rod.profile.half_depth is not None:
                 self._check_inside_thickness(key, tendon)
 
@@ -271,7 +273,7 @@ class Finger(Value):
 
     @property
     def thickness_radius(self) -> float:
-        """Half the outer thickness [m], where it is greatest."""
+        """Greatest half of the outer thickness [m]."""
         return self.profile.half_thickness.most()
 
     @property
@@ -309,7 +311,7 @@ class Finger(Value):
 
     @cached_property
     def stop_curvature(self) -> Curve | None:
-        """Curvature from which on links touch [1/m], a magnitude; None without stops."""
+        """Curvature at which links touch [1/m], a magnitude; None without stops."""
         from continuum_grasp.scene.profile import Curve, touching
 
         if self.stops is None:
@@ -367,7 +369,7 @@ class Finger(Value):
         return self.rod.stiffness / (self.rod.length * tendon.greatest_offset)
 
     def onset(self, tendon: Tendon) -> float:
-        """Half the length in which a tendon on a winch goes from slack to tension [m]."""
+        """Half the change of length between a slack tendon on a winch and a tendon in tension [m]."""
         return ONSET * self.natural_tension(tendon) * tendon.compliance(self.rod.length)
 
     @cached_property
@@ -410,7 +412,7 @@ class Finger(Value):
 
     @property
     def usual_family(self) -> str:
-        """Family of curvature of its models where none is stated."""
+        """Default family of curvature of the finger's models."""
         return FAMILIES.default(free_tip=bool(self.free_tip_reasons))
 
     @property
@@ -456,7 +458,7 @@ class Finger(Value):
             raise InputError(f"{family} cannot carry {what}: use {free}", key=key)
 
     def with_tendons(self, **changes: Any) -> Self:
-        """A copy of the finger with changes of every tendon; a finger without tendons is returned as it is."""
+        """Return a copy of the finger with changes of every tendon; a finger without tendons is returned unchanged."""
         return self._with_each(lambda tendon: tendon.replaced(**changes))
 
     def with_drives(self, changed: Callable[[Any], Any]) -> Self:
@@ -484,7 +486,7 @@ class Finger(Value):
 
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
-        """The moments by which tendons and chambers bend the finger."""
+        """Bending moments of tendons and chambers."""
         length, tendons, none = self.rod.length, len(self.tendon_list), (0.0,) * len(self.chambers)
         of_tendons = (replace(channel, arms=channel.arms + none) for channel in channels(length, self.tendon_list))
         return (

@@ -1,4 +1,4 @@
-"""A finger with its loads and inputs, and how finely it is modeled: what its dynamics need."""
+"""A finger with its loads, its inputs and the fidelity of its model: all that its dynamics need."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ class Fidelity(Value):
         Annotated[int, Field(ge=1, le=64)] | Annotated[ListOf[Length], Field(min_length=1, max_length=64)] | None
     ) = None
     """Number of elements, or their lengths from base to tip [m]. None: two, or one per segment between contacts and
-    jumps of the rest curvature; with stops enough, up to 16, that each bends by at most one turn when links touch.
-    Equilibria, modes and motions then double them, up to 16, until the error is below 1 %; controllers, exports and
-    pages use them as they are. For a grasp None means eight, or 16 if exact rods take clearly other forces."""
+    jumps of the rest curvature; with stops, enough elements, up to 16, to let each bend by at most one turn when links
+    touch. Equilibria, modes and motions double this number, up to 16, until the error is below 1 %; controllers,
+    exports and pages do not change it. For a grasp, None means eight, or 16 if exact rods take clearly other forces."""
     bending_range: Annotated[float, Field(ge=1e-3, le=WIDEST, examples=[2.5]), Unit("rad")] | None = None
     """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature), including the bend
     at rest, that controllers, grasps and C packages allow. None: chosen from the shapes of equilibria and motions; for
@@ -59,8 +59,8 @@ class Fidelity(Value):
     1.5 times the bend at which links touch; at least half of the range remains beyond the shape at rest. At most 40
     rad."""
     accuracy: Annotated[float, Field(ge=1e-16, le=1e-2, examples=[1e-6]), Unit("1")] | None = None
-    """Relative accuracy to which the chosen family is evaluated over the bending range (Horner terms, quadrature
-    nodes) [1]; None: rounding for arcs, and for clothoids about as small as their discretization error."""
+    """Relative accuracy of the evaluation of the chosen family over the bending range (Horner terms, quadrature nodes)
+    [1]; None: rounding for arcs, and about the discretization error for clothoids."""
 
     def check_lengths(self, key: str, length: float, contacts: Sequence[float] = ()) -> None:
         """Refuse lengths of elements, of a fidelity at a key, that do not fit the finger's and its contacts [m]."""
@@ -96,23 +96,22 @@ class Initial(Value):
     held_by: ListOf[Load] = ()
     """Constant loads that hold the equilibrium pose and are released at time zero."""
     q: Annotated[ListOf[Real], Unit("rad or 1/m")] | None = None
-    """Bending coordinates, less those that the finger has at rest: angles [rad] (arcs) or nodal curvatures [1/m]
-    (clothoids)."""
+    """Bending coordinates minus their values at rest: angles [rad] (arcs) or nodal curvatures [1/m] (clothoids)."""
     qd: Annotated[ListOf[Real], Unit("rad/s or 1/(m s)")] | None = None
     """Rates of the bending coordinates [rad/s] (arcs) or [1/(m s)] (clothoids)."""
     reached_by: Literal["pulling", "releasing", "path", "state"] | None = None
-    """Path by which the finger came to its posture, where tendons or bending have friction. pulling: from its unloaded
-    shape; weight and loads came first, then the drives pulled. releasing: the drives first pulled so far that all
+    """Path of the finger to its posture, for friction of tendons or of bending. pulling: from its unloaded shape;
+    weight and loads came first, then the drives pulled. releasing: the drives first pulled far enough, so that all
     sections have since slid back by at least twice the presliding. path: through the inputs of ``path``. state: by
-    ``friction_states``. None: nothing slid, and friction is zero; an equilibrium needs one of the others."""
+    ``friction_states``. None: nothing slid, and friction is zero; an equilibrium needs one of the other values."""
     path: ListOf[Actuation] = ()
     """Earlier inputs of the drives, in order, before the inputs at time zero, as ``[{tensions: [20, 0]},
     {tensions: [5, 0]}]``."""
     friction_states: Annotated[ListOf[Real], Unit("1")] | None = None
     """Direction of friction in each friction cell, from -1 to 1 [1]: as ``x_names`` of the model lists them."""
     motor_angles: Annotated[ListOf[Real], Unit("rad")] | None = None
-    """Angles at which motors stand in an equilibrium [rad], one per motor: held there by dry friction, a worm gear or a
-    brake, whatever is commanded. A motion begins with the command from there. None: where the commands lead."""
+    """Angles of motors in an equilibrium [rad], one per motor: dry friction, a worm gear or a brake holds them there,
+    whatever the command is. A motion begins with the command from there. None: the commands determine the angles."""
 
     @property
     def without_history(self) -> Self:
@@ -149,8 +148,8 @@ class FingerScene(Configuration):
     gravity: Acceleration
     """World gravity [m/s2]."""
     contacts: Annotated[ListOf[Length], Increasing] = ()
-    """Positions along the finger where contact forces may act, increasing [m]; element boundaries. These and the tip
-    are where it touches an object."""
+    """Increasing positions along the finger of possible contact forces [m]; they are element boundaries. The finger
+    touches an object only at these positions and at the tip."""
     fidelity: Fidelity = Fidelity()
     """Resolution of the finger's model."""
     parameters: ListOf[str] = ()

@@ -1,4 +1,4 @@
-"""Cross-section of a finger's backbone, for its stiffness out of the plane in which it bends."""
+"""Cross-section of a finger's backbone, for its stiffness out of the plane of bending."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class FingerSection(Value):
     width: Extent | None = None
     """Extent across the plane of bending [m]; of round ones not needed."""
     poissons_ratio: Annotated[float, Field(ge=0.0, le=0.5), Unit("1")] = 0.35
-    """Poisson's ratio, by which torsion follows from bending [1]: rubber 0.5, polymers 0.4, metals 0.3."""
+    """Poisson's ratio, which relates torsion to bending [1]: rubber 0.5, polymers 0.4, metals 0.3."""
 
     @property
     def ratio(self) -> float:

@@ -112,7 +112,7 @@ class FingerSetup:
     def key(self, part: str, name: str) -> str:
         """Path to a key of ``contacts`` or ``fidelity``: of the finger if it states it, else of the scene."""
         own = getattr(self.finger, part)
-        # The fidelity of a finger stands in place of the scene's, its contacts key by key.
+        # The fidelity of a finger replaces the scene's; its contacts replace the scene's key by key.
         stated = own is not None and (part == "fidelity" or getattr(own, name) is not None)
         return f"{self.where}.{part}.{name}" if stated else f"{part}.{name}"
 
@@ -208,7 +208,7 @@ class FingerSetup:
         return tuple((max(low, at - half), min(high, at + half)) for at in self.stations)
 
     def check_reach(self, key: str, position: tuple[float, float], body: GraspObject) -> None:
-        """Refuse a position of an object, below a key, at which the finger cannot touch the object."""
+        """Refuse a position of an object, below a key, that the finger cannot reach."""
         Reach(self.finger, body=body).check(key, {"position": position})
 
     @property

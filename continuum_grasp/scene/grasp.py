@@ -1,4 +1,4 @@
-"""Fingers, an object and its supports: what the grasp optimizer needs."""
+"""Fingers, an object and its supports: the scene of the grasp optimizer."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from continuum_grasp.scene.tendons import Tendons
 from continuum_grasp.scene.value import Configuration
 
 _TURNS = 360
-"""Parts of the range of a free angle in which the distance from a support is sampled [1]."""
+"""Number of samples of the distance from a support over the range of a free angle [1]."""
 
 
 _FINGERS = Consumer.refusals(
@@ -70,9 +70,9 @@ class GraspScene(Configuration, Supported):
     )
 
     finger: AnyFinger | None = None
-    """The finger, where there is one; it is called ``finger`` in the result."""
+    """The only finger; the result calls it ``finger``."""
     fingers: Annotated[dict[str, AnyFinger], Field(min_length=1, max_length=4)] | None = None
-    """One to four fingers by name, in place of ``finger``."""
+    """One to four fingers by name, instead of ``finger``."""
     object: GraspObject
     """The object to be held: shape, mass and pose."""
     contacts: GraspContacts
@@ -103,7 +103,7 @@ class GraspScene(Configuration, Supported):
     overlap: Literal["forbid", "allow"] = "forbid"
     """forbid: fingers keep clear of each other in the plane; allow: they lie at different heights and may cross."""
     robust: Robust | None = None
-    """Errors with which the grasp must hold; None: the object is as the scene says."""
+    """Errors that the grasp must tolerate; None: the object is exactly as stated."""
     solver: GraspSolver = GraspSolver()
     """Options of the search."""
 
@@ -225,7 +225,7 @@ class GraspScene(Configuration, Supported):
         )
 
     def held_friction(self, contact: str) -> float:
-        """Friction coefficient less ``contacts.reserve``, with which grasps are sought and certified [1]."""
+        """Friction coefficient minus ``contacts.reserve``, for the search and the certificate [1]."""
         return (1.0 - self.contacts.reserve) * self.friction(contact)
 
     def normal_force_max(self, contact: str) -> float:
@@ -238,7 +238,7 @@ class GraspScene(Configuration, Supported):
 
     @property
     def touching_gap(self) -> float:
-        """Gap up to which the object at rest lies against a support [m]."""
+        """Greatest gap between the object at rest and a support that it lies against [m]."""
         return TOUCHING * self.object.size
 
     def gap_range(self, body: Place) -> tuple[float, float]:
@@ -312,7 +312,7 @@ class GraspScene(Configuration, Supported):
         where, advice = ("and fixed", "; object.against places it") if fixed else ("wherever it may be", "")
         for body in self.places:
             least, greatest = self.gap_range(body)
-            # The plane of a finite edge may cut the object beside the edge.
+            # The plane of a finite edge may cut the object outside the edge.
             solid = isinstance(body, Peg) or math.isinf(body.half_length) or body.touch == "on"
             if greatest < -near and solid:
                 raise ValueError(f"supports.{body.name} lies {-greatest:.4g} m deep in the object {where}{advice}")

@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.finger_section import FingerSection
-from continuum_grasp.scene.magnitudes import ACCELERATION
+from continuum_grasp.scene.magnitudes import ACCELERATION, FORCE
 from continuum_grasp.scene.methods import SolverOptions
 from continuum_grasp.scene.objects.shapes import Freedom
 from continuum_grasp.scene.simulate import Fidelity
@@ -41,18 +41,18 @@ class FingerContacts(Value):
 
     friction: Friction | None = None
     """Coulomb friction coefficient between this finger and the object [1]."""
-    normal_force_max: Annotated[Positive, Unit("N")] | None = None
+    normal_force_max: Annotated[Positive, Unit("N"), FORCE] | None = None
     """Greatest normal force at any one contact of this finger [N]."""
     middle: Middles | None = None
-    """Middle contacts of this finger, in place of the ones in ``contacts``."""
+    """Middle contacts of this finger, instead of those of the scene's ``contacts``."""
     middle_range: Annotated[Range, Increasing] | None = None
     """Positions along the finger between which middle contacts are sought [m]; None: 5 % to 95 % of the
     length."""
     stations: Stations | None = None
-    """Number of places in place of ``middle``, spread evenly over ``middle_range``, at which the finger may touch, each
-    up to half of their distance off: which of them do, and where, is found."""
+    """Number of possible contacts instead of ``middle``, spread evenly over ``middle_range``; each may move by up to
+    half of their distance. The search finds which of them touch, and where."""
     tip: Switch | None = None
-    """Tip contact of this finger, in place of the one in ``contacts``."""
+    """Tip contact of this finger, instead of the scene's in ``contacts``."""
 
 
 class GraspContacts(FingerContacts):
@@ -60,18 +60,18 @@ class GraspContacts(FingerContacts):
 
     friction: Friction
     """Coulomb friction coefficient between fingers and object [1]."""
-    normal_force_max: Annotated[Positive, Unit("N")]
+    normal_force_max: Annotated[Positive, Unit("N"), FORCE]
     """Greatest normal force at any one contact, supports included [N]. With no such limit a wedged object needs no
     friction at all."""
     middle: Middles = "on"
-    """on: the finger touches the object, tangent to it, at a joint of two elements, whose position is found; auto:
-    where that is better; a list: several such contacts, from base to tip."""
+    """on: the finger touches the object tangentially at a joint of two elements, whose position the search finds. auto:
+    the search decides whether it touches. A list: several such contacts, from base to tip."""
     tip: Switch = "on"
-    """on: the rounded end of the finger touches the object; auto: where that is better."""
+    """on: the rounded end of the finger touches the object. auto: the search decides whether it touches."""
     reserve: Annotated[Ratio, Field(lt=1.0, examples=[0.2])] = 0.0
-    """Part of every friction cone that stays free [1]: 0.2 holds with friction coefficients that are 20 % less. What
-    the grasp resists is counted with the whole cones."""
-    push: Annotated[NonNegative, Unit("N")] | None = None
+    """Share of every friction cone that stays free [1]: with 0.2, the grasp holds even if all friction coefficients are
+    20 % smaller. Its resistance to disturbances counts with the whole cones."""
+    push: Annotated[NonNegative, Unit("N"), FORCE] | None = None
     """Push on the object [N] that the grasp bears in any direction: to first order, at constant tensions, no contact
     slips, parts or exceeds its greatest normal force. None: no push, but for an unloaded object (for example without
     gravity) 10 % of the greatest push that the search finds; 0: no push at all, a touch is enough."""
@@ -81,7 +81,7 @@ class GraspFinger(Finger):
     """A finger with its own keys in a grasp."""
 
     contacts: FingerContacts = FingerContacts()
-    """Contacts of this finger, where they differ from the scene's ``contacts``."""
+    """Contacts of this finger that differ from the scene's ``contacts``."""
     fidelity: Fidelity | None = None
     """Resolution of this finger's model; None: as the scene says."""
     tendons_used: Literal["both", "left", "right"] = "both"
@@ -99,7 +99,7 @@ class GraspFinger(Finger):
 
     @property
     def base_bounds(self) -> list[tuple[float, float]]:
-        """Least and greatest x, y [m] and angle [rad] of the base; both are its own value where it is fixed."""
+        """Least and greatest x, y [m] and angle [rad] of the base; the two are equal for a fixed coordinate."""
         return (self.base_free or Freedom()).bounds(self.base.pose)
 
     @property
@@ -168,8 +168,8 @@ class Disturbances(Value):
     """Length that turns a force into the moment that counts as much [m]; None: the greatest distance of the object's
     boundary from its center of mass."""
     tendons: Literal["retensioned", "locked"] = "retensioned"
-    """retensioned: the tensions are chosen anew for each disturbance, within their limits; locked: the drives hold
-    their position, so that a tendon in tension keeps its length and its tension reacts."""
+    """retensioned: each disturbance has its own tensions within their limits. locked: the drives hold their positions,
+    so that a tendon in tension keeps its length and its tension reacts."""
 
 
 Effort = Literal["quick", "normal", "thorough"]
@@ -180,10 +180,10 @@ _Share = Annotated[float, Field(ge=0.0, le=0.9, examples=[0.05, "5 %"]), Unit("1
 
 
 class Robust(Value):
-    """Errors of the knowledge about the object, each up to a bound to both sides, with which the grasp must hold."""
+    """Errors of the known object that the grasp must tolerate, each up to a bound in both directions."""
 
     position: Annotated[Distance, Field(examples=[0.002, "2 mm"])] = 0.0
-    """Error of the object's position, along x and along y [m], as far as the supports that it touches leave it."""
+    """Error of the object's position along x and along y [m]; supports that the object touches restrict it."""
     angle: Annotated[float, Field(ge=0.0, le=0.5, examples=[0.05235987755982989, "3 deg"]), Unit("rad")] = 0.0
     """Error of the object's angle [rad], unless a face lies on a support."""
     radius: _Share = 0.0
@@ -193,7 +193,7 @@ class Robust(Value):
     mass: _Share = 0.0
     """Error of the object's mass, as a share [1]."""
     draws: Annotated[int, Field(ge=1, le=100_000)] = 1000
-    """Errors drawn at random within the bounds, evenly, with which the grasp that is found is tried."""
+    """Number of random errors, drawn uniformly within the bounds, that test the found grasp."""
 
     @property
     def bounds(self) -> tuple[float, float, float, float, float, float]:
@@ -213,7 +213,7 @@ class GraspSolver(SolverOptions):
     may be better than what was found, as long as that takes 600 iterations. thorough: without that limit, and from more
     and rougher starts."""
     random_seed: Annotated[int, Field(ge=0)] = 0
-    """Seed of the draws with which robust grasps are tried; equal seeds give equal results."""
+    """Seed of the random errors that test robust grasps; equal seeds give equal results."""
     max_iterations: Annotated[int, Field(ge=1, le=100_000)] = 200
     """Iterations of one solver run."""
     max_total_iterations: Annotated[int, Field(ge=1, le=10_000_000)] = 40_000

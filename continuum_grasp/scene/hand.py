@@ -91,9 +91,9 @@ class FingerRing(Value):
     start: Angle = 0.0
     """Angle of the first finger from the x axis [rad]."""
     tilt: Annotated[float, Field(ge=-1.5, le=1.5), Unit("rad")] = 0.0
-    """Angle by which the fingers lean outward from -z [rad]."""
+    """Outward inclination of the fingers from -z [rad]."""
     twist: Angle = 0.0
-    """Angle by which each plane of bending is turned about its finger [rad]; 0: through the hand's axis."""
+    """Rotation of each plane of bending about its finger [rad]; 0: the plane contains the hand's axis."""
 
     @property
     def bases(self) -> tuple[FingerBase, ...]:
@@ -122,12 +122,12 @@ class FingerBase(Value):
     position: SpatialPosition
     """Position of the base [m]."""
     direction: Annotated[Vector3, Unit("1")]
-    """Direction in which the straight finger points, of any length [1]."""
+    """Direction of the straight finger, of any length [1]."""
     bends_toward: Annotated[Vector3, Unit("1")]
-    """Direction to which it bends where its left tendon pulls, of any length; its part along ``direction`` does not
-    matter [1]."""
+    """Direction of the bend when the left tendon pulls, of any length; the component along ``direction`` has no effect
+    [1]."""
     finger: AnyHandFinger | None = None
-    """The finger of this base, where it differs from the common finger."""
+    """Finger of this base if it differs from the common finger."""
 
     def _check(self) -> None:
         for key in ("direction", "bends_toward"):
@@ -140,16 +140,16 @@ class FingerBase(Value):
 
 
 class Hand(Value):
-    """Fingers around a palm; z points from the object to the palm, and the fingers along -z where they do not lean."""
+    """Fingers around a palm; z points from the object to the palm, and fingers without inclination point along -z."""
 
     finger: AnyHandFinger
     """The finger, of all bases that have none of their own."""
     ring: FingerRing | None = None
     """Bases on a circle; the fingers are called ``finger_1`` and so on."""
     bases: Annotated[dict[str, FingerBase], Field(min_length=1, max_length=6)] | None = None
-    """Bases by the names of their fingers, in place of ``ring``."""
+    """Bases by the names of their fingers, instead of ``ring``."""
     palm: HandPalm | None = None
-    """Palm, which may carry the object and is in the fingers' way; None: there is none."""
+    """Palm, which may carry the object and is an obstacle for the fingers; None: no palm."""
 
     @cached_property
     def named_bases(self) -> dict[str, FingerBase]:
@@ -174,12 +174,12 @@ class HandContacts(GraspContacts):
     """Contacts of a hand's fingers with the object."""
 
     middle: Switch = "auto"
-    """Contact along the finger, tangent to the object: on, off, or auto: where that is better."""
+    """Contact along the finger, tangent to the object: on, off, or auto, if the search decides."""
     tip: Switch = "auto"
-    """Contact of the rounded end: on, off, or auto: where that is better."""
+    """Contact of the rounded end: on, off, or auto, if the search decides."""
     torsional_friction: Annotated[float, Field(ge=0.0), Unit("m")] = 0.0
-    """Greatest moment about the normal that a contact bears, per normal force, where it bears no other friction [m]; of
-    a pad with even pressure two thirds of its radius times ``friction``. Zero: contacts are points."""
+    """Greatest moment about the normal per normal force that a contact without other friction bears [m]: for a pad with
+    even pressure, two thirds of its radius times ``friction``. Zero: contacts are points."""
 
 
 class TurnedGravity(Value):
@@ -217,7 +217,7 @@ class HandScene(Configuration):
     )
 
     hand: Hand
-    """The fingers and where they are."""
+    """The fingers and their places."""
     object: Solid
     """The object to be held: shape, mass and pose, as the hand sees them."""
     contacts: HandContacts

@@ -1,4 +1,4 @@
-"""Palm and table of a hand: planes that carry an object of given pose, and the points at which it touches them."""
+"""Palm and table of a hand: planes that carry an object at a given pose, and their points of contact."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class _PlaneKeys(Value):
     def plane(
         self, name: str, key: str, point: Vector3, normal: Vector3, friction: float, radius: float | None = None
     ) -> PlaneSupport:
-        """The surface, through a point, with the friction of all contacts where it has none of its own."""
+        """Return the surface through a point; by default it has the friction of all contacts."""
         size = math.hypot(*normal)
         x, y, z = (n / size for n in normal)
         own = friction if self.friction is None else self.friction
@@ -49,7 +49,7 @@ class HandPalm(_PlaneKeys):
 
 
 class HandTable(_PlaneKeys):
-    """A plane on which the object may lie."""
+    """A plane that may carry the object."""
 
     point: SpatialPosition
     """A point of its surface, as the hand sees it [m]."""
@@ -84,10 +84,10 @@ class PlaneSupport:
         return sum(n * (p - q) for n, p, q in zip(self.normal, point, self.point, strict=True))
 
     def clear_from(self, base: Vector3, direction: Vector3, half: float) -> float:
-        """Place along a finger of half a thickness from which on it must keep clear of the plane [m].
+        """Return the least place along a finger of half a thickness that must stay clear of the plane [m].
 
-        A half thickness beyond where it is clear as it is straight, measured along the normal; infinite where a
-        straight finger never leaves the plane.
+        This is half a thickness, measured along the normal, beyond the place at which the straight finger is clear. It
+        is infinite if a straight finger never leaves the plane.
         """
         missing = half - self.height(base)
         if missing <= 0.0:
@@ -98,7 +98,7 @@ class PlaneSupport:
 
 @dataclass(frozen=True)
 class SupportContact:
-    """A point at which the object lies against a plane."""
+    """Point of contact between the object and a plane."""
 
     name: str
     support: PlaneSupport
@@ -107,10 +107,10 @@ class SupportContact:
 
 
 def outermost_points(body: Any, direction: Array) -> Array:
-    """Points (K, 3) of a solid, as the hand sees it, among which are those that reach farthest along a unit direction.
+    """Return points (K, 3) of a solid, in the hand's frame, that include the farthest ones along a unit direction.
 
-    One of a round surface; of a body with edges all its corners, so that the ends of an edge or the corners of
-    a face that lie equally far are among them.
+    For a round surface this is one point; for a body with edges, all its corners, so that equally far ends of an edge
+    or corners of a face are included.
     """
     import numpy as np
 
@@ -125,7 +125,7 @@ def outermost_points(body: Any, direction: Array) -> Array:
         signs = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
         points = signs * (0.5 * np.array(body.extents) - body.edge_radius) + body.edge_radius * local
     elif body.shape == "cylinder":
-        # Four points of each rim, one where it is lowest.
+        # Four points of each rim, including the lowest.
         turn = math.atan2(local[1], local[0]) + 0.5 * math.pi * np.arange(4)
         rim = (0.5 * body.diameter - body.edge_radius) * np.stack([np.cos(turn), np.sin(turn)], axis=1)
         top = np.full((4, 1), 0.5 * body.height - body.edge_radius)
@@ -136,7 +136,7 @@ def outermost_points(body: Any, direction: Array) -> Array:
 
 
 def gap_of(body: SolidBody, support: PlaneSupport) -> float:
-    """Distance of a solid from the plane of a support [m], negative where it reaches behind it."""
+    """Return the distance of a solid from the plane of a support [m]; negative if it reaches behind the plane."""
     import numpy as np
 
     normal = np.array(support.normal)
@@ -151,7 +151,7 @@ def lie_against(body: SolidBody, support: PlaneSupport) -> SolidBody:
 
 
 def support_contacts(body: SolidBody, support: PlaneSupport) -> tuple[SupportContact, ...]:
-    """Points at which a solid lies against a support: one, or the corners of an edge or a face, within the disc."""
+    """Return the contact points of a solid on a support: one, or the corners of an edge or a face, within the disc."""
     import numpy as np
 
     normal = np.array(support.normal)

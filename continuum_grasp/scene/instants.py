@@ -36,7 +36,7 @@ def _second_run(instants: Sequence[float], order: Sequence[int]) -> int | None:
     begins = [k for k in range(1, count) if instants[k] < instants[k - 1]]
     rank = dict(zip(order, range(count), strict=True))
     for begin, end in zip(begins, [*begins[1:], count], strict=True):
-        # of the rows before a row, at least as many are later as it is moved up by sorting
+        # Sorting moves a row up by at most the number of later instants before it.
         if end - begin < _RUN or begin - rank[begin] < _RUN:
             continue
         first, last = instants[begin], instants[end - 1]

@@ -33,14 +33,14 @@ class Samples(Sampled):
     """A scalar function of time."""
 
     values: Annotated[ListOf[Real], Unit(None)]
-    """The value at each instant, in the unit of what it is given for."""
+    """Value at each instant, in the unit of the quantity."""
 
 
 class VectorSamples(Sampled):
     """A planar vector function of time."""
 
     values: Annotated[ListOf[Vector2], Unit(None)]
-    """The components x, y at each instant, in the unit of what they are given for."""
+    """Components x, y at each instant, in the unit of the quantity."""
 
 
 class ForceLoad(Value):
@@ -50,7 +50,7 @@ class ForceLoad(Value):
     at: Distance
     """Position along the finger [m]."""
     force: Annotated[Vector2 | VectorSamples, Unit("N")]
-    """Force [N]: in the world, or in the section's axes (X across, Y along) where it follows."""
+    """Force [N]: in the world, or, for a following force, in the section's axes (X across, Y along)."""
     follows: bool = False
     """True: the force turns with the section it acts on."""
 
@@ -121,7 +121,7 @@ class Actuation(Value):
     """Pressure of each chamber above the surroundings' [Pa], for a finger with ``pressure``."""
 
     def _check(self) -> None:
-        # Chambers may act beside tendons of one kind.
+        # Chambers may act together with tendons of one kind.
         if self.pressures is None or self.tip_moment is not None or len(self.given) > 2:
             self._check_one_given(*COMMANDS)
 

@@ -49,6 +49,8 @@ CONTACT_STIFFNESS = Magnitude(10.0, 1e7, "N/m fits no fingertip (expected: N/m)"
 """From pulp of a human fingertip and soft silicone (10 to 1,000 N/m) to steel on steel (1e7 N/m, Hertz)."""
 ONSET = Magnitude(0.0, 1e-3, "m is more than a millimeter (expected: m)")
 ACCELERATION = Magnitude(-1e3, 1e3, "m/s2 is a hundred times the earth's gravity; is it in mm/s2?")
+FORCE = Magnitude(-2e4, 2e4, "N breaks a steel rope of 5 mm; is it in millinewtons? (expected: N)")
+"""A steel rope of 5 mm breaks at about 15 kN (EN 12385-4)."""
 DURATION = Magnitude(0.0, 1e6, "s is more than eleven days; is it in milliseconds or microseconds? (expected: s)")
 """Creep takes days, motions take seconds."""
 

@@ -31,7 +31,7 @@ class CurvatureFamily:
 
 
 ONE_TURN = 6.3
-"""Greatest bend of an element that is evaluated by quadrature [rad]: as far as its number of nodes is tabulated."""
+"""Greatest bend of an element that is evaluated by quadrature [rad]: the table of node counts ends there."""
 
 
 class Families(dict[str, CurvatureFamily]):
@@ -39,7 +39,7 @@ class Families(dict[str, CurvatureFamily]):
 
     @staticmethod
     def default(*, free_tip: bool) -> str:
-        """Name the family of a model where none is stated: the finest one that allows its tip moment.
+        """Name the default family of a model: the finest one that allows its tip moment.
 
         ``free_tip``: that moment may jump, or depends on the shape by tendon friction.
         """
@@ -78,9 +78,10 @@ class Integrator:
     evaluations: int
     """Evaluations of the dynamics per step; for iterative methods the usual number."""
     stable: float | None = None
-    """Greatest product of step and spectral radius at which it is stable; None: it is implicit, any step is stable."""
+    """Greatest product of step and spectral radius for stability; None: the method is implicit, and any step is
+    stable."""
     target: float = math.inf
-    """Product of step and spectral radius that it is given: well below ``stable``; infinite where it is implicit."""
+    """Product of step and spectral radius for its steps: well below ``stable``; infinite for implicit methods."""
     partial: bool = False
     """Implicit in the finger's own elasticity and damping alone; all else, drives and contacts too, limits the step."""
     simulates: bool = True
@@ -93,7 +94,7 @@ class Integrator:
     """Cause where a step gives no finite state."""
 
 
-# rk4 is stable up to 2.83 where eigenvalues are imaginary (undamped) and up to 2.79 where they are real (overdamped);
+# rk4 is stable up to 2.83 for imaginary eigenvalues (undamped) and up to 2.79 for real ones (overdamped);
 # between them, at a damping ratio of 0.54, up to 2.62.
 INTEGRATORS = {
     "rk4": Integrator("the classical explicit Runge-Kutta method", 4, 4, stable=2.7, target=1.0, differentiates=True),
@@ -134,5 +135,5 @@ class SolverOptions(Value):
     """Iterations of the whole search: counted work, so that the result does not depend on how fast or busy
     the machine is."""
     time_limit: Duration = 3600.0
-    """Emergency stop of the whole search by the clock [s]; the status is then ``stopped``, or ``feasible`` where
-    there was a solution by then."""
+    """Emergency stop of the whole search by the clock [s]; the status is then ``stopped``, or ``feasible`` with a
+    solution found until then."""

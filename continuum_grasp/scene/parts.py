@@ -67,11 +67,11 @@ class Face:
     """A line or a convex arc of an outline, counter-clockwise."""
 
     start: PlanePoint
-    """Point at which the face begins [m]."""
+    """Start point of the face [m]."""
     end: PlanePoint
-    """Point at which the face ends [m]."""
+    """End point of the face [m]."""
     normal: float
-    """Angle of the outward normal where it begins [rad]."""
+    """Angle of the outward normal at the start [rad]."""
     turn: float = 0.0
     """By how much the normal turns along it [rad]; 0 on a line."""
     radius: float = 0.0
@@ -93,16 +93,18 @@ class OffsetPolygon(Part):
     radius: float = 0.0
     """The part is everything within this distance of the core [m]."""
     bends: tuple[PlanePoint, ...] = ()
-    """Per edge, the angles by which a convex curve in its place leaves it at its start and comes back at its end [rad],
-    both zero for a straight edge; empty: all are straight."""
+    """For each edge, the angles between the edge and the convex curve that replaces it, at its start and at its end
+    [rad]. Both are zero for a straight edge; empty: all edges are straight."""
 
     def placed(self, position: PlanePoint, angle: float) -> OffsetPolygon:
         return replace(self, vertices=tuple(map(_mover(position, angle), self.vertices)))
 
     @cached_property
     def faces(self) -> tuple[Face, ...]:
-        """Lines and arcs of the core, counter-clockwise: a curve is two arcs with one tangent where they meet and the
-        tangents of its ends; arcs of one circle are one. A disc has one of radius zero, a segment its two sides.
+        """Lines and arcs of the core, counter-clockwise.
+
+        A curve is two arcs that share a tangent at their joint and have the tangents of its ends. Arcs of the same
+        circle are joined. A disc has one arc of radius zero, and a segment has two sides.
         """
         if len(self.vertices) == 1:
             return (Face(self.vertices[0], self.vertices[0], 0.0, math.tau),)
@@ -196,7 +198,7 @@ class OffsetPolygon(Part):
                 off = segment_distance(point, face.start, face.end)
             near.append((off, (point[0] - x) * math.cos(normal) + (point[1] - y) * math.sin(normal)))
         away = min(near)[0]
-        # At a corner both sides say together where a point is: one alone does not, where it is acute.
+        # Both sides of a corner together show where a point is; at an acute corner, one side is not enough.
         height = sum(above for off, above in near if off <= away + SAME * self.extent)
         return math.copysign(away, height) - self.radius
 
@@ -245,7 +247,7 @@ class SuperellipsePart(Part):
         fx, fy = u ** (p - 1.0) / a, v ** (p - 1.0) / b  # a p-th of the gradient of |x/a|^p + |y/b|^p
         fxx = (p - 1.0) * u ** (p - 2.0) / a**2
         fyy = (p - 1.0) * v ** (p - 2.0) / b**2
-        # Of an implicit curve f = 0, whose mixed derivative is zero here.
+        # For an implicit curve f = 0; its mixed derivative is zero here.
         return float((fxx * fy**2 + fyy * fx**2) / (fx**2 + fy**2) ** 1.5)
 
     def distance(self, point: PlanePoint) -> float:
@@ -283,11 +285,10 @@ def _within(angle: float, turn: float) -> float:
 
 
 def faces_between(a: PlanePoint, b: PlanePoint, low: float, high: float) -> list[Face]:
-    """The line from one point to another, or two arcs in its place that leave it by an angle and come back by another
-    one [rad].
+    """Return the line between two points, or two arcs that leave the line by one angle and return by another [rad].
 
-    Among all such pairs it is the pair whose tangents at the ends are as long up to the tangent that both arcs share:
-    K. M. Bolton, "Biarc curves", Computer-Aided Design 7 (1975), doi:10.1016/0010-4485(75)90086-X.
+    Of all such pairs of arcs, this pair has end tangents of equal length up to the common tangent: K. M. Bolton,
+    "Biarc curves", Computer-Aided Design 7 (1975), doi:10.1016/0010-4485(75)90086-X.
     """
     normal, size = edge_normal(a, b), math.dist(a, b)
     if low == 0.0 or high == 0.0:
@@ -326,7 +327,7 @@ def _is_one(face: Face, other: Face, near: float) -> bool:
 
 
 def rounded(vertices: tuple[PlanePoint, ...], radius: float) -> OffsetPolygon:
-    """The part whose sharp outline is given and whose corners are rounded off inside it, but for reflex ones."""
+    """Return the part with a sharp outline whose corners, except reflex ones, are rounded off inside it."""
     if radius == 0.0:
         return OffsetPolygon(vertices)
     core = []

@@ -1,4 +1,4 @@
-"""Objects that lie against supports: gaps between them, and the position at which the object touches."""
+"""Objects that lie against supports: the gaps between them, and the position of contact."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.objects import GraspObject
 
 _TOUCHES = 1e-10
-"""Gap, as a part of the object's size, at which it touches [1]: rounding of positions a million sizes away."""
+"""Greatest gap of an object that touches, per size of the object [1]: the rounding of positions a million sizes
+away."""
 _BY_CORNERS = 5e-5
-"""Gap, as a part of the object's size, up to which it touches with corners of a curve [1]: arcs pass as near."""
+"""Greatest gap of an object that touches with corners of a curve, per size of the object [1]: arcs pass as near."""
 _STEP = 1e-6
-"""Shift, as a part of the object's size, by which the slope of a gap is measured [1]."""
+"""Shift of the difference quotient for the slope of a gap, per size of the object [1]."""
 _STEPS = 50
 """Steps of Newton's method; gaps to walls take one, to a peg as many as the nearest place on the object changes."""
 
@@ -50,7 +51,7 @@ class Supported(Value):
         if body.against is not None:
             self.__dict__["object"] = lie_against(body, self.places)
         elif 0 < len(on) <= 2:
-            # Positions are those of corners: between them, curves reach a little farther.
+            # The positions refer to corners; the curves between corners reach a little farther.
             self.__dict__["object"] = lie_against(body.replaced(against=on), self.places).replaced(against=None)
 
     def laid_against(self, body: GraspObject, names: Collection[str]) -> GraspObject:
@@ -101,7 +102,7 @@ def lie_against(body: GraspObject, places: Sequence[Place]) -> GraspObject:
 
 
 def gap(body: ObjectBody, place: Place, position: tuple[float, float] | None = None) -> float:
-    """Distance of an object, moved to a position, from a support [m]; negative where it lies within the support."""
+    """Return the distance of an object, moved to a position, from a support [m]; negative inside the support."""
     x, y = body.position if position is None else position
     if isinstance(place, Wall):
         facing = place.normal_angle + math.pi - body.angle
@@ -111,7 +112,10 @@ def gap(body: ObjectBody, place: Place, position: tuple[float, float] | None = N
 
 
 def _by_corners(body: ObjectBody, walls: Sequence[Wall]) -> tuple[str, ...]:
-    """Names of the walls, to which it is fixed, that an object touches with corners in curves, but for rounding."""
+    """Return the names of the walls that an object touches, up to rounding, with corners of curves.
+
+    Walls from which the object's pose is free to move do not count.
+    """
     if not any(isinstance(part, OffsetPolygon) and part.bends for part in body.parts):
         return ()
     straight = [replace(part, bends=()) if isinstance(part, OffsetPolygon) else part for part in body.parts]

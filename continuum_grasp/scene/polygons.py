@@ -24,7 +24,7 @@ def turns_of(vertices: Sequence[PlanePoint]) -> tuple[PlanePoint, ...]:
     for before, here, after in zip((vertices[-1], *vertices), vertices, (*vertices[1:], vertices[0]), strict=False):
         low = edge_normal(before, here)
         turn = (edge_normal(here, after) - low) % math.tau
-        # The ends of a segment turn by half a turn, but for rounding.
+        # The ends of a segment turn by half a turn, up to rounding.
         turns.append((low, turn if turn < math.pi + SAME else turn - math.tau))
     return tuple(turns)
 
@@ -43,7 +43,7 @@ def polygon_distance(point: PlanePoint, vertices: Sequence[PlanePoint]) -> float
     nearest, inside = math.inf, False
     for a, b in pairwise([*vertices, vertices[0]]):
         nearest = min(nearest, segment_distance(point, a, b))
-        # A ray to the right crosses the outline of what it starts in an odd number of times.
+        # A ray to the right from an inner point crosses the outline an odd number of times.
         inside ^= (a[1] > y) != (b[1] > y) and x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
     return -nearest if inside else nearest
 
@@ -87,9 +87,9 @@ def check_simple(vertices: Sequence[PlanePoint], key: str = "vertices") -> None:
 
 
 def convex_pieces(vertices: tuple[PlanePoint, ...]) -> list[tuple[PlanePoint, ...]]:
-    """Convex polygons between the corners of a simple one, at most four times as many as are needed.
+    """Divide a simple polygon into convex ones between its corners, at most four times as many as necessary.
 
-    Of the triangles of Delaunay those are joined whose common side no reflex corner needs: S. Hertel and K. Mehlhorn,
+    Neighboring Delaunay triangles are joined unless a reflex corner needs their common side: S. Hertel and K. Mehlhorn,
     "Fast triangulation of simple polygons", Foundations of Computation Theory, 1983.
     """
     import shapely

@@ -95,6 +95,7 @@ def validated(document: Document, model: type[Model]) -> Model:
 def _warn_of(doubts: Sequence[CollectedDoubt], checked: BaseModel, document: Document) -> None:
     """Warn of doubts, with their places in a document."""
     found = dict[tuple[str, str], None]()
+    derived = dict[tuple[str, str], None]()
     for key, text, owner in doubts:
         # A value replaced in validation, such as an object laid against a wall, is found by its class.
         known = (
@@ -103,7 +104,11 @@ def _warn_of(doubts: Sequence[CollectedDoubt], checked: BaseModel, document: Doc
             else [path for path, value in children(checked) if value is owner]
             or [path for path, value in children(checked) if type(value) is type(owner)]
         )
-        found[dotted((*(known[0] if known else ()), *undotted(key))), text] = None
+        place = dotted((*(known[0] if known else ()), *undotted(key)))
+        (found if known or owner is None else derived)[place, text] = None
+    # Values that follow from others, such as the tendons of a pair, repeat the doubts of these.
+    known_texts = {text for _, text in found}
+    found |= {doubt: None for doubt in derived if doubt[1] not in known_texts}
     for key, text in found:
         document.doubt(key, text)
 
@@ -164,7 +169,7 @@ def _locate(error: Any, data: Any, shape: Shape) -> _Located:
 
 
 def _choose_branches(located: list[_Located], shape: Shape, data: Any) -> list[Fault]:
-    """Keep the branches of each union whose kind of value fits; where none does, say what all expect."""
+    """Retain the branches of each union whose kind of value fits; if none fits, list all expected kinds."""
     unions = sorted(dict.fromkeys(path for item in located for path, _ in item.branches), key=len)
     problems: list[Fault] = []
     for union in unions:
@@ -177,7 +182,7 @@ def _choose_branches(located: list[_Located], shape: Shape, data: Any) -> list[F
             wanted = " or ".join(dict.fromkeys(_kind(item, shape, data) for item in here if item.path == union))
             problems.append(_wrong_type(union, wanted, here[0].error["input"], shape.unit(union, data)))
         else:
-            # Of several mappings, the one whose keys are the most alike was meant.
+            # If several mappings fit, the user meant the one with the most similar keys.
             strange = Counter(dict(item.branches)[union] for item in here if item.error["type"] in _STRANGE)
             fewest = min(strange[label] for label in labels - unfit)
             meant = {label for label in labels - unfit if strange[label] == fewest}

@@ -33,7 +33,7 @@ class Panels(tuple[tuple[float, float], ...]):
 
     @classmethod
     def of(cls, length: float, curves: Iterable[Curve], start: float = 0.0, end: float | None = None) -> Panels:
-        """Parts of a finger of a length [m], or between two places on it, on which curves are smooth."""
+        """Return the parts of a finger of a length [m], or of a segment of it, with smooth curves."""
         least, end, edges = SAME * length, length if end is None else end, [start]
         for at in sorted(at for curve in curves for at in curve.breaks):
             if at - edges[-1] > least and end - at > least:
@@ -41,7 +41,7 @@ class Panels(tuple[tuple[float, float], ...]):
         return cls(pairwise([*edges, end]))
 
     def cut(self, curve: Curve) -> Panels:
-        """Parts of these on which a further curve is smooth."""
+        """Divide these parts into parts with another smooth curve."""
         return Panels(panel for part in self for panel in Panels.of(curve.edges[-1], (curve,), *part))
 
     def nodes(self) -> Iterator[tuple[Array, Array]]:
@@ -131,7 +131,7 @@ class Curve:
 
     @cached_property
     def constant(self) -> float | None:
-        """The value where it is the same everywhere; else None."""
+        """Value of a constant curve; else None."""
         first = self.coefficients[0][0]
         same = all(c[0] == first and not any(c[1:]) for c in self.coefficients)
         return float(np.exp(first) if self.exponential else first) if same else None
@@ -145,7 +145,7 @@ class Curve:
     def jumps(self) -> tuple[float, ...]:
         """Places where the value jumps [m]."""
         before, after = self(self.edges[1:-1]), self(self.edges[1:-1], tip_side=True)
-        # 1e-12: jump per value from which on a curve jumps: above the rounding of its pieces
+        # 1e-12: least jump per value, above the rounding of the curve's pieces
         large = np.abs(after - before) > 1e-12 * np.maximum(np.abs(after), np.abs(before))
         return tuple(float(at) for at, jumps in zip(self.edges[1:-1], large, strict=True) if jumps)
 
@@ -190,14 +190,14 @@ class Profile:
     rest_curvature: Curve  # [1/m]
     half_thickness: Curve  # half the outer thickness [m], where contacts touch
     half_depth: Curve | None  # half the depth of the elastic section [m], which strains most there; None: not known
-    added: Curve | None = None  # stiffness with what chambers add, per that of the rod itself [1]
+    added: Curve | None = None  # stiffness including the chambers, per stiffness of the rod itself [1]
     graded: bool = False
     """Whether it is given by sections, samples or a spiral: stiffness and density as run-time arguments are then
     factors (nominal 1), and lengths of elements are none."""
 
     @property
     def own_stiffness(self) -> float:
-        """Bending stiffness of the rod itself at the base [N m2], to which numbers of the material refer."""
+        """Bending stiffness of the rod itself at the base [N m2], the reference for numbers of the material."""
         added = 1.0 if self.added is None else float(self.added(0.0))
         return float(self.bending_stiffness(0.0)) / added
 
@@ -212,7 +212,7 @@ class Profile:
         return self.bending_stiffness, self.linear_density, self.rotary_inertia, self.rest_curvature
 
     def panels(self, start: float = 0.0, end: float | None = None) -> Panels:
-        """Parts, of all of it or between two places [m], on which these curves are smooth."""
+        """Return the parts of the finger, or of a segment of it [m], with smooth curves."""
         return Panels.of(self.length, self.curves, start, end)
 
     @cached_property
@@ -245,7 +245,7 @@ class Channel:
     """
 
     shape: Curve  # [1], of tendons one at the base, zero beyond ``to``
-    to: float  # where it ends [m]
+    to: float  # end along the finger [m]
     arms: tuple[float, ...] = ()  # per input of the finger, amplitude per tension [m]; zero: not in this channel
     time_constant: float | None = None  # of the lag of its tendons, or of its pressure [s]
     order: int = 2  # of that lag
@@ -259,9 +259,9 @@ def summed(length: float, steps: Sequence[Curve]) -> Curve:
 
 
 def touching(length: float, spiral: SpiRob) -> Curve:
-    """Curvature that closes the gaps of a spiral [1/m]: that which it has, ``-dh/ds / (b h)`` of its thickness h.
+    """Return the curvature that closes the gaps of a spiral [1/m]: its own, ``-dh/ds / (b h)`` with the thickness h.
 
-    In the logarithm by cubics that have its values and slopes at the ends of units.
+    Cubics with the values and slopes at the ends of units approximate its logarithm.
     """
     from scipy.interpolate import CubicHermiteSpline
 

@@ -18,8 +18,8 @@ from continuum_grasp.scene.value import WRITTEN
 class Reach:
     """Limits of goals and setpoints that a finger can meet, however it bends.
 
-    A section of an inextensible rod is as far from its base as it is along the rod, or nearer. An object is touched
-    where it is as far as the tip, or farther by its own extent and half the finger's thickness. Contacts push.
+    A section of an inextensible rod is at most as far from its base as along the rod. A touched object is at most as
+    far as the tip, plus its own extent and half the finger's thickness. Contacts push.
 
     Rows are x, y [m] of ``tip``, ``shape`` and of an object's ``position`` or ``object_position``, ``bending``,
     ``tip_angle`` and ``object_angle`` [rad], ``contact_force`` [N] and ``gap`` [m]; nothing else is compared. Points of
@@ -64,9 +64,9 @@ class Reach:
             self._limits["gap"] = "m", "the distance of the object", near
 
     def check(self, key: str, given: Mapping[str, Any]) -> None:
-        """Refuse rows out of reach, with the key of the first below ``key``, where they stand in the scene.
+        """Refuse rows out of reach; the error has the key of the first one, below ``key``.
 
-        ``given`` are rows by name, constant, over time or on a circle; functions of time are not compared.
+        ``given`` has rows by name, constant, over time or on a circle; functions of time are not compared.
         """
         for name, value in given.items():
             for where, row in rows_of(f"{key}.{name}" if key else name, value):
@@ -88,10 +88,10 @@ class Reach:
                 raise InputError(f"out of reach: expected {words} ({why}), got {number:g} {unit}", key=where)
 
     def entries(self, name: str, size: int) -> list[tuple[float, float, float]]:
-        """Least and most of each of ``size`` entries of a row, and at the x of a point the radius of its circle.
+        """Return the limits of each of ``size`` entries of a row, and a radius: for the x of a point, of its circle.
 
-        The circle is about the middle of the limits of x and y; the radius is 0 for all other entries. The limits are
-        infinite where nothing is compared.
+        The circle has its center between the limits of x and y; the radius is 0 for all other entries. Entries that are
+        not compared have infinite limits.
         """
         entries = [(-math.inf, math.inf, 0.0)] * size
         x, y = self.finger.base.position

@@ -61,7 +61,7 @@ class ConfigurationData(AssembledData):
     @property
     def scene(self) -> Any:
         """The scene, of the class of its kind; what else it names is checked, too."""
-        # No cached_property of functools, whose line would be the one that warnings name.
+        # Warnings would name the line of functools.cached_property.
         if self._scene is None:
             kind = self.kind
             if kind.name == "finger":
@@ -79,9 +79,9 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
         A YAML file: a scene for simulation, one with parameters to ``estimate``, a grasp (it has an ``object``), a
         closed loop (it has a ``controller``), a mission (that and a ``grasp``), a plan (it has a ``goal``), a sweep
         (it names a ``scene``), a design (that and ``variables``) or a finger (it has a ``rod``).
-        Where it says ``finger: other.yaml`` or ``finger: {extends: other.yaml, ...}``, that file is read,
-        relative to the file that names it; keys given beside ``extends`` replace the other file's keys,
-        mappings key by key. So is ``grasp: other.yaml`` of a mission or plan.
+        ``finger: other.yaml`` and ``finger: {extends: other.yaml, ...}`` insert another file, whose path is relative
+        to this one; keys next to ``extends`` replace the other file's keys, mappings key by key. The same holds for
+        ``grasp: other.yaml`` of a mission or plan.
     overrides : iterable of str, or mapping
         ``"key.path=value"`` texts, values read as YAML, or a mapping from key path to value; applied in
         order, as if they stood in the file: paths of other files are relative to it.
@@ -113,9 +113,9 @@ def scene_of(given: Kind | str | os.PathLike[str], kind: type[Kind], overrides: 
 @overload
 def scene_of(given: Any, kind: tuple[type, ...], overrides: Overrides = ()) -> Any: ...
 def scene_of(given: Any, kind: Any = Scene, overrides: Overrides = ()) -> Any:
-    """Return a scene that is given as such, or read it from its file; ``overrides`` are for a file, as in `load`.
+    """Return a given scene, or read it from its file; ``overrides`` apply to a file, as in `load`.
 
-    ``kind`` is a class, or classes, any of which will do. Results stand for the simulation that repeats them.
+    ``kind`` is one class, or several possible classes. A result counts as the simulation that repeats it.
     """
     if kind is Scene and not isinstance(given, Scene) and (simulated := getattr(given, "simulated", None)) is not None:
         return simulated

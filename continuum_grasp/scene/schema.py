@@ -13,7 +13,7 @@ from continuum_grasp.scene.shape import alternatives
 from continuum_grasp.scene.units import QUANTITIES, to_si
 
 DEFINITIONS = "definitions.json"
-"""File beside the schemas of all kinds, with the definitions that they share."""
+"""File of the definitions that the schemas of all kinds share."""
 
 _Node = dict[str, Any]
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -50,7 +50,7 @@ def json_schema(kind: str) -> _Node:
             grasp["anyOf"] = [_GRASP, *(grasp.get("anyOf") or [{"$ref": grasp.pop("$ref")}])]
         if "finger" in schema["properties"]:
             _take_files(schema, "GraspFinger" if kind == "grasp" else "Finger", definitions)
-    # Of files alone: values that are made in Python need none.
+    # Only files need it, not values from Python.
     schema["properties"]["schema_version"] = _VERSION_KEY
     schema["required"].insert(0, "schema_version")
     return {
@@ -76,7 +76,7 @@ def schema_files() -> dict[str, str]:
 
 
 def _give_examples(key: _Node) -> None:
-    """Give a key that takes one number with a unit the example of its quantity, where it has none of its own."""
+    """Add the example of its quantity to a key for one number with a unit, unless the key has an example."""
     nodes = list(alternatives(key))
     units = [node["unit"] for node in nodes if node.get("unit") in QUANTITIES]
     if units and any("number" in node.get("type", ()) for node in nodes) and not any("examples" in n for n in nodes):

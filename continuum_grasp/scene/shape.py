@@ -70,7 +70,7 @@ class Shape:
         return None
 
     def in_si(self, path: KeyPath, value: Any, data: Any = None) -> Any:
-        """The value for ``path``, with its texts that have a unit as SI numbers; others are left as they are."""
+        """Return the value for ``path`` with texts that have a unit converted to SI numbers; other texts stay."""
         if isinstance(value, dict):
             return {key: self.in_si((*path, key), entry, data) for key, entry in value.items()}
         if isinstance(value, list | tuple):
@@ -78,7 +78,7 @@ class Shape:
         return Unit(self.unit(path, data)).read(value) if isinstance(value, str) else value
 
     def size(self, path: KeyPath, data: Any) -> int | None:
-        """Number of entries of a list at ``path``, where it is fixed."""
+        """Return the number of entries of a list at ``path``; None if it is not fixed."""
         for node in self._at(path, data):
             if node.get("type") == "array" and node.get("minItems") == node.get("maxItems") is not None:
                 return int(node["minItems"])

@@ -32,9 +32,9 @@ class Timing(Value):
     step: Annotated[Duration, Field(examples=[0.001, "1 ms"])]
     """Output step [s]; the integrator takes sub-steps of its own where the scene needs them."""
     method: Method = "auto"
-    """auto: rk4, or rodas for a stiff scene (extrapolated_euler with 16 elements or more), in sub-steps that keep
-    ``tolerance``; a method by name: in sub-steps that are stable, with a warning where they do not keep it; reference:
-    variable step with error control at 1e-11."""
+    """auto: rk4, or rodas for a stiff scene (extrapolated_euler with 16 elements or more), with sub-steps that meet
+    ``tolerance``. A method by name: with stable sub-steps, and a warning if they do not meet it. reference: variable
+    step with error control at 1e-11."""
     tolerance: Annotated[float, Field(ge=1e-10, le=0.1, examples=[1e-4, "0.01 %"]), Unit("1")] = 1e-4
     """Greatest error of position that the steps in time may leave, per length of the finger [1]."""
     space_error: bool = False
@@ -53,7 +53,7 @@ class Timing(Value):
 
 
 _BEYOND_THE_ROD = {
-    # Of what is at rest, quadratic damping and relaxation are no part.
+    # Quadratic damping and relaxation have no effect at rest.
     **Consumer.unknown_laws("the exact rod", "finger.stops", "finger.damping.quadratic", "finger.damping.relaxation"),
     "initial.reached_by=state": "the exact rod has no friction cells: expected pulling or releasing",
     "initial.reached_by=path": "the exact rod follows no path: expected pulling or releasing",
@@ -85,7 +85,7 @@ class Scene(LoadedFinger, Surroundings):
     )
 
     object_load: ObjectLoad | None = None
-    """Pull at an object that moves, beside its weight; None: nothing."""
+    """Pull at a moving object in addition to its weight; None: no pull."""
     table_height: Annotated[Real | Samples, Unit("m")] = 0.0
     """Height of the table over time, along its normal [m]: it sinks away below zero. The object starts as on a table at
     height zero."""

@@ -14,7 +14,7 @@ from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import WRITTEN, Angle, Distance, Friction, Position, Value
 
 TOUCHING = WRITTEN
-"""Gap, per size of the object, up to which an object at rest lies against a support [1]."""
+"""Greatest gap between a support and an object at rest that lies against it, per size of the object [1]."""
 # Names become parts of contact names, as in left.middle_1, and of columns in tables.
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 _Choice = Literal["on", "off", "auto"]
@@ -86,7 +86,7 @@ class _Support(Value):
     friction: Friction | None = None
     """Friction coefficient between it and the object [1]; None: ``contacts.friction``."""
     touch: Switch = "auto"
-    """Whether the object touches it; auto: where it lies against it, or, where its pose is free, whichever is
+    """Whether the object touches the support. auto: if it lies against the support; with a free pose, whichever is
     better."""
 
     def walls(self, name: str) -> tuple[Wall, ...]:
@@ -151,11 +151,11 @@ class VGroove(_Support):
 
     type: Literal["v_groove"]
     apex: Position
-    """World position of the line where they meet [m]."""
+    """World position of the line between both sides [m]."""
     opening_angle: Annotated[float, Field(ge=1e-3, le=3.14), Unit("rad")]
     """Angle between the two walls [rad]."""
     axis_angle: Angle
-    """World angle of the direction in which it opens [rad]."""
+    """World angle of the opening direction [rad]."""
 
     def walls(self, name: str) -> tuple[Wall, ...]:
         """The walls on the left and on the right of the axis, seen from the apex."""

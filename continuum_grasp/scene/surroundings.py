@@ -27,10 +27,10 @@ from continuum_grasp.scene.value import (
 
 
 class ContactLaw(Value):
-    """The force law of two surfaces that touch.
+    """Force law of two surfaces in contact.
 
-    The normal force is ``stiffness * s(d) * max(0, 1 + dissipation * d_rate)`` for a depth ``d``; s(d) = d but for
-    a smooth onset within ``rounding`` of touching.
+    The normal force at a depth ``d`` is ``stiffness * s(d) * max(0, 1 + dissipation * d_rate)``; s(d) = d except for a
+    smooth onset within ``rounding`` of the surface.
     """
 
     REFUSALS = Consumer.refusals(
@@ -43,11 +43,10 @@ class ContactLaw(Value):
     stiffness: Annotated[float, Field(ge=1e-3, le=1e9), Unit("N/m"), CONTACT_STIFFNESS]
     """Normal force per depth [N/m]."""
     friction: Friction
-    """Coulomb friction coefficient [1]; a support's own coefficient counts where it has one."""
+    """Coulomb friction coefficient [1]; a support may have a coefficient of its own."""
     dissipation: Annotated[NonNegative, Unit("s/m")] = 1.0
-    """Share by which the normal force grows per speed of approach [s/m] (Hunt and Crossley); the same damps the
-    tangential displacement before slip. A body that lands with a small speed v leaves with about
-    v (1 - 2/3 dissipation v)."""
+    """Relative growth of the normal force per speed of approach [s/m] (Hunt and Crossley); it also damps the tangential
+    displacement before slip. A body that lands with a small speed v leaves with about v (1 - 2/3 dissipation v)."""
     rounding: Annotated[Extent, ONSET, Field(examples=[2e-4, "0.2 mm"])] | None = None
     """The force begins at a gap of this much and is linear from a depth of this much on [m]; in between its second
     derivative is continuous. None: the finger's length / 18000."""
@@ -55,20 +54,22 @@ class ContactLaw(Value):
     """Displacement that would reach the friction cone, if it were elastic up to there [m]: a contact below it springs
     back and does not creep. None: the finger's length / 1800, where no ``slip_speed`` is given."""
     slip_speed: Annotated[float, Field(ge=1e-9, le=1e3), Unit("m/s")] | None = None
-    """In place of ``presliding``: the friction force grows smoothly with the speed of slip and has about 70 % of its
-    limit at this one [m/s]. It needs no state, but what it holds creeps."""
+    """Alternative to ``presliding``: the friction force grows smoothly with the speed of slip, and reaches about 70 %
+    of its limit at this speed [m/s]. It needs no state, but a held object creeps."""
     viscous: Annotated[NonNegative, Field(examples=[0.5]), Unit("s/m")] = 0.0
-    """Part that a film between the surfaces adds to the friction coefficient per speed of slip [s/m], beside
-    ``friction`` and in its direction against the slip."""
+    """Increase of the friction coefficient per speed of slip by a film between the surfaces [s/m]; it adds to
+    ``friction`` and also acts against the slip."""
     law: Annotated[str | None, Field(examples=["adhesive"])] = None
-    """Law of an add-on, by the name that it announces. None: the one that is described here."""
+    """Contact law of an add-on, by its announced name. None: the law described here."""
     law_numbers: Annotated[ListOf[float], Field(examples=[[0.5]]), Unit(None)] = ()
-    """Numbers of that law, in the order and each in the unit of what its add-on states."""
+    """Numbers of the add-on's law in the order that the add-on states, each in the unit of its statement."""
 
 
 class Table(Value):
-    """A table on which an object stands until the table sinks: parallel to the plane, where gravity acts out of it, up
-    to height zero; with a ``point`` an endless wall in the plane.
+    """A table that carries an object until the table sinks.
+
+    If gravity acts out of the plane, the table is parallel to the plane and its surface is at height zero. With a
+    ``point`` it is an endless wall in the plane.
     """
 
     REFUSALS = Consumer.refusals(
@@ -82,27 +83,28 @@ class Table(Value):
     friction: Friction
     """Coulomb friction coefficient between it and the object [1]."""
     friction_radius: Annotated[NonNegative, Field(examples=[0.02, "20 mm"]), Unit("m")] = 0.0
-    """Greatest moment of friction against turning, per greatest friction force [m], of a table parallel to the plane:
-    2/3 of the radius of a disc that presses evenly, 0.38 of the side of such a square, a quarter of the length of a
-    bar. Force and moment are within one ellipsoid, as of a surface that slides and turns at once. 0: turns freely."""
+    """Greatest moment of friction against turning per greatest friction force [m], for a table parallel to the plane:
+    2/3 of the radius of a disc that presses evenly, 0.38 of the side of a square, a quarter of the length of a bar.
+    Force and moment lie within one ellipsoid, because the surface may slide and turn at once. 0: the object turns
+    freely."""
     stays: bool = False
     """Whether the object rests on a table parallel to the plane for good: pressed on it by its weight, without a height
     that moves. False: the table can sink away."""
     point: Position | None = None
-    """A world point of its surface at height zero, where it is perpendicular to the plane [m]."""
+    """World point of the surface at height zero, for a table perpendicular to the plane [m]."""
     normal_angle: Angle | None = None
     """World angle of its normal, out of the table, along which it moves [rad]; needed with ``point``."""
 
     @property
     def support(self) -> Palm | None:
-        """The table at height zero as a support, where it is in the plane."""
+        """Table at height zero as a support; None for a table parallel to the plane."""
         if self.point is None or self.normal_angle is None:
             return None
         return Palm(point=self.point, normal_angle=self.normal_angle)
 
     @property
     def wall(self) -> Wall | None:
-        """The table's surface at height zero, where it is in the plane."""
+        """Surface of the table at height zero; None for a table parallel to the plane."""
         if self.point is None or self.normal_angle is None:
             return None
         return Wall("table", self.point, self.normal_angle, math.inf, self.friction, "auto")
@@ -128,14 +130,14 @@ class Surroundings(Supported):
     )
 
     object: GraspObject | None = None
-    """Object that the finger can touch; None: there is none."""
+    """Object that the finger can touch; None: no object."""
     contact_law: ContactLaw | None = None
     """The force law of the object's surface; needed with an object."""
     object_moves: bool = False
     """Whether the object moves, as a rigid body in the plane; it is fixed where not."""
     out_of_plane_gravity: Annotated[NonNegative, Unit("m/s2")] = 0.0
-    """Gravity perpendicular to the plane [m/s2]: the weight of a moving object is then carried by friction alone. The
-    object slides out of the plane where that does not suffice, but never tilts; the finger is stiff that way."""
+    """Gravity perpendicular to the plane [m/s2]: friction alone then carries the weight of a moving object. If friction
+    does not suffice, the object slides out of the plane, but it never tilts; the finger is stiff in this direction."""
     table: Table | None = None
     """Table that carries an object that moves, until the table is lowered; None: contacts alone do."""
     moment_of_inertia: Annotated[Positive, Unit("kg m2")] | None = None
@@ -156,7 +158,7 @@ class Surroundings(Supported):
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """All walls and pegs, with the table where it is in the plane."""
+        """All walls and pegs, and the table unless it is parallel to the plane."""
         table = None if self.table is None else self.table.wall
         return super().places if table is None else (*super().places, table)
 
@@ -179,8 +181,8 @@ class Surroundings(Supported):
 
     @property
     def start_pose(self) -> tuple[float, ...]:
-        """Pose of a moving object at the start: x, y [m], angle [rad] and, where it can slide out of the plane, its
-        height [m], at which the spring of a table carries the weight.
+        """Pose of a moving object at the start: x, y [m], angle [rad]. If the object can slide out of the plane, also
+        its height [m], at which the spring of a table carries the weight.
         """
         body, table, law = self.object, self.table, self.contact_law
         if body is None or not self.object_moves:

@@ -41,17 +41,17 @@ _SUFFIX = re.compile(
 """Heading with a unit behind its name, except in, min and h: tension_in is an input, x_min a minimum."""
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}[T ]\d{2}:")
 _OFF = 30.0
-"""Factor on the expected time between rows, up or down, from which the unit is asked for [1]: half way, in logarithm,
-between the right unit and one that is a thousand times as large."""
+"""Greatest factor, up or down, between the actual and the expected time between rows [1]; beyond it, the reader asks
+for the unit. In logarithm, this is half way between the right unit and one a thousand times as large."""
 _CLOCK = 1e8
 """Later first instants come from a clock that counts from 1970 or so [s]: three years, longer than any motion."""
 _SLOW = 1.0
-"""Time between rows without a unit from which the unit is asked for [s]: fingers move faster, and milliseconds of a
-logger of 1 kHz are 1 apart."""
+"""Least time between rows without a unit at which the reader asks for the unit [s]: fingers move faster, and
+milliseconds of a logger of 1 kHz are 1 apart."""
 _WEIGHTS = {"g": "gf", "kg": "kgf", "lb": "lbf", "oz": "ozf"}
 """Masses that stand for their weight where a force is expected."""
 _SURE = 0.6
-"""Likelihood from which a point of DeepLabCut is one [1]: the default of its own plots (``pcutoff``)."""
+"""Least likelihood of a point of DeepLabCut that counts [1]: the default of its own plots (``pcutoff``)."""
 
 
 @dataclass(frozen=True)
@@ -123,19 +123,19 @@ class DataTable:
             Names of the columns of a table without a line of headings, which is then no error; headings may also stand
             behind # in the line above the numbers, as numpy writes them.
         columns : sequence of str
-            Columns to read of a bag; none: all numbers of topics with stamps. Of a table all are read.
+            Columns to read from a bag; none: all numbers of topics with stamps. All columns of a table are read.
         leader : str, optional
             Column of a bag whose topic leads. None: no topic does, and there is a column ``t`` of all stamps.
         stamps : {"header", "log"}, optional
             Stamps of a bag: of the messages' headers, by default, or of their recording.
         max_age : float, optional
-            Age up to which a value of a topic that does not lead counts [s]. None: it has the stamp of the row.
+            Greatest age of a value from a topic that does not lead [s]. None: the value has the stamp of the row.
 
         Raises
         ------
         InputError
-            With the line, where it is not of that form; if a bag lacks a column, is cut off, or its libraries are
-            missing; if stamps are stated for a table that is no bag.
+            With the line of a wrong form; if a bag lacks a column, is cut off, or its libraries are missing; if stamps
+            are stated for a table that is no bag.
 
         Examples
         --------
@@ -191,7 +191,7 @@ class DataTable:
         raise self.error(f"no column {heading!r}{hint} (it has {', '.join(self.headings)})", 0)
 
     def chosen(self, heading: str, texts: Sequence[str]) -> DataTable:
-        """The rows in which a column has one of some texts; numbers are compared as such."""
+        """Return the rows whose entry in a column is one of some texts; numbers are compared as numbers."""
         at = self.index(heading)
         keep = [k for k, row in enumerate(self.rows) if any(_same(row[at], text) for text in texts)]
         if not keep:
@@ -291,10 +291,9 @@ class DataTable:
         return columns
 
     def check_clock(self, t: Array, heading: str, unit: str | None = None, period: float | None = None) -> None:
-        """Refuse times (rows,) [s] that are too far apart, or too near, for the unit in which they are read.
+        """Refuse times (rows,) [s] that are too far apart, or too near, for their unit.
 
-        ``unit`` is the configuration's, ``period`` the time between rows that the scene expects [s]; None: it has
-        none.
+        ``unit`` is the configuration's unit; ``period`` is the time between rows that the scene expects [s], or None.
         """
         at = self.index(heading)
         if self._dates(heading) is not None or (self.topics and not self.topics[at]):

@@ -12,10 +12,10 @@ from continuum_grasp.scene.units import any_unit
 
 _UNITS = any_unit()
 HEADING = re.compile(rf"^(.*?)\s*(?:[\[(]((?<=\[)[^\]]*(?=\])|(?<=\()(?:{_UNITS})(?=\)))[\])])?$")
-"""Heading with a unit: any in brackets, those that are known in parentheses, where other words may stand."""
+"""Heading with a unit: any unit in brackets, a known unit in parentheses, which may also contain other words."""
 COMMA, _POINT = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?"), re.compile(r"[-+]?\d*\.\d*(?:[eE][-+]?\d+)?")
 _COMMENTS = ("#", "%", "//")
-"""Beginnings of lines that are comments, beside the semicolon, which separates cells in other files."""
+"""Beginnings of comment lines, except the semicolon, which separates cells in other files."""
 _DIRECTIVE = re.compile(r"sep=.?")
 """First line that states the character between cells to Excel."""
 _WORD = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
@@ -45,7 +45,7 @@ def parsed(text: str, names: Sequence[str], file: str) -> tuple[TableText, bool]
     cells = _trimmed([_cells(line, separator) for _, line in numbered])
     top, names = (0, names) if names and number_in(cells[0][0]) is not None else _headings(cells)
     header_line = numbered[max(top - 1, 0)][0]
-    # headings again, where a file was begun anew
+    # the headings of a file that was started again
     retained = [k for k in range(top, len(cells)) if cells[k] != cells[top - 1] or not top]
     rows = tuple(cells[k] for k in retained)
     row_lines = tuple(numbered[k][0] for k in retained)
@@ -93,7 +93,7 @@ def _check_widths(
 
 
 def _written(text: str) -> tuple[str, list[tuple[int, str]]]:
-    """Character between cells, and lines of a table with their numbers, without those that are empty or comments.
+    """Return the character between cells, and the lines of a table with their numbers, without empty ones and comments.
 
     A line that begins with a semicolon is a comment too, unless semicolons separate as many cells as in other lines.
     """
@@ -110,7 +110,7 @@ def _written(text: str) -> tuple[str, list[tuple[int, str]]]:
 
 
 def _with_headings(text: str, separator: str, numbered: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    """Lines with the line of headings, which is in the last comment above them where they begin with numbers."""
+    """Return the lines with the line of headings; if they begin with numbers, it is the last comment above them."""
     if not numbered or any(number_in(cell) is None for cell in _cells(numbered[0][1], separator) if cell):
         return numbered
     width = len(_cells(numbered[0][1], separator))
@@ -140,7 +140,7 @@ def _cells(line: str, separator: str) -> tuple[str, ...]:
 
 
 def _trimmed(rows: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
-    """Rows without what separators behind the last cells begin: columns in which no row has anything."""
+    """Return the rows without the empty columns that separators after the last cells begin."""
     width = max((k for row in rows for k, cell in enumerate(row, 1) if cell), default=1)
     return [row[:width] for row in rows]
 
@@ -152,10 +152,10 @@ def _columns(line: list[tuple[int, str]], separator: str) -> set[str]:
 
 
 def _headings(rows: Sequence[Sequence[str]]) -> tuple[int, Sequence[str]]:
-    """Number of lines above the numbers, and a heading per column.
+    """Return the number of lines above the numbers, and a heading per column.
 
     DeepLabCut has lines of scorer, individuals, bodyparts and coords: a column is called BODYPART_x. Tracker has a line
-    of its tracks above t, x, y: a column is called TRACK_x where there are several tracks, x of one.
+    of its tracks above t, x, y: a column is called TRACK_x, or x if there is only one track.
     """
     if rows[0][0] == "scorer":
         top = next((k for k, row in enumerate(rows) if row[0] == "coords"), 2) + 1

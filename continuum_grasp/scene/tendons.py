@@ -11,6 +11,7 @@ from pydantic import Field, field_validator
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.drives import WinchDrive
 from continuum_grasp.scene.graded import Varying, ends
+from continuum_grasp.scene.magnitudes import FORCE
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     SAME,
@@ -35,7 +36,7 @@ tip below 5e-4 of the length."""
 _PER_OFFSET = 250.0
 """Offset of a tendon per presliding by default [1]: 20 um of 5 mm, for strands in guides."""
 LEAST_OFFSET = 1e-6
-"""Least offset at the base [m], to which the shape of the moment is scaled; as of a length."""
+"""Least offset at the base [m], the scale of the shape of the moment; the same as for a length."""
 
 Offset = Annotated[float, Field(ge=-1e4, le=1e4), Unit("m")]
 
@@ -56,13 +57,13 @@ class _Tensions(Value):
         """
     )
 
-    min_tension: Annotated[NonNegative, Unit("N")] = 0.0
+    min_tension: Annotated[NonNegative, Unit("N"), FORCE] = 0.0
     """Least tension [N]."""
-    max_tension: Annotated[Positive, Unit("N")]
+    max_tension: Annotated[Positive, Unit("N"), FORCE]
     """Greatest tension [N]."""
     friction: Friction = 0.0
-    """Capstan friction coefficient between tendon and guides [1]: where the tendon slides, its tension changes by the
-    factor exp(friction * bend) against the sliding; where it sticks, by less."""
+    """Capstan friction coefficient between tendon and guides [1]: the tension of a sliding tendon changes by the factor
+    exp(friction * bend) against the sliding, the tension of a sticking tendon by less."""
     friction_cells: Annotated[int, Field(ge=1, le=16)] = 2
     """Cells per element with a friction state each: one costs least, two follow loops within 1 %."""
     presliding: Annotated[Extent | None, Field(examples=[20e-6, "20 um"])] = None
@@ -71,8 +72,8 @@ class _Tensions(Value):
     conduit_bend: Annotated[NonNegative, Field(le=100.0), Unit("rad")] = 0.0
     """Bend of a sheath between drive and finger, whose friction the tendon passes first [rad]."""
     time_constant: TimeConstant | None = None
-    """Time constant T of each of the lags in series by which a tension follows its command [s]: of two, 1/(T s + 1)^2,
-    unless ``drive_order`` is 1; a drive of first order has 63 % of a step after T, one of second order 26 %. None: the
+    """Time constant T of each lag in series between a command and its tension [s]: two lags, 1/(T s + 1)^2, unless
+    ``drive_order`` is 1. After T, a first-order drive has made 63 % of a step, a second-order drive 26 %. None: the
     tension is commanded directly."""
     drive_order: Literal[1, 2] = 2
     """Order of that lag: 2: critically damped, two lags in series; 1: T dF/dt = F_command - F. The mean delay is as
@@ -108,9 +109,9 @@ class Tendons(_Tensions):
 class Tendon(_Tensions):
     """One tendon, at a distance from the backbone that is constant or changes linearly from base to its end.
 
-    Its bending moment is ``T e(s)`` up to its end and none beyond; where it is inclined to the backbone by the slope
-    e', times the constant ``cos = 1 / sqrt(1 + e'^2)``: the virtual work of its length ``int sqrt((1 - e k)^2 + e'^2)
-    ds`` with e k small in the square root.
+    Its bending moment is ``T e(s)`` up to its end, and zero beyond. A tendon that is inclined to the backbone by the
+    slope e' has this moment times ``cos = 1 / sqrt(1 + e'^2)``, by the virtual work of its length ``int sqrt((1 - e
+    k)^2 + e'^2) ds`` with small e k in the square root.
     """
 
     offset: Annotated[Varying[Offset], Field(examples=[0.008, "8 mm"])]
@@ -216,7 +217,7 @@ class Chamber(Value):
     """A chamber, or a fluidic muscle, along a part of the finger.
 
     Its pressure p exerts a bending moment of the magnitude ``p area offset`` from ``start`` to ``to`` and none
-    elsewhere: the virtual work of its volume, where bending leaves area and centroid of its cross-section as they are.
+    elsewhere, by the virtual work of its volume; bending does not change area and centroid of its cross-section.
 
     Examples
     --------
@@ -229,8 +230,9 @@ class Chamber(Value):
     area: Annotated[float, Field(ge=1e-12, le=1.0, examples=[80e-6, "80 mm2"]), Unit("m2")]
     """Area of its cross-section [m2]."""
     offset: Annotated[Offset, Field(examples=[0.006, "6 mm"])]
-    """Distance of the centroid of its cross-section from the backbone [m], as of tendons positive on the -X side. A
-    pressure bends the finger away from a chamber: one on the +X side towards -X, positively."""
+    """Distance of the centroid of its cross-section from the backbone [m]; like that of tendons, positive on the -X
+    side. A pressure bends the finger away from the chamber: a chamber on the +X side bends it towards -X,
+    positively."""
     contracts: bool = False
     """Whether it is a muscle that shortens under pressure, and bends the finger to its own side as a tendon does."""
     start: Distance = 0.0
@@ -242,7 +244,7 @@ class Chamber(Value):
     max_pressure: Annotated[float, Field(ge=-1e6, le=1e9, examples=[100e3, "100 kPa"]), Unit("Pa")]
     """Greatest pressure above the surroundings' [Pa]."""
     time_constant: TimeConstant | None = None
-    """Time constant of the one lag, of first order, by which the pressure follows its command [s]. None: at once."""
+    """Time constant of the first-order lag between the command and the pressure [s]. None: no lag."""
     stiffness_share: Annotated[NonNegative, Field(le=100.0, examples=[0.1]), Unit("1")] = 0.0
     """Bending stiffness that its wall adds from ``start`` to ``to``, relative to the rod there [1]."""
 
@@ -274,7 +276,7 @@ class Chamber(Value):
         return self.along(length, 1.0, 0.0)
 
     def channel(self, length: float, entry: int, inputs: int) -> Channel:
-        """The channel by which its pressure, one of so many inputs, bends a finger of a length [m]."""
+        """Return the bending channel of its pressure, one of several inputs, in a finger of a length [m]."""
         from continuum_grasp.scene.profile import Channel
 
         arms = tuple(float(k == entry) for k in range(inputs))

@@ -1,4 +1,4 @@
-"""Units in which values may be written, their table, and their exact conversion to SI."""
+"""Units of values in configurations, as a table, and their exact conversion to SI."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pydantic_core import CoreSchema, core_schema
 
 _NUMBER = r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
 """Pattern of numbers of YAML 1.2, without infinity and NaN."""
-# 50 digits beside the 17 of a double, so that what is multiplied by it is rounded correctly.
+# A double has 17 digits; 50 digits make sure that products are rounded correctly.
 _DEGREE = Fraction("3.14159265358979323846264338327950288419716939937510") / 180
 _INCH = Fraction("0.0254")
 _POUND = Fraction("0.45359237")
@@ -25,7 +25,7 @@ _POUND_FORCE = _POUND * _GRAVITY
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity with its SI unit, and other units in which it may be written."""
+    """A quantity with its SI unit and its other units."""
 
     words: str
     example: str
@@ -108,7 +108,7 @@ QUANTITIES = {
 
 
 def units_of(si: str) -> dict[str, Fraction]:
-    """Units in which a value may be written whose SI unit is ``si``, and what each is in that; none where unknown."""
+    """Return the units for values with the SI unit ``si``, and the size of each in this unit; none if it is unknown."""
     quantity = QUANTITIES.get(si)
     if quantity is None:
         return {}
@@ -156,7 +156,7 @@ def expected(si: str) -> str:
 
 
 def pattern(si: str | None) -> str:
-    """A regular expression of the texts that are values of an SI unit; None: of any, where it is not known here."""
+    """Return a regular expression for texts with values of an SI unit; None: for values of all unknown units."""
     if si is None:
         return rf"^{_NUMBER} ?\S.*$"
     return f"^{_NUMBER}(?:{'|'.join(map(_spelled, units_of(si)))})$"
@@ -166,16 +166,16 @@ def pattern(si: str | None) -> str:
 class Unit:
     """The SI unit of a number, or of all numbers in a list, for ``Annotated``; texts with a unit become SI numbers.
 
-    In a mapping this goes for its ``value`` or ``values``, whose own unit is None: the mapping's unit counts. A
-    unit that is not in ``QUANTITIES``, such as ``N or N m``, takes no texts. Unreadable text is left as it is, and
-    validation refuses it as no number, with its place.
+    In a mapping, the unit applies to its ``value`` or ``values``, whose own unit is None. Values of a unit that is not
+    in ``QUANTITIES``, such as ``N or N m``, cannot be texts. Unreadable text stays, and validation refuses it with its
+    place.
     """
 
     si: str | None
 
     @property
     def factors(self) -> dict[str, Fraction]:
-        """Units in which a value may be written, and what each is in the SI unit; none where that is not known."""
+        """Units for the value, and the size of each in the SI unit; none if the SI unit is unknown."""
         return units_of(self.si or "")
 
     def read(self, value: Any) -> Any:
@@ -221,7 +221,7 @@ def any_unit() -> str:
 
 
 def unit_in(text: str, si: str, before: str = "") -> str | None:
-    """The unit with which a text ends; what stands before is a regular expression."""
+    """Return the unit at the end of a text; a regular expression describes the part before it."""
     return next((unit for unit in units_of(si) if re.fullmatch(before + _spelled(unit), text)), None)
 
 

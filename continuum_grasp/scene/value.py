@@ -24,7 +24,7 @@ from pydantic_core import CoreSchema
 
 from continuum_grasp.base import InputError, Summarized
 from continuum_grasp.scene.consumer import Consumer
-from continuum_grasp.scene.doubts import doubt
+from continuum_grasp.scene.doubts import collected_doubts, doubt
 from continuum_grasp.scene.magnitudes import ACCELERATION, ANGLE, DURATION, FRICTION, PLACE, magnitudes
 from continuum_grasp.scene.units import Unit
 
@@ -37,13 +37,13 @@ GREATEST = 1e12
 PARALLEL = 1e-6
 """Sine of an angle below which two directions, or directions of two surfaces, count as parallel [1]."""
 SAME = 1e-9
-"""Distance per length up to which two positions are the same, and difference up to which two ratios are [1]: above the
+"""Greatest distance between equal positions, per length, and greatest difference between equal ratios [1]: above the
 rounding of sums of lengths."""
 WRITTEN = 1e-6
 """Share of a size that is rounding of written numbers, as with six digits [1]: of numbers in scenes, of coordinates in
 drawings."""
 _SHORT = 200
-"""Characters up to which a value is shown as it is written [1]: two lines of a terminal."""
+"""Greatest number of characters of a value that is shown unchanged [1]: two lines of a terminal."""
 
 
 class Value(BaseModel):
@@ -56,7 +56,7 @@ class Value(BaseModel):
     """
 
     REFUSALS: ClassVar[tuple[Consumer, ...]] = ()
-    """Keys that have no place beside others, or in such a scene at all."""
+    """Keys that exclude each other, or that a scene cannot have."""
     FILES: ClassVar[str] = ""
     """Function (document, key path of a scene, main file) that puts in place what keys name in files, as
     ``module:name``."""
@@ -84,7 +84,7 @@ class Value(BaseModel):
 
     @model_validator(mode="after")
     def _checked(self) -> Self:
-        # Base classes first: a class may rely on what they have checked.
+        # Base classes first: a class may rely on their checks.
         for kind in reversed(type(self).__mro__):
             for refusal in vars(kind).get("REFUSALS", ()):
                 refusal.check(self)
@@ -110,13 +110,13 @@ class Value(BaseModel):
             raise ValueError(f"{least} = {low:g}{unit} is not below {greatest} = {high:g}{unit}")
 
     def _check_count(self, key: str, values: Sized | None, count: int, of: str) -> None:
-        """Refuse a list, where there is one, without as many entries as there are of something."""
+        """Refuse a list whose number of entries is not that of something else; a missing list passes."""
         if values is not None and len(values) != count:
             raise ValueError(f"{key} must have one entry per {of} ({count}), got {len(values)}")
 
     def _check_whole(self, key: str, span: float, step: float, what: str) -> None:
         """Refuse a time that is not a whole number of steps [s]."""
-        # Decimal steps such as 0.001 are no binary fractions, so that the quotient is whole but for rounding.
+        # Decimal steps such as 0.001 are no binary fractions, so the quotient is whole only up to rounding.
         count = span / step
         if abs(count - round(count)) > 1e-6 * count:
             raise ValueError(f"{key} must be a whole number of {what}, got {span} s in {what} of {step} s")
@@ -126,7 +126,7 @@ class Value(BaseModel):
         doubt(key, text, self)
 
     def changed(self, changes: Overrides) -> Self:
-        """Return a copy in which some entries have other values, checked as a whole.
+        """Return a copy with other values of some entries, checked as a whole.
 
         Parameters
         ----------
@@ -138,7 +138,7 @@ class Value(BaseModel):
         Returns
         -------
         same class
-            Validated as if it were made anew; defaults stay defaults.
+            Validated like a new value; defaults stay defaults.
 
         Raises
         ------
@@ -165,7 +165,7 @@ class Value(BaseModel):
         return data.changed(overrides).validated(type(self))
 
     def entry(self, path: KeyPath | str) -> Any:
-        """Return the entry at a key path, or at its text such as ``masses[0].at``; None where there is none."""
+        """Return the entry at a key path, or at its text such as ``masses[0].at``; None if it does not exist."""
         from continuum_grasp.scene.document import child, undotted
 
         return reduce(child, undotted(path) if isinstance(path, str) else path, self)
@@ -180,7 +180,7 @@ class Value(BaseModel):
         return self.stated().items()
 
     def __repr__(self) -> str:
-        """Text as it is written in Python where that is short; else field by field, each in one line."""
+        """Return a short text as Python writes it; a long one has a line per field."""
         text = _written(self)
         if len(text) <= _SHORT:
             return text
@@ -200,10 +200,14 @@ class Value(BaseModel):
         return ((name, getattr(self, name)) for name in type(self).model_fields)
 
     def replaced(self, **fields: Any) -> Self:
-        """A copy with other values of some fields, validated as if it were made anew; `InputError` as then."""
-        return type(self)(**{**dict(self), **fields})
+        """Return a copy with other values of some fields, validated like a new value; raises `InputError` like it.
 
-    # pydantic calls an initializer of one's own for nested values too, and loses the keys of what is wrong in them.
+        A copy raises no doubts: the user has been warned of the original, and does not know the values of a search.
+        """
+        with collected_doubts():
+            return type(self)(**{**dict(self), **fields})
+
+    # pydantic calls our initializer for nested values too, and then loses the keys of faults in them.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -251,7 +255,7 @@ def field_docs(model: type) -> dict[str, str]:
         body = _classes(kind.__module__).get(kind.__qualname__)
         for field, below in pairwise((*body.body, ast.Pass()) if body is not None else ()):
             if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
-                docs.pop(field.target.id, None)  # declared anew
+                docs.pop(field.target.id, None)  # declared again
                 if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
                     docs[field.target.id] = inspect.cleandoc(str(below.value.value))
                 elif isinstance(field.annotation, ast.Subscript) and isinstance(field.annotation.slice, ast.Constant):
@@ -289,7 +293,7 @@ TimeConstant = Annotated[float, Field(ge=1e-6, le=1e6), Unit("s")]
 Mass = Annotated[NonNegative, Unit("kg")]
 """Mass that may be zero [kg]."""
 Ratio = Annotated[NonNegative, Unit("1")]
-"""A factor, or a weight of what has no unit [1]."""
+"""A factor, or the weight of a quantity without a unit [1]."""
 Friction = Annotated[NonNegative, Unit("1"), FRICTION, Field(examples=[0.5])]
 """A coefficient of friction [1]."""
 Vector2 = Annotated[tuple[Real, Real], Field(strict=False)]
@@ -309,7 +313,7 @@ def _increasing(values: tuple[float, ...], field: ValidationInfo) -> tuple[float
 
 
 Increasing = AfterValidator(_increasing)
-"""For numbers each of which must be greater than the one before it."""
+"""For strictly increasing numbers."""
 Interval = Annotated[tuple[Real, Real], Field(strict=False), Increasing]
 """Least and greatest value."""
 

@@ -159,7 +159,7 @@ class _Builder:
             value = float(word.replace(".inf", "inf").replace(".nan", "nan"))
         except ValueError:
             raise self.error(node, path, f"cannot be read as {kind}: {text[:60]!r}") from None
-        # Python rounds what no double can hold to infinity or zero without a word.
+        # Python silently rounds numbers beyond the range of doubles to infinity or zero.
         if math.isinf(value) and not word.endswith(".inf"):
             raise self.error(node, path, f"too large: expected a number up to 1.8e308, got {text[:60]}")
         if value == 0.0 and re.search("[1-9]", re.split("[eE]", text)[0]):

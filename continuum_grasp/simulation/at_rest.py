@@ -34,8 +34,8 @@ def equilibrium(
     """Find the equilibrium of a finger under its loads at time zero, also beyond buckling.
 
     Pseudo-transient continuation (damped motion in the metric of the mass matrix that turns into Newton's method as it
-    converges) leads from the guess to an equilibrium. If that one is unstable, as the straight finger is under more
-    than its buckling load, the search leaves it along its weakest direction and finds the stable one beside it.
+    converges) leads from the guess to an equilibrium. If this is unstable, like the straight finger above its
+    buckling load, the search leaves it along its weakest direction and finds the stable equilibrium next to it.
 
     Parameters
     ----------
@@ -51,7 +51,8 @@ def equilibrium(
         Whether to leave an unstable equilibrium. If no stable one is near (flutter under a following load), the result
         has ``stable=False``.
     side : {1, -1}
-        Side to which an unstable equilibrium is left: the sign of the largest component of its weakest direction.
+        Direction in which the search leaves an unstable equilibrium: the sign of the largest component of its weakest
+        direction.
     model : FingerModel, optional
         Model to use, which must have the scene's loads.
 

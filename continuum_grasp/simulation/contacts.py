@@ -25,8 +25,8 @@ _FRICTION = (
 class ContactHistory:
     """Gaps and forces of C contacts at T instants, as ``stored`` describes them.
 
-    Names are ``finger.1`` and so on, ``finger.tip``, of several fingers with their names in place of ``finger``, then
-    the supports.
+    Names are ``finger.1`` and so on, ``finger.tip`` (several fingers have their names instead of ``finger``), then the
+    supports.
     """
 
     stored: ClassVar[tuple[Stored, ...]] = tuple(
@@ -113,11 +113,13 @@ class ContactHistory:
         return forces
 
     def overlap_text(self, run: Any, body: GraspObject, poses: Array, half_thickness: Curve, points: int) -> str:
-        """By how much the finger of a run is deeper in an object than its stations are pressed into it, and when.
+        """Describe how much deeper the finger of a run lies in an object than its stations are pressed into it, and
+        when.
 
-        Empty if it is not. Poses of the object are (T, 3 or 4); backbones are looked at in so many points.
+        Empty if it does not lie deeper. Poses of the object are (T, 3 or 4); each backbone is checked at a number of
+        points.
         """
-        # 50: instants at which overlaps are looked for
+        # 50: instants of the search for overlaps
         looked = np.unique(np.linspace(0, len(run.t) - 1, 50).astype(int))
         columns = [k for k, name in enumerate(self.names) if name.startswith("finger.")]
         pressed = np.maximum(0.0, -self.gap[looked][:, columns].min(axis=1))
@@ -136,7 +138,7 @@ def greatest_motion(body: GraspObject, poses: Array, others: Array) -> float:
 
 
 def _overlaps(body: GraspObject, poses: Array, backbones: Array, half_thickness: Curve) -> Array:
-    """Deepest overlap of a finger and an object at some instants (T,) [m]; zero where they are apart.
+    """Return the deepest overlap of a finger and an object at some instants (T,) [m]; zero while they are apart.
 
     Poses (T, 3) are the object's x, y [m] and angle [rad], backbones (T, points, 2) the finger's [m], in the world and
     evenly spaced from base to tip.

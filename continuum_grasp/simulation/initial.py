@@ -1,4 +1,4 @@
-"""The state from which a motion starts."""
+"""Start state of a motion."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
         q, stands = rest.q, rest.u[: len(initial.motor_angles or ())]
     elif initial.pose == "straight":
         q = model.structure.straight()
-    # Drives have reached what is commanded at time zero: nothing moves because of them.
+    # Drives have reached their commands at time zero, so they cause no motion.
     p = np.array(model.p_nominal)
     if rest is not None:
         ways = rest.friction_states
@@ -81,8 +81,9 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
 
 
 def _standing(model: FingerModel, drives: Array, angles: Sequence[float], at_rest: Array, u: Array) -> Array:
-    """States of motors that stand at angles [rad] where ``at_rest`` balances the tensions, under a command ``u``: their
-    dry friction bears the difference, as far as it does.
+    """Return the states of motors at angles [rad] under a command ``u``, while ``at_rest`` balances the tensions.
+
+    The dry friction of the motors bears the difference up to its limit.
     """
     standing = drives.copy()
     for k, (motor, states) in enumerate(zip(model.structure.motors, states_of_motors(model, standing), strict=True)):

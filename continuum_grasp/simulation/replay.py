@@ -13,7 +13,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Actuation, CommandedScene, Samples, Scene, Timing
 
 _PARTS = 4
-"""Parts of an interval, no longer than the lag, at which a tip moment that follows its command is sampled [1].
+"""Number of samples of a lagging tip moment within an interval that is no longer than the lag [1].
 
 The tip of test_a_plan_is_simulated_under_its_own_inputs was off by 2e-4 of the length with 1, by 8e-6 with 4, and by
 2e-4 with 8: sub-steps then meet the quintics where these have no acceleration."""
@@ -24,11 +24,10 @@ _AFTER = 1e-9
 def scene_under(
     scene: CommandedScene, t: ArrayLike, u: ArrayLike, *, plant: Scene | None = None, linear: bool = False
 ) -> Scene:
-    """Scene of a simulation under inputs (N, nu), or (N + 1, nu), that were chosen at instants t (N + 1,) [s].
+    """Return a scene for simulation under inputs (N, nu), or (N + 1, nu), at instants t (N + 1,) [s].
 
-    They are held from an instant to the next, or ``linear`` in between; drives begin as the scene's do, at the input
-    before the motion. Output steps are the intervals, which are equal. ``plant`` is what moves, where that is not the
-    finger of the scene.
+    Inputs are constant from one instant to the next, or ``linear`` in between. Drives begin like the scene's, at the
+    input before the motion. Output steps are the equal intervals. ``plant`` replaces the finger of the scene.
     """
     plain = plant or scene.simulated
     finger = scene.finger

@@ -55,7 +55,7 @@ class LoadState:
 
 @dataclass(frozen=True)
 class RestingShape:
-    """A shape in which the forces on a finger balance; `Equilibrium` is the result that is made of it."""
+    """A shape with balanced forces on the finger; `Equilibrium` is the result for users."""
 
     q: Array
     u: Array
@@ -130,7 +130,7 @@ class EquilibriumSearch:
             q, iterations = self._descend(start, 0)
             margin, direction, steady = self._stability(q)
             if stable and not steady:
-                # An eigenvector has no sign of its own: the largest component decides what the sides are.
+                # The sign of an eigenvector is arbitrary, so the largest component defines both sides.
                 kick = direction * side * (1.0 if direction[np.argmax(np.abs(direction))] > 0 else -1.0)
                 # 1e-3: displacement along the weakest direction with which an unstable equilibrium is left, per typical
                 # coordinate: large against rounding, small against the buckled shape

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -33,10 +33,10 @@ def rest_at(scene: Scene, model: FingerModel, *, at: float = 0.0, **search: Any)
     angles = scene.initial.motor_angles
     if angles is None:
         signals, friction = Signals(scene, model), model.structure.friction_of(scene.initial)
-        return rest_under(model, signals.u(at)[0], signals.w(at)[0], **friction, **search)
+        return rest_under(model, signals.u(at)[0], signals.w(at)[0], friction, **search)
     motors, finger = model.structure.motors, scene.finger.with_drives(_locked)
     wound = tuple(motor.radius * angle for motor, angle in zip(motors, angles, strict=True))
-    # Chambers beside the tendons have their pressures.
+    # Chambers have their own pressures.
     pressures = scene.actuation.values[len(wound) :] if scene.actuation else (0.0,) * len(finger.chambers)
     held_at = wound if "lengths" in finger.input_keys else tuple(angles)
     actuation = Actuation.of(finger.input_keys, (*held_at, *pressures))
@@ -80,15 +80,18 @@ def rest_under(
     model: FingerModel,
     u: ArrayLike,
     w: ArrayLike,
+    history: Mapping[str, Any],
     *,
     guess: ArrayLike | None = None,
     stable: bool = True,
     side: int = 1,
-    reached_by: str = "pulling",
-    friction_states: ArrayLike | None = None,
-    path: Sequence[ArrayLike] = (),
 ) -> RestingShape:
-    """Find the shape at rest under constant input and forces; arguments are as in ``equilibrium_under``."""
+    """Find the shape at rest under constant input and forces; arguments are as in ``equilibrium_under``.
+
+    ``history`` has ``reached_by``, ``friction_states`` and ``path`` if they are stated.
+    """
+    reached_by, path = history.get("reached_by", "pulling"), history.get("path", ())
+    friction_states = history.get("friction_states")
     CheckedArgument("side", side).choice((1, -1))
     CheckedArgument("reached_by", reached_by).choice(("pulling", "releasing", "path", "state"))
     end = LoadState(CheckedArgument("u", u).array(), CheckedArgument("w", w).array(), np.array(model.p_nominal))
@@ -100,8 +103,8 @@ def rest_under(
     if count and reached_by == "state" and states.size != count:
         raise InputError(f"friction_states: expected {count} entries, got {states.tolist()}")
     if not count or reached_by == "state":
-        history = model.friction_history(np.zeros(model.n), end.u, end.p, reached_by, states)
-        search = EquilibriumSearch(model, end, history)
+        friction = model.friction_history(np.zeros(model.n), end.u, end.p, reached_by, states)
+        search = EquilibriumSearch(model, end, friction)
         return search.find(search.rest() if start is None else start, stable, side)
     idle = _idle(model, end)
     way = FrictionPath(model, idle, stable=stable, side=side)

@@ -30,7 +30,7 @@ Progress = Callable[[float], None]
 _FAST = "rk4"
 """Method that ``time.method: auto`` chooses between and ``stiff_method``."""
 _IMPLICIT_FROM = 40
-"""Sub-steps per output step from which on the implicit method is chosen."""
+"""Least number of sub-steps per output step that selects the implicit method."""
 _MOST_SUBSTEPS = 10_000
 """Sub-steps per output step beyond which an explicit method is refused."""
 _MOST_IMPLICIT = 256
@@ -40,7 +40,7 @@ _GROWTH = (1.3, 16.0)
 _MARGIN = 1.25
 """Factor on the number of sub-steps that is foreseen."""
 _MOST_WORK = {_FAST: 4_000_000, "rodas": 400_000, "extrapolated_euler": 400_000}
-"""Sub-steps of a motion up to which the tolerance is pursued: some 10 s of compiled code for fingers with contacts."""
+"""Greatest number of sub-steps in pursuit of the tolerance: some 10 s of compiled code for fingers with contacts."""
 
 
 @interruptible()
@@ -97,7 +97,7 @@ class _Run:
     def _finished(
         self, motion: Motion, error: Stop | None, used: SteppingPlan, took: float, started: float
     ) -> tuple[Trajectory, Stop | None]:
-        """The motion as far as it means something, with warnings and statistics, and what stopped it."""
+        """Return the meaningful part of the motion, with warnings and statistics, and the reason of its end."""
         states = motion.states
         result = self._result(states)
         use = self._use(result)
@@ -131,7 +131,7 @@ class _Run:
         }
         status = "finished" if error is None else "stopped"
         jumps = self._signals.warnings(self._time.step / used.substeps, self._time.duration)
-        jumps = () if used.method == "reference" else jumps  # which starts anew at every knot
+        jumps = () if used.method == "reference" else jumps  # it restarts at every knot
         at_start = _start_warnings(self._scene, self._model)
         limits = self._model.limit_warnings(use, result.t)
         inexact = self._error_warnings(used, motion)
@@ -162,7 +162,9 @@ class _Run:
         return _Run(self._scene, self._time, model, self._progress) if wider else None
 
     def _choose(self, x0: Array) -> SteppingPlan:
-        """Method and sub-steps from the spectral radius about the start, over the instants at which inputs turn."""
+        """Choose method and sub-steps from the spectral radius about the start, at the extreme instants of the
+        inputs.
+        """
         shapes = self._model.sample_shapes(x0[: self._model.n])
         bent = np.tile(x0, (4, 1))
         bent[1:, : self._model.n] = shapes[1:4]
@@ -191,7 +193,7 @@ class _Run:
         return self._model.structure.stiff_method(sweeps=self._core.model.sweeps)
 
     def _judged(self, plan: SteppingPlan, motion: Motion) -> tuple[SteppingPlan | None, Stop | None]:
-        """A finer plan where the steps turned out to be too long, and the fault if there is none."""
+        """Return a finer plan after steps that were too long, or the fault if no finer plan exists."""
         states, error = motion.states, motion.error
         if isinstance(error, Interrupted):
             return None, error
@@ -202,14 +204,14 @@ class _Run:
             # Steps of twice the length, which they are compared with, are not stable where the motion has been.
             return self._controlled(replace(plan, substeps=2 * plan.substeps)), None
         if plan.stable is None:
-            # A linearly implicit step does not see what it meets: contacts, stops, friction and quadratic damping.
+            # A linearly implicit step cannot foresee contacts, stops, friction and quadratic damping.
             if plan.method == "reference" or not isinstance(error, NumericalError):
                 return None, error
-            # 4: factor by which they grow where a motion with contacts is not finite
+            # 4: factor on their number if a motion with contacts is not finite
             self._implicit_substeps = 4 * plan.substeps
             finer = self._planned(plan.method, plan.radius) if self._implicit_substeps <= _MOST_IMPLICIT else None
             return finer, error
-        # The motion may have reached stiffer shapes than those about the start: look again where it was.
+        # The motion may have reached stiffer shapes than at the start, so its shapes are checked again.
         n = self._model.n
         some = states[:: max(1, len(states) // 12)]
         radius = max(plan.radius, self._radius(some[:, :n], some[:, n : 2 * n]))
@@ -283,7 +285,7 @@ class _Run:
         """Sub-steps that should keep the tolerance, or as many as are taken at the most."""
         done = len(motion.states) - 1
         steps = self._stepper.steps
-        # What is given up at its first look begins faster than it may go on.
+        # A motion that fails its first check begins faster than it may continue.
         begun = done <= plan.every and done < steps
         taken, share = (plan.start.substeps, 1.0) if begun else (plan.substeps, done / steps)
         excess = motion.time_error / (self._time.tolerance * share)
@@ -319,7 +321,7 @@ class _Run:
         """Spectral radius over shapes, at time zero, and over the first of them whenever inputs or loads turn."""
         sane = np.all(np.isfinite(shapes) & np.isfinite(rates), axis=1)
         finite, moving = shapes[sane], rates[sane]
-        # Of later instants the start, the straight finger and two random shapes: eigenvalues take their time.
+        # Later instants use only the start, the straight finger and two random shapes, because eigenvalues are slow.
         core = Core(self._model, compiled=False)
         signals = self._signals
         radius = 0.0

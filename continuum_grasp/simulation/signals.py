@@ -126,14 +126,14 @@ class Signals:
         return any(value.interpolation == "hold" for value in self._sampled)
 
     def instants(self, duration: float) -> list[float]:
-        """Zero, and up to 15 more instants at which inputs and loads take their sampled values [s]."""
+        """Return zero and up to 15 more sample instants of inputs and loads [s]."""
         # Each costs the eigenvalues of some shapes, so not more than some 15 of them.
         times = {t for value in self._sampled for t in value.times}
         later = sorted(t for t in times if 0.0 < t <= duration)
         return [0.0, *later[:: max(1, math.ceil(len(later) / 15))]]
 
     def knots(self, start: float, end: float) -> list[float]:
-        """Instants [s] inside a span at which inputs or loads have a knot of their samples."""
+        """Return the sample instants of inputs and loads inside a span [s]."""
         least = SAME * (end - start)  # rounding of its ends
         times = {t for value in self._sampled for t in value.times}
         return sorted(t for t in times if start + least < t < end - least)
@@ -180,7 +180,7 @@ class Signals:
 
 
 def _changes(value: Samples | VectorSamples, duration: float) -> list[float]:
-    """Times that changes within the motion take [s]; none of what holds its values, which jumps."""
+    """Yield the durations of changes within the motion [s]; values that are held jump and have none."""
     if value.interpolation == "hold":
         return []
     samples = list(zip(value.times, value.values, strict=True))

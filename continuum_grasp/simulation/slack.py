@@ -20,14 +20,14 @@ def least_pull(tendon: Tendon) -> float:
 
 @dataclass(frozen=True)
 class SlackTime:
-    """A time in which a tendon is slack: it does not pull, and its friction forgets its past.
+    """A period with a slack tendon: it does not pull, and its friction forgets its past.
 
     Attributes
     ----------
     tendon : int
         Number of the tendon, from 1.
     begins, ends : float
-        First instant at which it is slack, and the first at which it is in tension again [s]: infinite if it never is.
+        First slack instant, and first instant in tension after it [s]; infinite if the tendon stays slack.
     """
 
     tendon: int
@@ -36,7 +36,7 @@ class SlackTime:
 
 
 def slack_times(finger: Finger, t: ArrayLike, tensions: ArrayLike) -> list[SlackTime]:
-    """Times in which tendons are slack, by tendon and instant, of tensions (T, tendons) [N] at the drives."""
+    """Return the slack periods of tendons, by tendon and instant, from tensions (T, tendons) at the drives [N]."""
     instants = np.asarray(t, dtype=float)
     times = list[SlackTime]()
     for k, tension in enumerate(np.asarray(tensions, dtype=float).T):

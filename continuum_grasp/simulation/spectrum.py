@@ -36,10 +36,10 @@ def contact_frequency(core: Core, states: Array, u: Array, w: Array, p: Array) -
 
 
 def pressed_radius(core: Core, states: Array, u: Array, w: Array, p: Array) -> float:
-    """Largest absolute eigenvalue of the linearized motion of a system with contacts over some states [1/s].
+    """Return the largest absolute eigenvalue of the linearized motion of a system with contacts over some states [1/s].
 
-    Over the states (count, nx) as they are, and at rest with the open contacts closed, which may close within a step;
-    infinite where the numbers are not finite.
+    The states (count, nx) count unchanged, and also at rest with open contacts closed, because these may close within a
+    step. The result is infinite if numbers are not finite.
     """
 
     def slopes() -> Iterator[Array]:
@@ -53,9 +53,10 @@ def pressed_radius(core: Core, states: Array, u: Array, w: Array, p: Array) -> f
 
 
 def representative_states(core: Core, states: Array, u: Array, w: Array) -> Array:
-    """Some states (T, nx) of a motion of a system with contacts, under inputs and forces (T, size).
+    """Select states from the states (T, nx) of a motion of a system with contacts, under inputs and forces (T, size).
 
-    Evenly spread, and states of the greatest normal forces and of the fastest friction, where it is stiffest.
+    The selection is evenly spread, plus the states of the greatest normal forces and of the fastest friction, because
+    the system is stiffest there.
     """
     system: System = core.model
     friction = system.friction_states
@@ -73,12 +74,12 @@ def representative_states(core: Core, states: Array, u: Array, w: Array) -> Arra
 
 
 def _full(system: System) -> float:
-    """Depth from which on a contact has all of its stiffness [m]."""
+    """Return the least depth of a contact with its full stiffness [m]."""
     return 1.001 * system.touch_law.rounding if system.touch_law else 0.0  # beyond the end of the rounded onset
 
 
 def _at_rest(system: System, x: Array) -> Array:
-    """The state without velocities: contacts that close would be damped by those that they do not close with."""
+    """Return the state without velocities; these would damp closing contacts in a wrong way."""
     still = x.copy()
     n = system.n
     still[n : 2 * n] = 0.0
@@ -88,7 +89,7 @@ def _at_rest(system: System, x: Array) -> Array:
 
 
 _MOVED, _ROUGH = 1e-6, 1e-3
-"""Change of a state, per one and its size, by which a step is differentiated; and the error of differences [1]."""
+"""Change of a state in difference quotients of a step, per 1 plus its size; and the error of the quotients [1]."""
 
 
 def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array, qd: Array | None = None) -> float:
@@ -104,7 +105,7 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array, qd: Arra
     else:
         moving = np.atleast_2d(qd)
     if model.structure.own_tendons or model.friction_names:
-        # With friction both stuck, where they are stiffest, and sliding; on winches also in tension, if commands leave
+        # With friction, both stuck (stiffest) and sliding; on winches also in tension, if commands leave
         # them slack.
         moving = moving * model.structure.has_law("damping")
         pairs = zip(np.atleast_2d(q), moving, strict=True)

@@ -34,7 +34,7 @@ class Equilibrium(RestingShape, Result):
     margin : float
         Smallest eigenvalue of the stiffness in the metric of the mass matrix [rad2/s2]; negative when unstable.
     residual : float
-        Largest missing generalized force, relative to the largest of those that balance.
+        Largest missing generalized force, relative to the largest balanced one.
     history : (states + 1,) ndarray
         History of friction, as an argument of the model's functions; empty without friction.
     warnings : tuple of str
@@ -77,7 +77,7 @@ class Equilibrium(RestingShape, Result):
 
     @classmethod
     def of(cls, found: RestingShape, scene: Scene | None = None, resolution: Resolution | None = None) -> Equilibrium:
-        """A shape at rest as a result, of a scene where there is one."""
+        """Return a shape at rest as a result, with its scene if it has one."""
         result = cls(**{each.name: getattr(found, each.name) for each in fields(RestingShape)}, scene=scene)
         result = replace(result, warnings=(*found.warnings, *map(str, result.limits)))
         return result if resolution is None else result.judged(resolution)
@@ -96,12 +96,12 @@ class Equilibrium(RestingShape, Result):
 
     @cached_property
     def commands(self) -> Array | None:
-        """Least and greatest command (motors, 2) under which motors stay here; None without motors.
+        """Return the least and greatest command (motors, 2) that hold the motors here; None without motors.
 
-        Dry friction of a motor holds it under every command between: torque [N m], current [A] or angle [rad]. Pulled
-        up to here it needs the one, let out to here the other: of a motor that winds up, the greatest and the least.
-        Where a motor cannot hold (``torque_max``), both are nan; where a servo gives all its torque and holds, the
-        angle has no bound on that side.
+        Dry friction of a motor holds it under every command between them: torque [N m], current [A] or angle [rad]. A
+        motor that winds up the tendon arrives here with the greatest command, and with the least one if it lets out
+        the tendon. If a motor cannot hold (``torque_max``), both are nan. If a servo holds with its full torque, the
+        angle has no bound on this side.
         """
         motors = self.model.structure.motors
         if self.tensions is None or not motors:

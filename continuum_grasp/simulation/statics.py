@@ -103,11 +103,11 @@ def equilibrium_under(
     w : (nw,) array_like
         Forces.
     guess : (n,) array_like, optional
-        Coordinates from which the search begins.
+        Start coordinates of the search.
     stable : bool
         Whether to leave an unstable equilibrium for a stable one.
     side : {1, -1}
-        Side to which it is left.
+        Direction in which the search leaves it.
     reached_by : {"pulling", "releasing", "path", "state"}
         How a finger with friction came to this shape. ``pulling``: from its shape at rest under the forces, without
         drives, to this input. ``releasing``: all sections that slid have slid back from a greater pull. ``path``:
@@ -126,18 +126,8 @@ def equilibrium_under(
     >>> equilibrium_under(model, [0.05], []).q.round(6).tolist()  # bend = moment L / EI [rad]
     [1.0]
     """
-    found = rest_under(
-        model,
-        u,
-        w,
-        guess=guess,
-        stable=stable,
-        side=side,
-        reached_by=reached_by,
-        friction_states=friction_states,
-        path=path,
-    )
-    return Equilibrium.of(found)
+    history = {"reached_by": reached_by, "friction_states": friction_states, "path": path}
+    return Equilibrium.of(rest_under(model, u, w, history, guess=guess, stable=stable, side=side))
 
 
 @check_arguments
@@ -155,7 +145,7 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
     factors : sequence of float
         Scales, in order.
     side : {1, -1}
-        Side to which an unstable equilibrium is left.
+        Direction in which the search leaves an unstable equilibrium.
 
     Returns
     -------

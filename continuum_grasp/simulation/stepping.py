@@ -1,9 +1,9 @@
 """Steps in time, checked against longer steps (L. F. Richardson, Phil. Trans. A 210, 1911, doi:10.1098/rsta.1911.0009).
 
 1. Integrate a chunk in the plan's steps, and side by side in steps of twice or four times that length.
-2. Compare the positions that they share; the differences, and how they shrink, give the error of the shortest.
-3. Give up where that is beyond the tolerance, for a plan with shorter steps.
-4. Where asked, take the leading errors off the states that are put out; each length goes on with its own.
+2. Compare positions at common instants; the differences, and how they shrink, give the error of the shortest steps.
+3. Give up if this error exceeds the tolerance; the caller plans shorter steps.
+4. On request, subtract the leading errors from the output states; each step length continues with its own states.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from continuum_grasp.simulation.signals import Signals
 Stop = NumericalError | Interrupted
 
 _BESIDE = 2e-9
-"""Time beside a jump at which its values are taken [s]: twice the least between instants of samples."""
+"""Distance from a jump for its values on both sides [s]: twice the least time between samples."""
 
 _KNOWN_SHRINK = 0.6
 """Factor on the error by half the step length that is assumed where none is observed: as for order 1, which contacts
@@ -49,9 +49,9 @@ class SteppingPlan:
     method: str  # name in ``INTEGRATORS``, or ``reference``
     substeps: int  # steps of the method per output step
     radius: float  # spectral radius [1/s]
-    halvings: int = 1  # log2 of the length of the steps that are compared with, per that of the steps
+    halvings: int = 1  # log2 of the length of the compared steps, per length of the steps
     observed: bool = False  # whether steps of twice that length are taken too, to observe how the error shrinks
-    tolerance: float = math.inf  # error per length of the finger at which the motion is given up [1]
+    tolerance: float = math.inf  # greatest error per length of the finger [1]; beyond it, the motion is given up
     corrected: bool = False  # whether to remove the leading errors from the states (Richardson's extrapolation)
     start_substeps: int = 0  # steps of the method in the first output step, where these are more
 
@@ -83,7 +83,7 @@ class SteppingPlan:
     @property
     def weights(self) -> Array:
         """Weights of the longer steps in the sum that is free of the leading powers of the step in the error."""
-        # The weights of all steps add up to one; those of the errors of order p, p + 1 to zero.
+        # All step weights add up to one; their sums for the errors of order p, p + 1 are zero.
         ratios = np.array([1, *self.ratios], dtype=float)
         powers = np.array([0, *range(self.order, self.order + len(self.ratios))])
         return np.asarray(np.linalg.solve(ratios ** powers[:, None], powers == 0)[1:])
@@ -102,7 +102,7 @@ class SteppingPlan:
             shrink = quotient if self.halvings == 1 else math.sqrt(0.25 + quotient) - 0.5
         elif self.observed:
             return differences[0]
-        least = 2.0 ** (1 - self.order)  # twice that of the order: no better is believed of a few observed motions
+        least = 2.0 ** (1 - self.order)  # twice the factor of the order: a few observed motions prove nothing better
         shrink = max(shrink, least) ** self.halvings
         return differences[0] * shrink / (1.0 - shrink)
 
@@ -239,7 +239,7 @@ class Stepper:
         return NumericalError(reason, time=time, state=state)
 
     def _inputs(self, start: float, count: int, plan: SteppingPlan) -> tuple[Array, Array]:
-        """Inputs and forces at half sub-steps, or one row where nothing varies."""
+        """Return inputs and forces at half sub-steps, or one row if nothing varies."""
         if self.signals.constant:
             return self.signals.u(start)[0], self.signals.w(start)[0]
         t = start + np.arange(2 * count * plan.substeps + 1) * (0.5 * self._time.step / plan.substeps)
@@ -286,14 +286,14 @@ class _Differences:
 
     @property
     def estimate(self) -> float:
-        """The error; nan where nothing was compared."""
+        """Error; nan without a comparison."""
         if not self.finite:
             return math.inf
         return self.plan.estimate(self.greatest) if self.greatest else math.nan
 
 
 def _between(rows: Array, every: int, count: int) -> Array:
-    """Rows at every so many instants as ``count`` rows, linear in between, the last one held."""
+    """Interpolate rows at every few instants to ``count`` rows, linearly; the last row is held."""
     if every == 1:
         return rows
     at = np.arange(count)
@@ -302,7 +302,7 @@ def _between(rows: Array, every: int, count: int) -> Array:
 
 
 _NODES = np.linspace(0.0, 1.0, 6)
-"""Places in a part between two knots at which inputs are taken [1]: as many as the quintics between samples need."""
+"""Number of places in a part between two knots that sample the inputs [1]: enough for the quintics between samples."""
 
 
 def _integrate_reference(
@@ -310,9 +310,9 @@ def _integrate_reference(
 ) -> tuple[Array, str]:
     """Integrate with CVODES (backward differentiation) to states (T, nx) at instants t (T,) [s], the first being x0.
 
-    It starts anew at every instant, and at every knot of inputs and loads between, where they may have kinks;
-    ``looser`` is a factor on its tolerances. Where a state is not finite, those before it and why; Interrupted has
-    them as ``result``.
+    It restarts at every instant, and at every knot of inputs and loads between, because of possible kinks; ``looser``
+    is a factor on its tolerances. If a state is not finite, return the states before it and the reason. Interrupted has
+    these states as ``result``.
     """
     integrator = _reference_part(model, looser)
     states = np.empty((len(t), model.nx))

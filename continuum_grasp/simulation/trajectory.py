@@ -23,7 +23,7 @@ from continuum_grasp.simulation.slack import SlackTime, slack_times
 
 @dataclass(frozen=True)
 class Trajectory(MotionResult):
-    """A motion of a finger, and of the object that it touches where there is one, at T instants; SI units, world frame.
+    """Motion of a finger, and of its object if there is one, at T instants; SI units, world frame.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ class Trajectory(MotionResult):
 
     @property
     def slack(self) -> list[SlackTime]:
-        """Times in which tendons on winches and motors are slack; none of tendons whose tension is commanded."""
+        """Slack periods of tendons on winches and motors; tendons with commanded tension have none."""
         tensions = self.tensions
         return (
             []

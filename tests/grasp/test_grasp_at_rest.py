@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+import warnings
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from continuum_grasp.grasp import GraspStatus, optimize_grasp
 from continuum_grasp.grasp.at_rest import overlaps_at_rest
 from tests import certificate_cases as planar
 from tests import hand_cases as cases
-from tests.commands import ROOT
+from tests.commands import ROOT, run
 
 RADIUS = 0.03
 
@@ -41,6 +43,28 @@ def test_depth_of_a_straight_finger_in_a_ball(seed):
     assert "through the object" in str(overlap)
 
 
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize(
+    ("body", "depth"),
+    [
+        ({"shape": "sphere", "diameter": 0.06}, 0.03),
+        ({"shape": "ellipsoid", "extents": [0.04, 0.06, 0.05]}, 0.02),
+        ({"shape": "cylinder", "diameter": 0.06, "height": 0.08, "edge_radius": 0.003}, 0.03),
+        ({"shape": "cylinder", "diameter": 0.06, "height": 0.03, "edge_radius": 0.003}, 0.015),
+        ({"shape": "box", "extents": [0.04, 0.06, 0.05], "edge_radius": 0.003}, 0.02),
+        ({"shape": "box", "extents": [0.05, 0.05, 0.05], "edge_radius": 0.003}, 0.025),
+        ({"shape": "superquadric", "extents": [0.06, 0.06, 0.06], "exponents": [2.0, 2.0]}, 0.03),
+    ],
+)
+def test_depth_of_a_finger_through_the_center(body, depth, turned):
+    """The center of a body is as deep as its thinnest half; there the direction to the surface is not unique."""
+    ball = one_straight((0.0, 0.06, 0.0))
+    rotation = [0.5 * math.pi, 0.0, 0.0] if turned else [0.0, 0.0, 0.0]
+    scene = ball.changed({"object": body | {"mass": 0.05, "position": [0.0, 0.06, 0.0], "rotation": rotation}})
+    (overlap,) = overlaps_at_rest(scene)
+    assert overlap.depth == pytest.approx(depth + cases.HALF, rel=1e-3)
+
+
 @pytest.mark.parametrize("curvature", [-6.0, 9.0])
 def test_depth_of_a_finger_that_is_an_arc_at_rest_in_a_disc(curvature):
     """A planar finger of rest curvature k is a circle about (-1 / k, 0); a disc sits on it half way."""
@@ -62,6 +86,29 @@ def test_a_table_in_the_way(height):
     assert [each.depth for each in found] == pytest.approx(
         [cases.LENGTH + cases.HALF - height] if height < cases.LENGTH else [], abs=1e-6
     )
+
+
+@pytest.mark.parametrize(
+    ("config", "changes", "place"),
+    [
+        ("simulate/hold_mug", ["object.position=[0.1, -0.055]"], "object"),
+        ("hand/egg", ["object.position=[45 mm, 0, -90 mm]"], "egg.yaml:15:3: object"),
+        ("mpc/turn_bar", ["object.position=[0, 0.1]"], "turn_bar.yaml:11:3: object"),
+        ("plan/close_on_mug", ["grasp.object.position=[0.1, -0.055]"], "mug.yaml:10:3: grasp.object"),
+        ("mission/mug", ["grasp.finger.base.position=[0, -0.03]"], "mug_robust.yaml:11:3: grasp.object"),
+        ("sweep/mug_size_friction", ["set={finger.base.position: [0, -0.03]}"], "friction.yaml:5:1: scene.object"),
+    ],
+)
+def test_validate_names_what_stands_in_the_way(config, changes, place):
+    """Each kind of scene, with the line of its object; without the change all of them are clear."""
+    file = ROOT / f"configs/{config}.yaml"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert run("validate", file).exit_code == 0
+    doubt = rf"{re.escape(place)} is in the way: finger(_1)? at rest passes through the object"
+    with pytest.warns(match=doubt):
+        assert run("validate", file, *(f"--set={change}" for change in changes)).exit_code == 0
+    assert run("validate", "--strict", file, *(f"--set={change}" for change in changes)).exit_code == 2
 
 
 def in_the_way(**changes):

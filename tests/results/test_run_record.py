@@ -144,6 +144,14 @@ def test_verbs_refuse_a_folder_with_such_a_file_before_any_work(tmp_path, name):
     assert names(tmp_path) == [name]
 
 
+def test_modes_refuse_a_folder_before_they_are_found(tmp_path):
+    """In a process of its own: names of files are those of the classes that it has loaded."""
+    (tmp_path / "modes.png").write_text("of the user")
+    ended = python("-m", "continuum_grasp", "modes", ROOT / "configs/simulate/hanging.yaml", "--out", tmp_path)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert "modes.png: no run wrote this file" in ended.stderr
+
+
 def test_a_run_of_another_kind_leaves_nothing_behind(tmp_path):
     """A mission with its grasp, then a table."""
     save(tmp_path, 1.0, "mpc")

@@ -53,6 +53,10 @@ READ = {
     'clip-path="url(#c)"/>',
     # -- masks
     "mask": '<mask id="m"><rect x="20" y="15" width="40" height="36" fill="white"/></mask>[bar mask="url(#m)"]',
+    "mask with a black line on black": '<mask id="m"><rect width="60" height="90" fill="white"/>'
+    '<path d="M70 0v90" stroke="black" stroke-width="4"/></mask>[bar mask="url(#m)"]',
+    "mask that ends where a second shape begins": '<mask id="m" x="0" y="0" width="50%" height="1"><rect width="120" '
+    'height="90" fill="white"/></mask><g mask="url(#m)"><circle cx="30" cy="30" r="20"/><circle cx="70" cy="30" r="20"/></g>',
     "mask by style": '<mask id="m"><circle cx="50" cy="33" r="17" fill="#fff"/></mask>[bar style="mask:url(#m)"]',
     "mask with black on white": '<mask id="m"><rect width="120" height="90" fill="white"/>'
     '<path d="M60 0h60v90h-60z" fill="black"/></mask>[part mask="url(#m)"]',
@@ -396,6 +400,11 @@ REFUSED = {
     ),
     "mask of strokes": (
         '<mask id="m"><path id="v" d="M0 30h120" stroke="white" stroke-width="20"/></mask>[bar id="q" mask="url(#m)"]',
+        "mask of rect 'q': path 'v', which is a stroke",
+    ),
+    "mask with a black line on white": (
+        '<mask id="m"><rect width="120" height="90" fill="white"/><path id="v" d="M50 0v90" stroke="black" '
+        'stroke-width="4"/></mask>[bar id="q" mask="url(#m)"]',
         "mask of rect 'q': path 'v', which is a stroke",
     ),
     "mask of letters": (

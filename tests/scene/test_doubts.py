@@ -27,6 +27,8 @@ SLIPS = [
     ("grasp/mug", "object.mass", "300", "kg"),
     ("grasp/mug", "contacts.friction", "50", "percent"),
     ("grasp/mug", "object.angle", "30.0", "degrees"),
+    ("grasp/mug", "contacts.normal_force_max", "30000", "millinewtons"),
+    ("grasp/mug", "finger.tendons.max_tension", "50000", "millinewtons"),
     ("hand/ball", "object.rotation", "[30.0, 0.0, 0.0]", "degrees"),
     ("hand/ball", "object.mass", "80", "kg"),
     ("mpc/steady_tip", "duration", "1.0e9", "s is more"),
@@ -92,3 +94,14 @@ def test_strict_commands_refuse_a_scene_with_doubts(verb, tmp_path):
 def test_shipped_scenes_raise_no_doubts_about_magnitudes():
     for file in sorted(ROOT.glob("configs/*/*.yaml")):
         assert [text for text in doubts(file) if " = " in text] == [], file
+
+
+def test_values_of_a_search_raise_no_doubts():
+    """A search tries masses that no user has stated; a user who changes the mass is warned."""
+    scene = load(ROOT / "configs/hand/ball.yaml")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        heavy = scene.replaced(object=scene.object.replaced(mass=90.0))
+    assert heavy.object.mass == 90.0
+    with pytest.warns(UserWarning, match="is it in grams"):
+        scene.changed({"object.mass": 90.0})

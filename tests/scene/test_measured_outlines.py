@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFilter
 from shapely import affinity
 
 import continuum_grasp as cg
-from continuum_grasp.scene import load
+from continuum_grasp.scene import Outline, load
 from tests.marks import every
 
 SCENE = "configs/grasp/mug.yaml"
@@ -133,6 +133,21 @@ def test_points_of_a_hand_are_the_shape_that_was_measured(tmp_path, name, count,
     assert len(straight(body, 4.0)) == sides
     assert off_by(body, shape) < max(3.0 * noise, 1e-3 * 60)
     assert off_by(body, shape) < 1.3 * 1e3 * body.drawn.off
+
+
+@pytest.mark.parametrize("name", ["rectangle", "circle"])
+@pytest.mark.parametrize("wrong", [[], [7], [7, 60]])
+def test_points_that_are_not_on_the_curve_are_counted(tmp_path, name, wrong):
+    shape, _ = SHAPES[name]
+    digitized(tmp_path / "one.csv", shape, 100, 0.1, seed=3)
+    rows = np.loadtxt(tmp_path / "one.csv", delimiter=",", skiprows=1)
+    for row in wrong:
+        rows[row] *= 1.4  # more than 8 mm outside
+    table(tmp_path / "one.csv", rows)
+    assert off_by(outline(tmp_path / "one.csv"), shape) < 0.3
+    note = Outline(shape="outline", file=str(tmp_path / "one.csv"), mass=0.1, position=(0.0, 0.0)).note
+    counts = ["", "; left out: 1 point that is", "; left out: 2 points that are"]
+    assert note.partition(" not on")[0].endswith(counts[len(wrong)] or "of one.csv")
 
 
 def polar(radii, angles):

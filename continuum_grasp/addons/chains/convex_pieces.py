@@ -17,7 +17,8 @@ from scipy.spatial import ConvexHull
 from continuum_grasp.base import Array, InputError
 
 _PER_PIECE = 1e-3
-"""Volume of the solid [1] that a cut must save per piece, so that equal cuts are those into fewer pieces."""
+"""Volume that a cut must save for each piece that it adds, per volume of the solid [1]. Of two cuts that save the same
+volume, the search thus takes the one with fewer pieces."""
 _FLAT = 1e-9
 """An edge is flat if a neighbor's corner is above a triangle by less than this per size of the solid [1]: rounding."""
 _SLIVER = 1e-9

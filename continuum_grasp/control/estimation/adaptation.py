@@ -11,7 +11,7 @@ _KNOWN = 0.5
 """Share of the standard deviation at the start below which a parameter counts as observed [1]: measurements tell three
 times as much as was known before."""
 _ABSOLUTE = ("tip_mass",)
-"""Parameters to which their error adds; errors of others are relative."""
+"""Parameters with an additive error; errors of others are relative."""
 
 
 class Observability(Enum):

@@ -12,7 +12,7 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene import SAME, doubt
 
 _SHAPES = 8
-"""Shapes at which it is tested [1]; one is enough, since a straight finger shows no stiffness."""
+"""Number of shapes in the test [1]; one detectable shape suffices, since a straight finger shows no stiffness."""
 _AT_REST = ("missing_tip_moment", "unknown_tip_", "bending_stiffness_error", "tip_offset_error")
 """Beginnings of the names of disturbances that a finger at rest, without contact, shows."""
 
@@ -33,7 +33,7 @@ def check_detectable(
     names : sequence of str
         Disturbances with their units.
     adapted : collection of int
-        Parameters of ``estimator.adapt``, which stay as they are while nothing moves.
+        Parameters of ``estimator.adapt``, which do not change at rest.
     slope : casadi.Function
         (z, u, p, p) -> x', [A B].
     outputs : casadi.Function
@@ -65,8 +65,11 @@ def check_detectable(
 def _tells_at_one(
     model: Prediction, count: int, shown: Sequence[int], slope: ca.Function, outputs: ca.Function
 ) -> bool:
-    """Whether sensors tell the disturbances ``shown``, of ``count``, apart at one of some shapes at rest."""
-    # States of friction are within -1 and 1: what they hide is bounded, and no drift.
+    """Return whether sensors can distinguish the disturbances ``shown`` at one of several shapes at rest.
+
+    ``count`` is the number of all disturbances.
+    """
+    # Friction states stay within -1 and 1, so an error that they hide is bounded and does not drift.
     states = [k for k, name in enumerate(model.x_names) if "friction_" not in name]
     columns = [*states, *(model.nx + k for k in shown)]
     least, most = (np.array(limit) for limit in model.scene.input_limits)
@@ -89,5 +92,5 @@ def _tells(rows: Array, nx: int) -> bool:
         scaled = scaled / np.where(size > 0.0, size, 1.0)
     _, sizes, vectors = np.linalg.svd(scaled)
     sizes = np.concatenate([sizes, np.zeros(vectors.shape[0] - sizes.size)])
-    # Rounding leaves 1e-16 in place of zero, and the least of shipped loops is 7e-8 (configs/mpc/spirob.yaml).
+    # Rounding leaves 1e-16 instead of zero, and the least value of shipped loops is 7e-8 (configs/mpc/spirob.yaml).
     return bool(np.all(np.abs(vectors[sizes <= SAME * sizes[0], nx:]) <= SAME))

@@ -28,7 +28,7 @@ class Filtered(Summarized):
     Attributes
     ----------
     z, then : (nz,) ndarray
-        State and disturbances now, and at the time of the measurement; the same where that has no delay.
+        State and disturbances now, and at the time of the measurement; the same without delay.
     p : (np,) ndarray
         Parameters with the disturbances.
     covariance : (nz, nz) ndarray
@@ -173,7 +173,7 @@ class Estimator(Remade, Summarized):
         Parameters
         ----------
         state : (nx,) array_like, optional
-            State of the prediction from which to start; by default the scene's initial pose.
+            Start state; by default the scene's initial pose.
         u : (nu,) array_like, optional
             Input applied before; by default least tensions or no moment.
 
@@ -210,7 +210,7 @@ class Estimator(Remade, Summarized):
         p : (np,) array_like, optional
             Parameters; nominal by default.
         elapsed : float, optional
-            Time since the last step, in which u acted [s]; a period by default.
+            Time since the last step, while u acted [s]; a period by default.
         age : float, optional
             Age of the measurement when it arrived [s]; ``estimator.delay`` by default. One that is no younger than the
             one before is not used.

@@ -13,21 +13,21 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene import ControlScene, Finger, Initial
 
 _AWAY = 1e-3
-"""Difference by which sensitivities are differentiated, in deviations of the states at the start [1]: they are nearly
-linear over it, and rounding of 1e-16 does not show."""
+"""Step of difference quotients of sensitivities, in deviations of the states at the start [1]: sensitivities are nearly
+linear over it, and rounding of 1e-16 has no effect."""
 _SETTLED = 300
 """Periods after which the filter at rest is taken [1]: 3 s at 10 ms."""
 _MEMORY = 0.65
 """Natural times of the finger over which sensitivities are averaged [1]: a fifth of the period of its first mode, over
 which noise averages out and motion does not; 50 ms of the hand finger."""
 _EXCITED = 3.0
-"""Deviations of noise by which a sensitivity must exceed it [1]: with none, the lag of a finger at rest drifted to its
-least value within 3 s; in motion of the hand finger at 1 Hz it is 17 in the median for lag and payload, 170 for the
-stiffness, of the noise of the straight finger."""
+"""Least ratio of a sensitivity to the standard deviation of noise [1]. With zero, the lag of a finger at rest drifted
+to its least value within 3 s. In motion of the hand finger at 1 Hz, the median ratio to the noise of the straight
+finger is 17 for lag and payload, and 170 for the stiffness."""
 _FLOOR = 1e-3
 """Variance of a direction of the sensitivities, per total variance [1]."""
 _BENT = 0.15
-"""Share of the range of an input by which fingers are bent where noise at rest is evaluated [1]: 1.3 rad of the hand
+"""Share of the range of an input that bends fingers in the evaluation of noise at rest [1]: 1.3 rad for the hand
 finger."""
 
 

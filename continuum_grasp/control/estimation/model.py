@@ -19,10 +19,10 @@ from continuum_grasp.core import call, differentiated_step, straight_function
 from continuum_grasp.scene import INTEGRATORS, ControlScene, EstimatorSettings, Measured
 
 _DRIFTING = 100.0
-"""Control periods over which a disturbance drifts as far as it may be off at the start by default [1]."""
+"""Number of control periods in which a disturbance drifts by its default standard deviation at the start [1]."""
 _FORGETTING = 785.0
-"""Time in which variances of adapted parameters return where the scene states none, in natural times of the finger [1]:
-60 s of the hand finger."""
+"""Default time for the return of variances of adapted parameters, in natural times of the finger [1]: 60 s for the hand
+finger."""
 _DISTURBANCES = (
     ("contact_force", r"(contact_\w+) \[N\]", r"unknown_\1 [N]"),
     ("tip_force", r"(tip_[xy]) \[N\]", r"unknown_\1 [N]"),
@@ -39,7 +39,7 @@ _DISTURBANCES = (
 
 
 FRICTION = r"(motor_|unknown_contact_)?friction_\w+ \[1\]"
-"""Names of friction states, of tendons and of motors, and of friction at contacts, unknown but for its limit."""
+"""Names of friction states of tendons and motors, and of contact friction with no known property except its limit."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Estimation:
     single: ca.Function | None
     """(z, u, p, h) -> zn, F: the step with its own derivative, of methods without a continuous extension, whose half
     step is a step of its own; vector lanes make both side by side."""
-    outputs: ca.Function  # (z, u, p) -> y (ny), H (ny, nz): what the filter compares, and its derivative
+    outputs: ca.Function  # (z, u, p) -> y (ny), H (ny, nz): the compared quantities, and their derivative
     parameters: ca.Function  # (z, p) -> p (np): with the disturbances
     contact_forces: ca.Function | None
     """(z, u, p) -> f (C), H (C, nz): normal forces on the object [N] at parameters with the disturbances, and their
@@ -76,7 +76,7 @@ class Estimation:
     sensors: tuple[str, ...]
     """Device of each compared quantity, by its key in ``estimator.measured``, such as tip, tension or bending. The gate
     acts on devices, since the rows of one fail together."""
-    friction: tuple[int, ...]  # which of z are that of tendons, motors or contacts, a share of its limit from -1 to 1
+    friction: tuple[int, ...]  # indices in z for tendons, motors or contacts, as a share of the limit from -1 to 1
     adapted: tuple[AdaptedState, ...]  # parameters of ``estimator.adapt``
 
     @property
@@ -208,7 +208,7 @@ def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca
     nz, nx = start.numel(), end.numel()
     z, x = ca.SX.sym("z", nz), ca.SX.sym("x", nx)
     parts = {name: ca.SX.sym(name, by.sparsity()) for name, by in zip(("whole", "half"), reached[1:], strict=True)}
-    # Disturbances are constant but for their drift, which the noise contains.
+    # Disturbances are constant except for their drift, which is part of the noise.
     moved = {"zn": ca.vertcat(x, z[nx:])}
     below = ca.horzcat(ca.SX(nz - nx, nx), ca.SX.eye(nz - nx))
     derivatives = {f: ca.densify(ca.vertcat(part, below)) for f, part in zip("FG", parts.values(), strict=True)}
@@ -234,7 +234,7 @@ def _disturbances(asked: EstimatorSettings, model: Prediction, scene: ControlSce
     adapted = {}
     if asked.adapt is not None:
         adapted = asked.adapt.spreads
-        # The variance grows by that of the start in the time that is given, less as it approaches it.
+        # In the stated time, the variance grows by its start value; more slowly as it approaches this value.
         forgetting = asked.adapt.forgetting_time or _FORGETTING * scene.finger.rod.natural_time
         drifts |= {name: std / math.sqrt(forgetting) for name, std in adapted.items()}
         spreads |= adapted
@@ -259,7 +259,7 @@ class _Compared(NamedTuple):
 
 
 def _compared(scene: ControlScene, asked: Measured, model: Prediction) -> list[_Compared]:
-    """List what the filter compares: readings, but of tensions without winches what of them bends the finger."""
+    """List the quantities that the filter compares: readings, or for tensions without winches their bending part."""
     structure = model.system.finger_model.structure
     tensions = dict[str, ca.SX]()
     if structure.winches and asked.tension is not None:
@@ -276,7 +276,7 @@ def _compared(scene: ControlScene, asked: Measured, model: Prediction) -> list[_
         unit = model.u_names[0].split("[")[1][:-1]
         of_tendons = [drive for drive in model.driven if not model.x_names[drive.state].startswith("pressure_")]
         for k, moment in enumerate(of_tendons):
-            # Of tendons that run alike, the difference alone bends the finger; their mean is no state of the model.
+            # Only the difference of parallel tendons bends the finger; their mean is no state of the model.
             first = next(arm for arm in moment.arms if arm)
             runtime = "tendon_offset [m]" in model.p_names
             arm = model.p[model.p_names.index("tendon_offset [m]")] if runtime else first

@@ -38,8 +38,7 @@ _FORCES = 100.0
 """Greatest unknown force as a multiple of EI/L2 [1]: 2.5 EI/L2 buckles a clamped rod, so this is far beyond any
 touch."""
 _MOMENT = 2.0
-"""Greatest missing tip moment as a multiple of the greatest one that can be commanded [1]: more is not a model
-error."""
+"""Greatest missing tip moment per greatest commanded one [1]: a larger moment is no model error."""
 _STABLE = 2.5
 """Greatest step of RK4 in time constants of the drive [1]: it is stable up to 2.78."""
 _PAYLOAD = 20.0
@@ -82,7 +81,7 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
     bends = ca.jacobian(model.bending(model.x, model.u, model.p), model.x)
     slope = ca.Function("slope", [model.x, model.u, model.p], [bends])
     j = np.array(slope(np.zeros(model.nx), np.zeros(model.nu), model.p_nominal))[:, :n]
-    # Coordinates differ in unit and effect between families; the bending angles, to which noise refers, do not.
+    # Coordinates differ in unit and effect between families; noise refers to the bending angles, which do not.
     per_angle = 1.0 / np.sqrt((j**2).sum(axis=0))
     rod = scene.finger.rod
     per_time = rod.natural_time**-1.5
@@ -117,7 +116,7 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
     process[model.nx :] = estimation.drifts**2
     initial[model.nx :] = estimation.spreads**2
     for at in estimation.friction:
-        # They are anywhere between -1 and 1: what the history was is not seen.
+        # They are anywhere between -1 and 1, because the history is unknown.
         initial[at] = 1.0 / 3.0
     variances = np.array([scene.measurement_std(name) ** 2 for name in estimation.measurement_names])
     # Measurements are independent: variances add with the squares of their shares.
@@ -137,7 +136,7 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
         disturbances=np.array([_unknown_range(model, stages, name) for name in unknown]).reshape(-1, 2),
         # Without an estimator the state is measured.
         measurement=np.array([measurement_range(scene, model, name) for name in measured]) if measured else x,
-        # What drives can have, and at least what can be commanded: one that is off is below the least tension.
+        # The range of the drives includes the range of commands; a drive that is off is below the least tension.
         applied=np.stack([np.minimum(applied[:, 0], stages.u_min), np.maximum(applied[:, 1], stages.u_max)], axis=1),
         r=np.vstack([term.ranges(cost, model) for term in outputs.terms]),
         reach=np.vstack([term.entries_in_reach(outputs.reach, cost, model) for term in outputs.terms]),
@@ -166,7 +165,7 @@ def _unknown_range(model: Prediction, stages: Stages, name: str) -> tuple[float,
     rod = model.scene.finger.profile
     nominal = dict(zip(model.p_names, model.p_nominal, strict=True))
     if name == "drive_time_constant_error [1]":
-        # From a quarter to four times the nominal one, as far as steps of the integrator are stable.
+        # From a quarter to four times the nominal one, within the stability of the integrator's steps.
         limit = _STABLE * nominal["drive_time_constant [s]"]
         stable = stages.stage / stages.substeps / limit if stages.method == "rk4" else 0.0
         return (max(0.25, stable) - 1.0, 3.0)
@@ -235,7 +234,7 @@ def _parameter_range(model: Prediction, name: str, nominal: float) -> tuple[floa
     if unit in ("N", "N m"):
         greatest = _KNOWN * _greatest_unknown(model, name)
         return (-greatest, greatest)
-    # Of either sign, or nominally zero.
+    # Parameters of either sign, or with a nominal value of zero.
     if name.startswith(("gravity", "base_", "rest_curvature", "object_", "tip_offset")):
         return (-UNLIMITED, UNLIMITED)
     # Stiffness, masses and the like are positive; one that is nominally zero has no scale of its own.

@@ -50,7 +50,7 @@ class SharedSlope(NamedTuple):
 
     @staticmethod
     def of(stage: ca.Function | None, filtered: ca.Function | None) -> SharedSlope | None:
-        """Slope by state and input, and that by state and disturbances; None where they do not agree."""
+        """Return the slopes by state and input, and by state and disturbances; None if they do not agree."""
         if stage is None or filtered is None:
             return None
         n = stage.size1_out(0)
@@ -64,7 +64,7 @@ class SharedSlope(NamedTuple):
         return SharedSlope(s, {"rate": rate, "by_x": by_x, "by_u": of_stage[:, n:], "by_d": of_filter[:, n:]})
 
     def lanes(self, stage: str, filtered: str, real: str) -> dict[str, str]:
-        """C in vector lanes of both functions, by their names; the first one with what they call."""
+        """Return C in vector lanes for both functions, by their names; the first one includes the called functions."""
         (kernel,) = CSource([straight_function("slope", self.given, self.found)], real).lane_bodies()
         by_x, by_u = (self.found[name].nnz() for name in ("by_x", "by_u"))
         behind = f"out[1] ? out[1] + {by_x} : 0"
@@ -126,7 +126,7 @@ def iteration_source(
 
 
 def _in_one_lane(function: ca.Function) -> str:
-    """Write a function of numbers that calls the one of lanes: functions needed once have no scalar code beside it."""
+    """Write a function of numbers that calls the function of lanes, so that rare functions need no scalar code."""
     inputs = [(k, max(function.nnz_in(k), 1), function.nnz_in(k)) for k in range(function.n_in())]
     outputs = [(k, max(function.nnz_out(k), 1), function.nnz_out(k)) for k in range(function.n_out())]
     lines = [f"static int {function.name()}(const real *const arg[], real *const res[])", "{"]
@@ -310,7 +310,7 @@ _MOST = 1500
 
 
 def jacobian_products(stages: Stages) -> str:
-    """Write ``rti_chain_rule`` and ``rti_congruence`` where they are short; otherwise the templates have loops.
+    """Write ``rti_chain_rule`` and ``rti_congruence`` if they are short; otherwise the templates have loops.
 
     Not for vector lanes, where loops over whole rows are faster.
     """
@@ -325,13 +325,13 @@ def jacobian_products(stages: Stages) -> str:
 def row_products(stages: Stages) -> str:
     """Write ``rti_congruence`` for vector lanes: by blocks of rows, without those that are structurally zero.
 
-    Loops over whole rows, which the template has, take four times as long where a row has 16 numbers (gcc 12 unrolls
-    them before it vectorizes), and twice as long for drives, whose states follow from few others.
+    The template's loops over whole rows take four times as long for rows of 16 numbers (gcc 12 unrolls them before it
+    vectorizes), and twice as long for drives, whose states follow from few others.
     """
     reached = _reached(stages)
     used = _blocks(reached)
     nx, blocks = used.shape
-    # Of the lower triangle; behind it sums of whole rows go on.
+    # Only the lower triangle; sums of whole rows continue beyond it.
     lower = {(j, b) for j, column in enumerate(reached.T) for b in range(j // _BLOCK + 1) if column.any()}
     lines = [_BLOCK_TYPE]
     lines += [f"  block g{j}_{b} = {_taken(f'H[{j}]', b)};" for j, b in sorted(lower)]

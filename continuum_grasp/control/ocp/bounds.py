@@ -17,19 +17,20 @@ from continuum_grasp.scene import Bounds, Penalty
 
 HARD = Penalty(linear=1e4, quadratic=1e6)
 """Penalty weights of a hard constraint, per share of its scale. A linear penalty above the constraint's multiplier is
-exact (a constraint that can be satisfied is; Fletcher, Practical Methods of Optimization, 12.3), and leaves the QP
-feasible where none can: 1e4 is 100 times the default of soft constraints, and does not spoil single precision."""
+exact (it satisfies every constraint that can be satisfied; Fletcher, Practical Methods of Optimization, 12.3), and
+keeps the QP feasible otherwise: 1e4 is 100 times the default of soft constraints, and does not spoil single
+precision."""
 _PER_ELEMENT = 4
-"""Sections of every element at which a zone is checked [1]: where it bends by 1.5 rad, the backbone leaves its chord
-between two of them by a twentieth of their distance."""
+"""Number of sections per element that a zone checks [1]: in an element that bends by 1.5 rad, the backbone leaves its
+chord between two sections by a twentieth of their distance."""
 
 
 class Row(NamedTuple):
     """An expression between two bounds.
 
-    A violation s, as a share of the greater bound (of 1 where that is 0 or absent), costs linear s + quadratic s^2 / 2
-    per node; ``penalty`` has both, None is a hard constraint: satisfied wherever it can be. ``names`` belong to the
-    entries, by default numbered ones; ``key`` to the scene's ``bounds``.
+    A violation s, as a share of the greater bound (of 1 if this is 0 or absent), costs linear s + quadratic s^2 / 2 per
+    node. ``penalty`` has both weights; None is a hard constraint, satisfied whenever this is possible. ``names`` belong
+    to the entries, by default numbered ones; ``key`` belongs to the scene's ``bounds``.
     """
 
     value: Any
@@ -73,7 +74,7 @@ class BoundedRows:
         for number in family.curvature_at_coordinates(numbers):
             element, j = divmod(int(number), count)
             place = family.places[j]
-            # The curvature of an arc is that of its ends too; a node belongs to the elements on both sides.
+            # The ends of an arc have its curvature too; a node belongs to the elements on both sides.
             at = (edges[element] + place * lengths[element],) if family.degree else edges[element : element + 2]
             after = [element + 1] if family.continuous and place == 1.0 and element + 1 < len(lengths) else []
             asked.append(min(bounds.curvature_limit_at(model.finger, s) for s in at))
@@ -102,7 +103,7 @@ def state_bounds(bounds: Bounds, model: Prediction) -> list[Row]:
         names = tuple(f"bending_rate_{k + 1}" for k in range(rate.numel()))
         rows.append(Row(rate / bounds.speed, -1.0, 1.0, penalty, names, "speed"))
     if model.scene.finger.winches:
-        # What drives leave, not an input: where the model has a higher tension than allowed, the plan must lower it.
+        # This is no input but the state of drives: if the model has too high a tension, the plan must lower it.
         greatest_tensions = [tendon.max_tension for tendon in model.scene.finger.tendon_list]
         names = tuple(f"tension_{k + 1}" for k in range(len(greatest_tensions)))
         tensions = model.tensions(*inputs) / ca.DM(greatest_tensions)

@@ -65,8 +65,8 @@ class ControlProblem(Summarized):
     stages : Stages
         Functions and numbers of a stage.
     cost_names : tuple of (str, int)
-        Name and number of entries of each term of the cost, in the order of the setpoints: those that the end has come
-        first.
+        Name and number of entries of each term of the cost, in the order of the setpoints; terms with a final weight
+        come first.
 
     Raises
     ------
@@ -183,7 +183,7 @@ class ControlProblem(Summarized):
 
 
 class _Reader:
-    """Reads expressions of symbols, some of which are not of the states alone."""
+    """Reads expressions of symbols; some of them depend on more than the states."""
 
     def __init__(self, states: Any, inputs: Any, parameters: Any, previous: Any) -> None:
         given = {"states": states, "inputs": inputs, "parameters": parameters, "previous": previous}
@@ -217,8 +217,8 @@ class _Reader:
         return not ca.depends_on(value, ca.vertcat(self.u, self.held))
 
     def cost(self, given: Mapping[str, Any]) -> dict[str, Residual]:
-        """Terms of the cost, first those that the end of the horizon has, which alone have a final weight; value,
-        weights (size) and names of entries.
+        """Return the terms of the cost, first those with a final weight, at the end of the horizon: value, weights
+        (size) and names of entries.
         """
         if not given:
             raise InputError("expected at least one term", key="cost")

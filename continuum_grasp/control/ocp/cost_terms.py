@@ -37,8 +37,8 @@ degrees is beyond."""
 class Residual(NamedTuple):
     """A term of the cost: half the weighted squares of an expression's distance from its setpoint.
 
-    ``weight`` counts per second of the horizon, ``final`` once at its end (None: there is none); each is one number, or
-    one per entry. ``names`` belong to the entries, by default numbered ones.
+    ``weight`` counts per second of the horizon, ``final`` once at its end (None: no final weight); each is one number,
+    or one per entry. ``names`` belong to the entries, by default numbered ones.
     """
 
     value: Any
@@ -107,7 +107,7 @@ class CostTerm:
         return np.tile(np.array(pairs), (len(self.names(cost, model)) // len(pairs), 1))
 
     def entries_in_reach(self, reach: Reach, cost: Cost, model: Prediction) -> Array:
-        """Limits (size, 3) of what the finger can meet: least, most, and at the x of a point its circle's radius."""
+        """Return the limits (size, 3) of possible values: least, most, and for the x of a point its circle's radius."""
         entries = np.array(reach.entries(self.reference, len(self.names(cost, model))), dtype=float)
         return np.asarray(np.clip(entries, -UNLIMITED, UNLIMITED))
 
@@ -118,7 +118,7 @@ class CostTerm:
         return re.fullmatch(pattern, name) is not None
 
     def weights(self, cost: Cost) -> tuple[float, float | None]:
-        """Running and terminal weight; None: of what the end of the horizon does not have."""
+        """Running and terminal weight; None: no weight at the end of the horizon."""
         return cost.weights(self.key)
 
 
@@ -249,7 +249,7 @@ class Outputs:
         )
 
     def residuals(self, input_rate: ca.SX | None = None) -> dict[str, Residual]:
-        """Terms by the names of their setpoints, or of their weights where they have none."""
+        """Return the terms by the names of their setpoints, or of their weights if they have no setpoints."""
         quantities = predicted(self.cost, self.model, input_rate)
         return {
             term.reference or term.key: Residual(

@@ -20,8 +20,9 @@ _TARGET = 1.5
 """Product of substep and fastest rate [1]: RK4 is stable up to 2.6 to 2.8, and the rate belongs to sampled shapes
 only."""
 _EXPLICIT_UP_TO = 4
-"""Steps of RK4 per stage [1] up to which it is used: an implicit step evaluates the slope as often, but is of order 2.
-In modes that it does not resolve it errs by a tenth and more, and where nothing else calms the loop, commands swing."""
+"""Greatest number of RK4 steps per stage [1]: an implicit step evaluates the slope as often, but is of order 2. In
+modes that it does not resolve, its error is a tenth or more, and without other damping in the loop, commands
+oscillate."""
 _IMPLICIT_STAGE = 0.29
 """Length of the stages of sdirk2, as a share of the step [1]."""
 _APPROACH = 1.0 / 60.0
@@ -77,7 +78,7 @@ def scenarios_of(scene: ControlScene, model: Prediction) -> Scenarios | None:
             if key == "tip_mass":
                 shift[k, at] = value
             elif key in ("stiffness", "damping"):
-                # Of what is known or estimated at run time.
+                # Quantities that are known or estimated at run time.
                 scale[k, at] = value
             else:
                 scale[k, at], shift[k, at] = 0.0, value
@@ -136,9 +137,9 @@ def _integration(
     """
     asked = scene.controller
     horizon = scene.controller.horizon
-    # An implicit step per control period: what its user takes as short beside the finger's motion.
+    # One implicit step per control period, which the user considers short compared with the finger's motion.
     per_stage = math.ceil(horizon.stage / asked.step - 1e-9)
-    # Longest implicit step in which no contact closes, from touching to a firm press, within one stage of it.
+    # Longest implicit step that is short enough for the closing of a contact, from touching to a firm press.
     longest = math.inf
     touch_law = model.system.touch_law
     if touch_law is not None:

@@ -109,7 +109,7 @@ class Setpoints:
 
     @staticmethod
     def of_cost(cost: Cost, model: Prediction, reference: Reference, without: str = "") -> tuple[Outputs, Setpoints]:
-        """Quantities that a cost tracks, but for a term by its key, and their setpoints."""
+        """Quantities that a cost tracks, except a term by its key, and their setpoints."""
         every = Outputs.of(cost, model)
         outputs = replace(every, terms=tuple(term for term in every.terms if term.key != without))
         return outputs, Setpoints.of(outputs, reference)

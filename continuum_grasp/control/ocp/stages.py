@@ -106,8 +106,8 @@ class Stages:
     scenarios: Scenarios | None = None
     checks_gaps: bool = False
     ABSENT: ClassVar[float] = 1e30
-    """Magnitude of a bound that means there is none, in the bound's unit: beyond any quantity, and below the largest
-    number of single precision (3.4e38), so that sums of two do not overflow."""
+    """Magnitude of a bound that means no bound, in the bound's unit: beyond any quantity, and below the largest number
+    of single precision (3.4e38), so that sums of two do not overflow."""
 
     def __repr__(self) -> str:
         return (
@@ -206,7 +206,7 @@ def cost_functions(
     expand = _expanded("stage_expanded", values, nr, z.numel(), nc, stage)
     cost = call(expand, *call(values, x, u, p), r, weights)
     expand_end = _expanded("terminal_expanded", last, nt, sizes["x"], ns, 1.0)
-    # Where nothing is tracked at the end the results are zeros, of which CasADi makes sparse ones.
+    # Without tracked quantities at the end, the results are zeros, and CasADi makes them sparse.
     found_end = call(expand_end, *call(last, x, ca.MX(ca.DM.zeros(sizes["u"])), p), r, weights)
     terminal = [ca.densify(value) for value in found_end]
     return (

@@ -13,9 +13,9 @@ def parts(jacobian: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 
 def derivative_pattern(slope: ca.Function) -> ca.Sparsity:
-    """Structural nonzeros (n, n + m) of the derivatives after any number of steps.
+    """Return the structural nonzeros (n, n + m) of the derivatives after any number of steps.
 
-    Of implicit steps a slope enters by the inverse of the identity less its Jacobian, whose nonzeros are the same.
+    In implicit steps, a slope enters through the inverse of the identity minus its Jacobian, with the same nonzeros.
     """
     sparsity = slope.sparsity_out(1)
     n, width = sparsity.shape
@@ -68,8 +68,8 @@ def solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
 
 
 def _elimination_order(sparsity: ca.Sparsity) -> list[int]:
-    """Order of the pivots on the diagonal: next the one that may fill in least (H. M. Markowitz, Management Sci. 3
-    (1957) 255, doi:10.1287/mnsc.3.3.255), the first of equal ones.
+    """Order the pivots on the diagonal: the next pivot has the least possible fill-in (H. M. Markowitz, Management Sci.
+    3 (1957) 255, doi:10.1287/mnsc.3.3.255); of equal ones, the first.
     """
     n = sparsity.size1()
     filled = np.eye(n, dtype=bool)

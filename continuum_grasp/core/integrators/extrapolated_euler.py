@@ -16,7 +16,7 @@ import casadi as ca
 def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.MX) -> ca.MX:
     """Next state; ``model.implicit()`` is (x, u, w, p, part) -> (1 - part A)^-1 xd. See ``step_function``."""
     rate = model.implicit()
-    # Inputs act as at the end of each step, as those of an implicit method do.
+    # Inputs have their values at the end of each step, as in an implicit method.
     middle = x + 0.5 * h * rate(x, u[1], w[1], p, 0.5 * h)
     end = middle + 0.5 * h * rate(middle, u[2], w[2], p, 0.5 * h)
     following: ca.MX = 2.0 * end - (x + h * rate(x, u[2], w[2], p, h))

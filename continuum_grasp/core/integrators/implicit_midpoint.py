@@ -19,14 +19,14 @@ arcs let go) the mean energy moved by 2e-8 of the swing."""
 
 
 def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.MX) -> ca.MX:
-    """Next state; needs ``model.linearization``, ``model.energy`` and ``model.n``. Inputs act as at the middle.
+    """Compute the next state from ``model.linearization``, ``model.energy`` and ``model.n``, with inputs at the middle.
 
     With m the state at the middle, f the rates of the state and P the momenta of the finger's coordinates,
 
-        m = x + h/2 f(m), but P(m) = P(x) + h/2 dP/dt(m) in place of the rows of the coordinates' rates,
+        m = x + h/2 f(m), but P(m) = P(x) + h/2 dP/dt(m) instead of the rows of the coordinates' rates,
 
-    and the next state has twice the middle's coordinates and momenta less x's. Everything else that moves has
-    constant inertia, so that its rates serve as momenta.
+    and the next state has twice the middle's coordinates and momenta minus x's. All other moving parts have constant
+    inertia, so that their rates serve as momenta.
     """
     n = model.n
     nx = x.numel()

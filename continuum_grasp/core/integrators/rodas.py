@@ -9,7 +9,7 @@ from typing import Any
 
 import casadi as ca
 
-_GAMMA = 0.25  # with which the method is L-stable
+_GAMMA = 0.25  # makes the method L-stable
 _ALPHA = (0.0, 0.386, 0.21, 0.63, 1.0, 1.0)  # instants of the stages
 _GAMMAS = (0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0)  # row sums, for explicit dependence on time
 _A = (
@@ -35,7 +35,7 @@ def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.M
     f: ca.Function = model.forward_dynamics
     jacobian = model.linearization(x, u[0], w[0], p)[0]
     matrix = ca.MX.eye(x.numel()) / (_GAMMA * h) - jacobian
-    # Rows of one size: those of accelerations can be 1e8 times those of rates, whose digits they would take.
+    # Rows are scaled to one size: accelerations can be 1e8 times the rates, and would take their digits.
     balance = 1.0 / ca.sqrt(ca.sum2(matrix * matrix))
     matrix = ca.repmat(balance, 1, x.numel()) * matrix
     solver = ca.Linsol("solver", "qr", matrix.sparsity())

@@ -38,7 +38,7 @@ def differentiated_step(
     again = [of_stages.refine(f"{name}_refine")] * between if between else []
     stages: list[list[ca.MX]] = []
     for share in (1.0, 0.5)[: max(1, instants)]:
-        # Butcher's table: the first stage at gamma, the second at 1, where it is the step itself (stiffly accurate).
+        # Butcher's table: the first stage is at gamma, the second at 1 and equal to the step (stiffly accurate).
         arguments = [h, ca.MX(share)]
         base = start
         stage = list[ca.MX]()
@@ -94,7 +94,7 @@ class Sdirk2Stages:
         reached = ca.SX.sym("reached", pattern)
         by_state, by_input = parts(symbols["jacobian"])
         unmoved = identity(pattern)
-        # The base of the second stage goes on with the rate of the first, from which the derivatives there have come.
+        # The base of the second stage continues with the rate of the first one, the source of its derivatives.
         base = unmoved if is_first else unmoved + (1.0 - self.gamma) / self.gamma * (reached - unmoved)
         columns = ca.horzcat(symbols["rate"] - k, *[base + step * by_input] * with_derivatives)
         solved = solve(ca.SX.eye(n) - step * by_state, columns)

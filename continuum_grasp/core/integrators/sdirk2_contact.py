@@ -1,8 +1,8 @@
 """``sdirk2`` with a third Newton iteration per stage, for contacts so stiff that they close within a step.
 
 The onset of such a contact lies between the first iterate and the solution, so that the second iteration, which
-corrects with the stiffness found there, still leaves a residual: the derivatives then miss those for an L-stable step
-(largest absolute eigenvalue 11 in place of 2 where a contact of 2 kN/m closes, and products of 1e4 over 20 steps).
+corrects with the stiffness found there, still leaves a residual. The derivatives then differ from those of an L-stable
+step (largest absolute eigenvalue 11 instead of 2 when a contact of 2 kN/m closes, and products of 1e4 over 20 steps).
 """
 
 from __future__ import annotations

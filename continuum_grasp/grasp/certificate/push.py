@@ -17,6 +17,7 @@ a ratio of a concave and a linear function of e, which has a single maximum.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -26,8 +27,8 @@ from continuum_grasp.grasp.certificate.check import Check
 SHORT = 0.02
 """Share of a push that may be missing [1]: the search computes the response with few elements, the certificate with
 many."""
-_STEPS = 120
-"""Steps of the golden section over the logarithm of e, from 1e-12 to 1e12 of its scale: to 1e-15 of that range."""
+_STEPS = 75
+"""Steps of the golden section: to 1e-16 of the interval, the rounding of its ends."""
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
@@ -65,19 +66,27 @@ def bears(force: Array, slope: Array, normal: Array, friction: float, most: floa
         beyond = scale * math.exp(logarithm)
         return float((spare - (v**2 / (w + least + beyond)).sum()) / (least + beyond))
 
-    low, high = math.log(1e-12), math.log(1e12)
+    _, greatest = maximum(square, math.log(1e-12), math.log(1e12))
+    return min(limit, math.sqrt(max(greatest, 0.0)))
+
+
+def maximum(function: Callable[[float], float], low: float, high: float) -> tuple[float, float]:
+    """Find the only maximum of a function in an interval by golden section; returns its place and its value.
+
+    Unlike the methods of SciPy, it also locates a kink to rounding.
+    """
     a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-    at_a, at_b = square(a), square(b)
+    at_a, at_b = function(a), function(b)
     for _ in range(_STEPS):
         if at_a >= at_b:
             high, b, at_b = b, a, at_a
             a = high - _GOLDEN * (high - low)
-            at_a = square(a)
+            at_a = function(a)
         else:
             low, a, at_a = a, b, at_b
             b = low + _GOLDEN * (high - low)
-            at_b = square(b)
-    return min(limit, math.sqrt(max(at_a, at_b, 0.0)))
+            at_b = function(b)
+    return 0.5 * (low + high), max(at_a, at_b)
 
 
 def push_check(borne: float, wanted: float) -> Check:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.certificate.push import bears
+from continuum_grasp.grasp.certificate.push import bears, maximum
 from continuum_grasp.grasp.hand.recomputed import ObjectTouch, RecomputedHand
 from continuum_grasp.grasp.hand.stability import HandResponse
 
@@ -26,8 +26,6 @@ MOST = 20.0
 _RATIOS, _SAME = 40, 1e-10
 """Steps to the worst direction at most, each with the friction needed at the one before (W. Dinkelbach,
 Management Science 13 (1967), doi:10.1287/mnsc.13.7.492), and relative change that ends them; 3 to 8 are enough."""
-_HALVINGS = 50
-_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
 @dataclass(frozen=True)
@@ -130,21 +128,9 @@ def _margin(whole: Array, normal: Array, friction: float) -> tuple[float, Array]
     def least(e: float) -> float:
         return float(np.linalg.eigvalsh(form - e * ball)[0])
 
-    low = 0.0
     high = float(np.abs(form).sum())
-    a = high - _GOLDEN * (high - low)
-    b = low + _GOLDEN * (high - low)
-    at_a, at_b = least(a), least(b)
-    for _ in range(_HALVINGS):
-        if at_a >= at_b:
-            high, b, at_b = b, a, at_a
-            a = high - _GOLDEN * (high - low)
-            at_a = least(a)
-        else:
-            low, a, at_a = a, b, at_b
-            b = low + _GOLDEN * (high - low)
-            at_b = least(b)
-    values, vectors = np.linalg.eigh(form - 0.5 * (low + high) * ball)
+    e, _ = maximum(least, 0.0, high)
+    values, vectors = np.linalg.eigh(form - e * ball)
     # Rounding of the form, where the cone is touched exactly; of equal eigenvalues, as of a contact with symmetry, the
     # vectors span several directions; any one of length one is as bad as another.
     near = vectors[:, values - values[0] < 1e-7 * high]

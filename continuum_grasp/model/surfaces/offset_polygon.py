@@ -45,12 +45,12 @@ from continuum_grasp.scene import SAME, Face, OffsetPolygon
 WINDOW = 7
 """Pieces along which a contact may slide in one run of the solver: arcs of a curve, three on either side."""
 KINK = 2.0
-"""Ratio of the radii of two arcs of the grown outline up to which they are of one window [1]."""
+"""Greatest ratio of the radii of two arcs of the grown outline in one window [1]."""
 _FAR = 1e6
 """Length of a piece beyond the end of a window, where bounds keep the unknown in [unknown]."""
 _SKIN = 1e-9
-"""Distance up to which a point outside a sharp polygon is treated as one on its face [m]: below, the direction to the
-nearest point is lost in rounding."""
+"""A point outside a sharp polygon within this distance counts as on its face [m]: the direction to the nearest point
+would be rounding."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Piece:
     span: complex
     """Vector of a line from its start to its end; zero of others [m]."""
     normal: float
-    """Angle of the outward normal where it begins [rad]."""
+    """Angle of the outward normal at the start [rad]."""
     turn: float
     """By how much the normal turns [rad]; 0 on a line."""
     reach: float
@@ -105,8 +105,8 @@ def pieces_of(part: OffsetPolygon) -> tuple[Piece, ...]:
 
 @dataclass(frozen=True)
 class PolygonSurface(Surface[OffsetPolygon]):
-    """The surface of offset polygons with so many corners, one for a disc, two for a stadium, and so many arcs between
-    them.
+    """Surface of offset polygons with a number of corners, one for a disc, two for a stadium, and a number of arcs
+    between them.
     """
 
     corners: int
@@ -162,7 +162,7 @@ class PolygonSurface(Surface[OffsetPolygon]):
         outermost = [numbers[2 * k : 2 * k + 2] for k in range(self.corners)]
         for k in range(self.arcs):
             x, y, reach, middle, half = ca.vertsplit(numbers[2 * self.corners + 5 * k :][:5])
-            # Of an arc, the point whose normal is nearest to that of the wall.
+            # On an arc, the point whose normal is nearest to the wall's.
             off = angle + ca.pi - pose[2] - middle
             facing = middle + ca.fmin(ca.fmax(ca.atan2(ca.sin(off), ca.cos(off)), -half), half)
             outermost.append(ca.vertcat(x + reach * ca.cos(facing), y + reach * ca.sin(facing)))
@@ -205,7 +205,7 @@ class PolygonSurface(Surface[OffsetPolygon]):
             first = k == window[0]
             last = k == window[-1]
             anchor -= cmath.rect(at.reach, at.normal)
-            # Beyond the ends of the window it goes on: derivatives there are not those of a limit.
+            # The arc continues beyond the window, so that derivatives at its ends are not those of a limit.
             span = at.span / size
             limits = -_FAR if first else 0.0, _FAR if last else size
             rows.append((start, *limits, span.real, span.imag, at.normal, at.turn / size, at.reach))
@@ -259,7 +259,7 @@ class PolygonSurface(Surface[OffsetPolygon]):
 
 
 def _length(piece: Piece, speed: float, grown: float) -> float:
-    """Length of a piece, where the unknown has a speed on the outline grown by what touches."""
+    """Return the length of a piece; the unknown has a speed on the grown outline."""
     return piece.turn * (piece.reach + grown) / speed if piece.turn and speed > 0.0 else piece.turn or 1.0
 
 
@@ -278,7 +278,7 @@ def _curvature(piece: Piece) -> float:
 
 
 def _corners(part: OffsetPolygon) -> list[tuple[float, float]]:
-    """Points at which faces do not meet smoothly; the center of a disc."""
+    """Return the points between faces that do not join smoothly, or the center of a disc."""
     if part.circle is not None:
         return [part.circle[0]]
     faces = part.faces
@@ -335,7 +335,7 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
         seen.append((over, height, along.scaled(over) + normal.scaled(height), normal))
     sides: list[tuple[Scalar, Scalar, Vec, Vec]] = []
     for k, (past, above, offset, normal) in enumerate(seen):
-        # At a corner both faces say together on which side a point lies: one alone does not, where it is acute.
+        # Both faces of a corner together show the side of a point; at an acute corner, one is not enough.
         before = seen[k - 1][1]
         after = seen[(k + 1) % len(seen)][1]
         side = above + before * ca.SX(past < 0.0) + after * ca.SX(past > 0.0)

@@ -13,12 +13,12 @@ from continuum_grasp.model.surfaces.surface import PartOutline, Walk, picked
 from continuum_grasp.scene import SAME, Face
 
 SHARP = 1e-7
-"""Radius that a sharp corner has where contacts roll over it [m]: far below any real edge, and its curvature of 1e7 1/m
-is still exact beside curvatures of fingers."""
+"""Radius of a sharp corner for contacts that roll over it [m]: far below any real edge, and its curvature of 1e7 1/m is
+still exact in sums with curvatures of fingers."""
 CHORD = 0.02
-"""Turn of chords in place of arcs where distances are rough [rad]: off by a sixteenth of its square, of the radius."""
+"""Turn of chords that replace arcs in rough distances [rad]: their error is a sixteenth of its square, per radius."""
 _SLOT = 1e-9
-"""Squared preference, per squared extent, of the side of a segment on which a point lies."""
+"""Squared preference for the point's own side of a segment, per squared extent [1]."""
 
 
 def outermost(core: Sequence[tuple[float, float]]) -> list[int]:
@@ -78,7 +78,7 @@ class PolygonOutline(PartOutline):
         points = [(z.real, z.imag) for z in self._start.tolist()]
         hull = outermost(points)
         sides = zip(hull, [*hull[1:], *hull[:1]], strict=True)
-        # Faces of the hull, also those that reflex corners are behind; an arc is none.
+        # Faces of the hull, also those in front of reflex corners; an arc is no such face.
         flat = [(a, b) for a, b in sides if self._is_line[a] or b != (a + 1) % len(points)] if len(hull) > 1 else []
         return tuple(float(np.angle(-1j * (self._start[b] - self._start[a]))) for a, b in flat)
 
@@ -132,7 +132,7 @@ class PolygonOutline(PartOutline):
         return [0.0, len(start), len(numbers), *numbers]
 
     def _chords(self) -> Array:
-        """Corners of a polygon in place of the core, whose chords pass through arcs, nowhere far from them."""
+        """Corners of a polygon that replaces the core; its chords stay near the arcs."""
         corners = []
         for start, base, low, turn, reach in zip(
             self._start, self._base, self._low, self._bent, self._reach, strict=True
@@ -169,7 +169,7 @@ class PolygonOutline(PartOutline):
             foot = off - self._reach[~line] * normal
             along[..., ~line], square[..., ~line] = turn, np.abs(foot) ** 2
             height[..., ~line] = (foot * np.conj(normal)).real
-        # A segment is two edges back to back: the side on which the point lies decides.
+        # A segment is two edges back to back: the side of the point decides.
         if len(self._start) == 2 and line.all():
             square = square + np.where(height < 0.0, _SLOT * self._extent**2, 0.0)
         face = np.argmin(square, axis=-1)
@@ -178,7 +178,7 @@ class PolygonOutline(PartOutline):
         if len(self._start) == 2 and line.all():
             over = walked - np.clip(walked, 0.0, self._lengths[face])
             return np.hypot(over, picked(height, face)) - self.radius, face, walked
-        # At a corner both faces say together on which side a point lies: one alone does not, where it is acute.
+        # Both faces of a corner together show the side of a point; at an acute corner, one is not enough.
         length = np.where(line, self._lengths, self._bent)[face]
         owner = np.where(walked < 0.0, (face - 1) % len(self._start), face)
         both = ((points - self._end[owner]) * np.conj(self._before[owner])).real

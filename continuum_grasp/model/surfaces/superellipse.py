@@ -33,7 +33,7 @@ _PLAIN_EXPONENT, _PLAIN_ASPECT = 4.0, 1.6
 """Newton steps to the nearest point, and exponent and ratio of the half axes up to which fewer do: the nearest point is
 then exact to 1e-7 of the shorter half axis for points nearer than 0.4 of it."""
 _SETTLED = 1e-7
-"""Change of the polar angle, whose square is left, up to which a nearest place counts as found [rad]."""
+"""Greatest last change of the polar angle of a nearest place [rad]; the square of the change remains as an error."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def smooth_support(beta: ca.SX, shape: ca.SX) -> ca.SX:
 
 def _from_superellipse(a: float, b: float, power: float, at: Vec) -> Nearest:
     """Newton's method on the distance along r(t) (a cos t, b sin t), with (cos t, sin t) as the unknown."""
-    # The point's own direction, in which the superellipse is the unit one: exact on the axes and on the outline.
+    # The point's own direction in the unit superellipse: exact on the axes and on the outline.
     way = Vec(at.x / a, at.y / b)
     way = way.scaled(1.0 / length(way))
     plain = power <= _PLAIN_EXPONENT and max(a / b, b / a) <= _PLAIN_ASPECT
@@ -164,7 +164,7 @@ def _on_superellipse(a: float, b: float, power: float, way: Vec) -> tuple[Vec, V
     drift = r * c * s * (cs[0] - cs[1]) / total
     point = Vec(a * r * c, b * r * s)
     slope = Vec(a * (drift * c - r * s), b * (drift * s + r * c))
-    # On the outline, |xi|^(p - 2) is that of the direction times r^(p - 2).
+    # On the outline, |xi|^(p - 2) is the value for the direction times r^(p - 2).
     lift = r ** (power - 2.0)
     gradient = Vec(lift * cs[0] * r * c / a, lift * cs[1] * r * s / b)
     size = length(gradient)

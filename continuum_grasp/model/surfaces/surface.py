@@ -1,8 +1,8 @@
-"""Interface of contacts, grasp problem and grasp search to the surface of a part, whatever its form: expressions, and
-the outline with distances and walks, many points at once.
+"""Interface of contacts, grasp problem and grasp search to the surface of a part of any form: expressions, and the
+outline with distances and walks of many points at once.
 
-A surface is stateless but for what decides how its expressions look, so that problems of equal structure share one
-compiled solver; the numbers of a part are handed in.
+The state of a surface only determines the structure of its expressions, so that problems of equal structure share one
+compiled solver; the numbers of a part are arguments.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class PartOutline(ABC):
     is_round: bool = False  # whether it looks the same from all directions
     face_normals: tuple[float, ...] = ()  # angles of the normals of flat faces [rad]
     period: float = math.tau  # of walks
-    breaks: Array = np.zeros(0)  # walks at which the normal jumps, at reflex corners
+    breaks: Array = np.zeros(0)  # walks to jumps of the normal, at reflex corners
 
     @abstractmethod
     def walk(self, w: Array) -> Walk:
@@ -63,7 +63,7 @@ class PartOutline(ABC):
         return self.nearest(points)[0]
 
     def rough_distance(self, points: Array) -> Array:
-        """Distance to within 1e-5 of the part's size, where that takes less time."""
+        """Return the distance to within 1e-5 of the part's size, if this is faster."""
         return self.distance(points)
 
     @property
@@ -88,11 +88,10 @@ TINY = 1e-30
 
 @dataclass(frozen=True)
 class TouchingCircle:
-    """The circle that touches a surface at a place, where it has the surface's curvature.
+    """Osculating circle of a surface at the place nearest to a point.
 
-    The place is the nearest one of a point: its distance from the circle is that from the surface but for the third
-    power of how far the nearest place has moved along it. It is exact for discs and corners, and for faces, whose
-    curvature is zero.
+    The point's distances from circle and surface differ by the third power of the motion of the nearest place along the
+    surface. The circle is exact for discs and corners, and for faces, whose curvature is zero.
     """
 
     SIZE: ClassVar[int] = 5
@@ -130,13 +129,13 @@ class Nearest:
 
 
 def length(v: Vec) -> ca.SX:
-    """Length of a vector, with a finite derivative where it is zero."""
+    """Return the length of a vector, with a finite derivative at zero."""
     return ca.sqrt(v.dot(v) + TINY)
 
 
 def chosen(condition: ca.SX | bool, first: Vec, second: Vec) -> Vec:
     """The first vector where a condition holds, else the second."""
-    # One product in place of two if_else: the condition is 0 or 1, and both vectors are finite.
+    # One product instead of two if_else: the condition is 0 or 1, and both vectors are finite.
     return second + (first - second).scaled(ca.SX(condition))
 
 
@@ -149,8 +148,8 @@ class SurfacePoint:
 
     point: ca.SX  # (2, 1)
     normal: ca.SX  # (2, 1) outward
-    on_surface: ca.SX  # zero on the surface; empty where that is so by construction
-    curvature: ca.SX | None = None  # of the surface; None where it is a number of the feature
+    on_surface: ca.SX  # zero on the surface; empty if the construction ensures it
+    curvature: ca.SX | None = None  # of the surface; None if it is a number of the feature
 
 
 @dataclass(frozen=True)
@@ -160,7 +159,7 @@ class Feature:
     numbers: tuple[float, ...]  # of `Surface.point`; lengths in m
     lower: tuple[float, ...]  # bounds of the unknowns of the contact's place
     upper: tuple[float, ...]
-    curvature: float = 0.0  # [1/m]: 0 on a face or where it depends on the place, large on a sharp corner
+    curvature: float = 0.0  # [1/m]: 0 on a face or if it depends on the place, large on a sharp corner
     piece: int = 0  # number of the piece of the outline in its middle
     grown: float = 0.0  # radius of the round body that touches there [m]
 
@@ -184,7 +183,7 @@ class Surface(ABC, Generic[P]):
 
     @abstractmethod
     def lowest_points(self, part: P, direction: Vec) -> list[Vec]:
-        """Points, one of which reaches farthest in a direction (a unit vector)."""
+        """Return points that include the farthest one in a direction (a unit vector)."""
 
     # -- contact of a grasp
 
@@ -212,15 +211,16 @@ class Surface(ABC, Generic[P]):
 
     @abstractmethod
     def near(self, part: P, point: tuple[float, float], normal_angle: float, grown: float) -> Feature:
-        """The feature on which a surface point with this outward normal lies best, as `feature` has it."""
+        """Return the best feature for a surface point with this outward normal, as in `feature`."""
 
     @abstractmethod
     def place(self, part: P, feature: Feature, point: tuple[float, float], normal_angle: float) -> tuple[float, ...]:
         """The unknowns of a contact on a feature, next to a point of the object's frame [m]."""
 
     def beyond(self, part: P, feature: Feature, side: int) -> tuple[Feature, tuple[float, ...]] | None:
-        """The feature after (+1) or before (-1) the end of one, and the unknowns where they meet; None where a contact
-        cannot roll or slide on to it.
+        """Return the feature after (+1) or before (-1) another one, and the unknowns at their common end.
+
+        None if a contact cannot roll or slide on to it.
         """
         return None
 

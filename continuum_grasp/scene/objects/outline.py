@@ -45,8 +45,8 @@ class PlaneCut(Value):
     point: SpatialPosition = (0.0, 0.0, 0.0)
     """A point of the plane, from the origin of the file [m]."""
     normal: Annotated[Vector3, Unit("1")] = (0.0, 0.0, 1.0)
-    """Normal of the plane, of any length, from which the section is seen: x of the outline is the part in the plane of
-    the file's x axis, of its y axis where x is the normal [1]."""
+    """Normal of the plane, of any length [1]. The section is seen from the tip of the normal. The x axis of the outline
+    is the file's x axis projected onto the plane, or its y axis if x is the normal."""
 
     def _check(self) -> None:
         if not math.hypot(*self.normal) > 0.0:
@@ -59,7 +59,7 @@ class OutlineFile(MaybeDrawn):
     shape: Literal["outline"]
     """The outer closed curve in a file; it becomes a polygon whose frame has its origin at the centroid, y up."""
     file: Annotated[str, Field(examples=["bottle.png"])]
-    """SVG (the visible shape), DXF (entities of the model space; those that meet are joined), CSV (columns x
+    """SVG (the visible shape), DXF (entities of the model space, joined at common ends), CSV (columns x
     and y, with units in their headings or without headings), PNG (a dark silhouette on a light ground, or an opaque one
     on a transparent ground), or the closed surface of an STL, OBJ, PLY or 3MF, cut to a section by ``cut``."""
     path: str | None = None
@@ -71,10 +71,10 @@ class OutlineFile(MaybeDrawn):
     CSV state, 1 m of a CSV without units."""
     tolerance: Annotated[Extent, Field(examples=["0.2 mm"])] | None = None
     """Greatest distance of the polygon from the curve [m]; a greater one takes fewer corners. None: a thousandth of the
-    longer side of what the curve fills."""
+    longer side of the curve's bounding box."""
     threshold: Annotated[float, Field(gt=0.0, lt=1.0), Unit("1")] | None = None
-    """Darkness of a pixel of a PNG from which on it belongs to the object [1]: 0 white or transparent, 1 black. None:
-    halfway between object and ground, next to the edge at 0.5."""
+    """Least darkness of the object's pixels in a PNG [1]: 0 is white or transparent, 1 is black. None: halfway between
+    object and ground, measured next to the edge at 0.5."""
     cut: PlaneCut | None = None
     """Plane whose section of a mesh is the outline; ``path`` chooses one of several: ``section 2``, the second
     largest."""
@@ -132,7 +132,7 @@ class OutlineFile(MaybeDrawn):
         if not _SMALLEST < size < _GREATEST:
             raise ValueError(f"scale: the outline would be {size:.4g} m long; in which unit is the file?")
         center = shapely.Polygon(ring).centroid
-        # A billionth of the size: numbers as they are written have no digits of rounding.
+        # A billionth of the size, so that written numbers have no digits from rounding.
         digits = 9 - math.ceil(math.log10(size))
         return tuple((round(x - center.x, digits), round(y - center.y, digits)) for x, y in ring)
 
@@ -143,12 +143,12 @@ class OutlineFile(MaybeDrawn):
 
     @property
     def distance_allowed(self) -> float:
-        """The tolerance [m], also where it is a share of the size."""
+        """Tolerance [m], whether it is stated or a share of the size."""
         return SHARE * _extent(self.curve) if self.tolerance is None else self.tolerance
 
     @cached_property
     def drawn(self) -> OutlineCurve | None:
-        """Curve that the corners stand for, where they are not exact."""
+        """Curve that the corners approximate; None if they are exact."""
         return self.drawing(self.vertices)
 
     @property
@@ -176,7 +176,7 @@ class OutlineFile(MaybeDrawn):
         return corners
 
     def drawing(self, corners: tuple[PlanePoint, ...], retained: Collection[int] = ()) -> OutlineCurve | None:
-        """Curve that some corners stand for, with the ``retained`` points too; None where they are exact."""
+        """Return the curve that corners approximate, with the ``retained`` points; None if the corners are exact."""
         error = self.found.error
         off = deviation(self.curve, corners)
         if max(off, error) <= SAME * _extent(self.curve):
@@ -186,8 +186,9 @@ class OutlineFile(MaybeDrawn):
         return OutlineCurve(deviation=off, error=error, vertices=grown(nearer, error))
 
     def polygon(self, retained: Collection[int] = (), share: float = 1.0) -> dict[str, Any]:
-        """Keys of the polygon that stands for the curve, with points of it that are ``retained``, within a share of the
-        tolerance where that is not given.
+        """Return the keys of a polygon that approximates the curve and contains its ``retained`` points.
+
+        The polygon is within the stated tolerance, or within a share of the default one.
         """
         corners = self.corners(retained, share if self.tolerance is None else 1.0)
         drawing = self.drawing(corners, retained)

@@ -22,16 +22,16 @@ from continuum_grasp.scene.value import WRITTEN
 
 
 def put_in_object(document: Document, at: KeyPath, main: Path) -> None:
-    """Put a polygon in place of the file of the outline of the object of a scene, at a path of a document."""
+    """Replace the outline file of a scene's object, at a path of a document, by a polygon."""
     if child(document.get(at), "object") is not None:
         put_in_outlines(document, (*at, "object"), main)
 
 
 def put_in_outlines(document: Document, body: KeyPath, main: Path, *, touches: bool = True, share: float = 1.0) -> None:
-    """Put a polygon in place of an outline in a file, unless keys vary: of an object, or of members of a union.
+    """Replace the outline file of an object, or of members of a union, by a polygon, unless its keys vary.
 
-    Without ``tolerance`` the polygon is within a share of the default one of the curve. Where the object ``touches``
-    supports, points of the curve nearest to them are corners.
+    Without ``tolerance`` the polygon is within a share of the default tolerance of the curve. If the object
+    ``touches`` supports, the points of the curve nearest to them become corners.
     """
     part = document.part(body)
     if not isinstance(part.value, dict):
@@ -66,10 +66,10 @@ def put_in_outlines(document: Document, body: KeyPath, main: Path, *, touches: b
 
 
 def _placed(supports: Any, frames: Sequence[Any]) -> tuple[Sequence[Place], tuple[float, float, float]]:
-    """Supports, as they are written in a configuration, and the world pose of an outline.
+    """Return the supports of a configuration, and the world pose of an outline.
 
-    ``frames`` have ``position`` and ``angle`` of the object and, for a member of a union, of the member in it. Faults
-    in them are reported where all of the scene is validated.
+    ``frames`` have ``position`` and ``angle`` of the object and, for a member of a union, of the member in it. The
+    validation of the whole scene reports faults in them.
     """
     x, y, angle = 0.0, 0.0, 0.0
     try:
@@ -86,7 +86,7 @@ def _placed(supports: Any, frames: Sequence[Any]) -> tuple[Sequence[Place], tupl
 
 
 def _facing(places: Sequence[Place], frame: tuple[float, float, float]) -> list[PlanePoint]:
-    """Directions in a frame from which it meets walls."""
+    """Return the directions from a frame toward walls."""
     angles = [wall.normal_angle + math.pi - frame[2] for wall in places if isinstance(wall, Wall)]
     return [(math.cos(angle), math.sin(angle)) for angle in angles]
 

@@ -35,7 +35,7 @@ class Freedom(Value):
                 raise ValueError(f"free.{name} = {list(bounds)} does not hold the given {value}")
 
     def bounds(self, pose: Pose) -> list[tuple[float, float]]:
-        """Bounds of x, y [m] and angle [rad] of a pose; both are its own value where it is fixed."""
+        """Return the bounds of x, y [m] and angle [rad] of a pose; the two bounds of a fixed coordinate are equal."""
         bounds = (self.x, self.y, self.angle)
         return [bound or (coordinate, coordinate) for bound, coordinate in zip(bounds, pose, strict=True)]
 
@@ -64,7 +64,7 @@ class MaybeDrawn(Value):
 
 
 class ObjectBody(MaybeDrawn):
-    """Properties of every object beside its shape, in whose frame they are given."""
+    """Properties that every object has in addition to its shape, in the frame of the shape."""
 
     mass: Mass
     """Mass [kg]."""
@@ -114,7 +114,7 @@ class ObjectBody(MaybeDrawn):
 
     @property
     def pose_bounds(self) -> list[tuple[float, float]]:
-        """Least and greatest x, y [m] and angle [rad]; both are its own value where it is fixed."""
+        """Least and greatest x, y [m] and angle [rad]; the two are equal for a fixed coordinate."""
         return (self.free or Freedom()).bounds(self.pose)
 
     @property
@@ -127,13 +127,13 @@ class ObjectBody(MaybeDrawn):
         return self.replaced(position=(pose[0], pose[1]), angle=pose[2], against=None, **fields)
 
     def standing(self, pose: Pose, free: Mapping[str, tuple[float, float]] | None, **fields: Any) -> Self:
-        """A copy that is not checked anew and stands at a pose, which may be chosen within bounds, if any."""
+        """Return a copy at a pose, without another check; the pose may be chosen within bounds, if any."""
         bounds = None if free is None else Freedom.model_validate(free)
         place = {"position": (pose[0], pose[1]), "angle": pose[2], "free": bounds, "against": None}
         return self.model_copy(update=place | fields)
 
     def distance(self, point: PlanePoint) -> float:
-        """Distance of a world point from the object where it starts [m], negative inside."""
+        """Return the distance of a world point from the object at its start pose [m], negative inside."""
         c, s = math.cos(self.angle), math.sin(self.angle)
         x, y = point[0] - self.position[0], point[1] - self.position[1]
         return min(part.distance((c * x + s * y, c * y - s * x)) for part in self.parts)
@@ -250,7 +250,7 @@ class OutlineCurve(Value):
 
 class _PolygonShape(MaybeDrawn):
     shape: Literal["polygon"]
-    """A simple polygon, with rounded corners, but for reflex ones, where a radius is given."""
+    """A simple polygon; with a radius, all corners but the reflex ones are rounded."""
     vertices: Annotated[ListOf[Position], Field(min_length=3, max_length=1024)]
     """Corners of the sharp outline, a simple polygon, in order, either way round [m]; a search takes longer with more
     than a hundred."""
@@ -291,7 +291,7 @@ class _PolygonShape(MaybeDrawn):
 
 
 class Polygon(_PolygonShape, ObjectBody):
-    """A simple polygon, with rounded corners, but for reflex ones, where a radius is given."""
+    """A simple polygon; with a radius, all corners but the reflex ones are rounded."""
 
 
 class _StadiumShape(Value):

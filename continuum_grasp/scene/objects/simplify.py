@@ -8,7 +8,7 @@ from itertools import pairwise
 from continuum_grasp.scene.polygons import PlanePoint, corners_of
 
 FINER = 0.25
-"""Share of the tolerance with which reports measure what the tolerance changes [1]: chords half as long."""
+"""Share of the tolerance at which reports measure the effect of the tolerance [1]: chords are then half as long."""
 MOST = 512
 """Corners of that polygon at most: it is solved next to a grasp that is known, without a search."""
 

@@ -30,7 +30,7 @@ rad down to radii of a fiftieth of the size, and are arcs, so that normals of ho
 
 
 def put_in_files(document: Document, scene: KeyPath, main: Path) -> None:
-    """Put polygons in place of outlines in files, and find the file of a mesh, of the object of the scene at a path."""
+    """Replace outline files of the object of a scene, at a path, by polygons, and find the file of its mesh."""
     at = (*scene, "object")
     if child(document.get(scene), "object") is None:
         return

@@ -132,12 +132,12 @@ def growth(faces: Sequence[Face]) -> float:
 def whole_section(part: Part) -> tuple[Face, ...]:
     """Boundary of the section through the axis x = 0 of a solid of revolution, given as the whole or a half.
 
-    For a ring it is only the section beside the axis, at x > 0.
+    For a ring, return only the section on one side of the axis, at x > 0.
 
     Raises
     ------
     ValueError
-        The part is neither beside the axis, nor symmetric about it.
+        The part crosses the axis and is not symmetric about it.
     """
     import shapely
     from shapely import affinity
@@ -174,8 +174,8 @@ def whole_section(part: Part) -> tuple[Face, ...]:
 
 
 def outermost(faces: Sequence[Face], angle: float) -> list[PlanePoint]:
-    """Points of a boundary among which are those that reach farthest in the direction of an angle [rad]: corners, and
-    places of arcs with that normal.
+    """Return points of a boundary that include the farthest ones in the direction of an angle [rad]: corners, and
+    points of arcs with this normal.
     """
     points = [face.start for face in faces]
     for face in faces:

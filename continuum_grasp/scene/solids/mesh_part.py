@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 class MeshPart(SolidBody):
     """A closed surface of triangles; the frame has the axes of the file, and its origin at the centroid of the volume.
 
-    Distances are those from the triangles; normals go smoothly over edges that are blunter than 30 degrees, as pictures
-    of meshes have them. A closed surface inside of the outer one bounds a cavity, whichever way its normals point: the
-    volume, its centroid and the inertia are those of the hollow body; fingers touch it outside.
+    Distances refer to the triangles; normals vary smoothly across edges that are blunter than 30 degrees, as in
+    pictures of meshes. A closed surface inside the outer one bounds a cavity, whichever way its normals point: volume,
+    centroid and inertia belong to the hollow body, and fingers touch it outside.
     """
 
     shape: Literal["mesh"]
@@ -33,7 +33,7 @@ class MeshPart(SolidBody):
 
     @property
     def surface(self) -> TriangleMesh:
-        """The triangles [m]; read once while the file stays as it is."""
+        """Triangles [m]; read again only if the file changes."""
         from continuum_grasp.scene.solids.triangles import read_triangles
 
         return read_triangles(Path(self.file), self.scale)

@@ -107,7 +107,7 @@ class Cylinder(SolidBody):
 
     @property
     def volume(self) -> float:
-        # A full cylinder less what the rims leave out of it (Pappus's theorem).
+        # A full cylinder minus the volume that the rounded rims remove (Pappus's theorem).
         r = self.edge_radius
         big = 0.5 * self.diameter
         cut = (2.0 - 0.5 * math.pi) * r * r

@@ -10,8 +10,8 @@ from continuum_grasp.scene.problems import KeyedError
 _PROBES = 100
 """Triangles of a shell whose middles say whether it lies inside of another; of shells that cross, some lie outside."""
 _CLEAR = 0.25
-"""Distance of a winding number from one half up to which a point may lie on the shell itself [1]: it is 0 outside, 1
-inside, and one half on a face."""
+"""A point may lie on the shell itself if its winding number is within this distance of one half [1]. The number is 0
+outside, 1 inside, and one half on a face."""
 
 
 def outer_shell(name: str, mesh: Any, factor: float) -> Array:

@@ -18,12 +18,12 @@ _SHARP = 1e-3
 
 
 class SolidBody(Value):
-    """Properties of every solid beside its shape."""
+    """Properties that every solid has in addition to its shape."""
 
     mass: Mass | None = None
     """Mass [kg]; None: the mass of the shape by its ``density``."""
     density: Annotated[Positive, Unit("kg/m3"), DENSITY] | None = None
-    """Density [kg/m3], in place of ``mass``."""
+    """Density [kg/m3], instead of ``mass``."""
     center_of_mass: SpatialPosition | None = None
     """Center of mass in the object's frame [m]; None: the centroid of the shape."""
     position: SpatialPosition
@@ -52,12 +52,12 @@ class SolidBody(Value):
 
     @property
     def deviation(self) -> float:
-        """Greatest distance of its surface from the one that it stands for [m]; zero but for meshes."""
+        """Greatest distance between the surface and the true one [m]; zero except for meshes."""
         return 0.0
 
     def outermost(self, direction: Array) -> Array:
-        """Points (K, 3) in the object's frame, among which are those that reach farthest along a unit direction of it;
-        of flat faces a few corners.
+        """Return points (K, 3) in the object's frame that include the farthest ones along a unit direction of this
+        frame; for a flat face, a few of its corners.
         """
         raise NotImplementedError
 

@@ -30,8 +30,8 @@ class TurnedBody(SolidBody):
 
     @property
     def section(self) -> tuple[Face, ...]:
-        """Boundary of the section through the axis, x across and y along it, counter-clockwise: its whole, or of a ring
-        the part beside the axis.
+        """Boundary of the section through the axis, counter-clockwise, with x across and y along the axis. For a ring,
+        only one side of the section.
         """
         raise NotImplementedError
 
@@ -60,7 +60,7 @@ class TurnedBody(SolidBody):
 
         across = math.hypot(direction[0], direction[1])
         places = np.array(outermost(self.section, math.atan2(direction[2], across)))
-        # Four points of each circle, one where it reaches farthest.
+        # Four points of each circle, including the farthest one.
         turn = math.atan2(direction[1], direction[0]) + 0.5 * math.pi * np.arange(4)
         circles = [
             np.column_stack([x * np.cos(turn), x * np.sin(turn), np.full(4, z)]) for x, z in places[places[:, 0] >= 0]
@@ -94,7 +94,7 @@ class Cone(TurnedBody):
         r = self.edge_radius
         lean = math.hypot(b - a, 2.0 * h) / (2.0 * h)
         ends = list[list[tuple[float, float]]]()
-        # What is a radius inside of the side and of both ends; where its sides meet before an end, that is a cap.
+        # The core is one radius inside the side and both ends; it ends in a cap if its sides meet before an end.
         for z in (r - h, h - r):
             across = a + (b - a) * (z + h) / (2.0 * h) - r * lean
             tip = (0.0, 2.0 * h * (r * lean - a) / (b - a) - h if a != b else z)
@@ -118,9 +118,9 @@ class Revolved(TurnedBody):
     shape: Literal["revolve"]
     """A planar outline turned about its y axis, which is the z axis of the object's frame."""
     profile: UnionMember
-    """Section through the axis x = 0 of the profile's frame: the whole, symmetric about it, the half at x > 0, or a
-    section beside the axis, which sweeps a ring. The frame of an outline from a file has its origin at the centroid, so
-    that a silhouette is symmetric; ``position`` of the profile shifts it."""
+    """Section through the axis x = 0 of the profile's frame: the whole section, symmetric about the axis, its half at x
+    > 0, or a section that does not reach the axis and sweeps a ring. The frame of an outline from a file has its origin
+    at the centroid, so that a silhouette is symmetric; ``position`` of the profile shifts it."""
 
     @cached_property
     def section(self) -> tuple[Face, ...]:
@@ -145,7 +145,7 @@ class Extruded(SolidBody):
 
     @cached_property
     def core_part(self) -> OffsetPolygon:
-        """Outline of what the solid is with all that is within ``edge_radius`` of it."""
+        """Outline whose offset by ``edge_radius`` is the solid."""
         part = self.outline.parts[0].placed(self.outline.position, self.outline.angle)
         return inset(part, self.edge_radius)
 

@@ -13,8 +13,8 @@ from continuum_grasp.scene.problems import KeyedError
 from continuum_grasp.scene.solids.shells import outer_shell
 
 CREASE = 0.52
-"""Angle between the normals of neighboring triangles [rad], 30 degrees, from which on their edge is one of the object;
-a blunter edge is one of the triangles that stand for a curved surface."""
+"""Least angle between the normals of neighboring triangles at a true edge of the object [rad], 30 degrees; the
+triangles of a curved surface have blunter edges."""
 _SMALLEST, _GREATEST = 1e-4, 3.0
 """Sizes of an object [m] beyond which the unit of its file is likely another one."""
 _MOST = 2_000_000
@@ -25,9 +25,7 @@ _UNITS = {"millimeter": 1e-3, "centimeter": 1e-2, "meter": 1.0, "inch": 0.0254, 
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """The outer surface of a solid of triangles; the origin of its frame is the centroid of the volume, without that of
-    cavities.
-    """
+    """Outer surface of a solid of triangles; the origin of its frame is the centroid of the volume without cavities."""
 
     corners: Array  # (V, 3) [m]
     triangles: Array  # (T, 3) indices, counter-clockwise from outside
@@ -98,7 +96,7 @@ def load_closed(file: Path, scale: float | None) -> tuple[Any, float, Array]:
         raise KeyedError(f"file: expected {', '.join(MESHES)}, got {name}")
     try:
         mesh = trimesh.load(file, force="mesh", process=False)
-    except Exception as error:  # of a dozen libraries and parsers, which raise what they like
+    except Exception as error:  # a dozen libraries and parsers raise any kind
         raise KeyedError(f"file: cannot be read: {name}: {_first_line(error)}") from None
     if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
         raise KeyedError(f"file: {name} has no triangles")

@@ -32,7 +32,7 @@ class Choice:
     scene: Scene
     family: str
     lengths: tuple[float, ...]  # of the elements [m]
-    aligned: bool  # whether elements end at loads, masses and jumps of the rest curvature, beside the contacts
+    aligned: bool  # whether elements also end at loads, masses and jumps of the rest curvature, not only at contacts
     accuracy: float | None  # of the evaluation, relative; None: the family's own
     bending_range: float  # [rad]
 
@@ -68,7 +68,7 @@ class Choice:
             return False
 
     def finest(self, accuracies: Iterable[float]) -> Choice | None:
-        """A copy with the finest of some accuracies that the choice may take; None where it may take none."""
+        """Return a copy with the finest possible of some accuracies; None if none is possible."""
         return next((c for a in sorted(accuracies) if (c := self.with_accuracy(a)).open), None)
 
     def with_accuracy(self, accuracy: float) -> Choice:
@@ -82,7 +82,7 @@ class Choice:
 
 
 def open_families(scene: Scene) -> tuple[str, ...]:
-    """Families that a scene can have, fine first; the one that it gives."""
+    """Return the possible families of a scene, the finest first, or the stated one."""
     if scene.fidelity.family is not None:
         return (scene.fidelity.family,)
     matched = FingerModel(scene.model_copy(update={"fidelity": Fidelity()})).structure.matched
@@ -103,7 +103,7 @@ def choices(
 
 
 def _placements(scene: Scene, counts: Sequence[int]) -> Iterator[tuple[tuple[float, ...], bool]]:
-    """Element lengths, and whether they are aligned; those that the scene fixes alone."""
+    """Yield element lengths, and whether they are aligned; only the stated ones if the scene fixes them."""
     profile = scene.finger.profile
     contacts = scene.contacts
     fixed = scene.fidelity.elements
@@ -125,7 +125,7 @@ def _placements(scene: Scene, counts: Sequence[int]) -> Iterator[tuple[tuple[flo
 
 
 def _marks(scene: Scene) -> tuple[float, ...]:
-    """Contacts, and places inside the finger at which the curvature or the bending moment has a kink or jumps."""
+    """Return contacts, and places inside the finger where the curvature or the bending moment has a kink or jumps."""
     length = scene.finger.rod.length
     finger = scene.finger
     places = [load.at for load in (*scene.loads, *scene.initial.held_by)]
@@ -166,8 +166,8 @@ class Errors:
 
     tip: float  # of the tip's position, per length
     shape: float  # the same of any place along the finger
-    frequencies: Array  # (2,) relative, of the first and the second natural frequency; NaN where there is none
-    radius: float  # spectral radius about the equilibria [1/s], by which explicit steps are limited
+    frequencies: Array  # (2,) relative, of the first and the second natural frequency; NaN if it does not exist
+    radius: float  # spectral radius about the equilibria [1/s], which limits explicit steps
 
 
 @dataclass(frozen=True)
@@ -202,7 +202,7 @@ def assess(choice: Choice, truth: Truth, *, stop_at: float = math.inf) -> Assess
 
 
 def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float = math.inf) -> Errors:
-    """Errors of any model with ``truth.loads``; where it ``moves``, errors of frequencies too. See ``assess``."""
+    """Return the errors of a model with ``truth.loads``; if it ``moves``, also of its frequencies. See ``assess``."""
     core = Core(model, compiled=False)
     length = model.finger.rod.length
     tip = shape = radius = 0.0
@@ -218,7 +218,7 @@ def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float =
         if shape > stop_at:
             return Errors(tip, shape, np.full(2, np.nan), math.nan)
         if true.frequencies_hz is not None and moves:
-            # Of one that is unstable in truth, per the second.
+            # If the first mode is truly unstable, its error is relative to the second one.
             modeled = np.append(modes_of(true.scene, about=at_rest).frequencies_hz, [np.nan, np.nan])[:2]
             frequencies = np.fmax(frequencies, relative_errors(modeled, true.frequencies_hz))
             radius = max(radius, spectral_radius(core, at_rest.q[None], at_rest.u, at_rest.w, at_rest.p))

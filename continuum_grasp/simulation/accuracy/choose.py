@@ -1,9 +1,9 @@
-"""From a tolerance to the cheapest model that meets it, chosen once and remembered.
+"""Choose the cheapest model that meets a tolerance, once, and remember it.
 
-1. Find the truth: equilibria of the exact rod in the scene's load cases and, where it moves, its frequencies.
-2. For each family, from few to many elements, measure the error with fine terms: the rest is the elements' error.
-3. Where that is near the tolerance, measure the terms from coarse to fine, until one meets it.
-4. A family ends where a choice costs more than the best so far, by its instructions and stiffest mode.
+1. Find the truth: equilibria of the exact rod in the scene's load cases and, for a motion, its frequencies.
+2. For each family, from few to many elements, measure the error with fine terms: this is the elements' error.
+3. If this error is near the tolerance, measure the terms from coarse to fine, until one meets the tolerance.
+4. End a family if a choice costs more than the best so far, by its instructions and stiffest mode.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Chosen(Summarized):
 
     @property
     def scene(self) -> Scene:
-        """The scene with the choice in place of the tolerance."""
+        """Return the scene with the choice instead of the tolerance."""
         scene = self.best.choice.scene
         return scene.model_copy(update={"fidelity": self.best.choice.fidelity})
 
@@ -61,11 +61,11 @@ class Chosen(Summarized):
 @interruptible()
 @check_arguments
 def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None = None) -> Chosen:
-    """Find the cheapest family, elements and terms with which a scene meets a tolerance.
+    """Find the cheapest family, elements and terms that meet a tolerance for a scene.
 
-    Every choice is measured against the exact elastic rod in the scene's own static load cases and, where the scene
-    moves, by its natural frequencies. Keys that ``fidelity`` fixes stay as they are. Costs are counted instructions,
-    per evaluation, or, where the scene moves, per second of explicit simulation, whose step the stiffest mode limits.
+    Every choice is compared with the exact elastic rod in the scene's own static load cases and, for a motion, by its
+    natural frequencies. Keys that ``fidelity`` fixes stay. Costs are counted instructions per evaluation or, for a
+    motion, per second of explicit simulation, whose step the stiffest mode limits.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ class _Search:
             if self._costs_more(coarse, stiffness[coarse.aligned]):
                 closed.add(coarse.aligned)
                 continue
-            # First with fine terms: an error that remains is that of the elements, whatever the terms.
+            # First with fine terms: the remaining error comes from the elements, whatever the terms are.
             # 1e-6: relative accuracy of evaluation that shows whether a number of elements can meet the tolerance: its
             # own error is below that of any number of elements on the list
             probing = coarse.finest([min(1e-6, 0.1 * self.tolerance), *accuracies]) or coarse
@@ -167,7 +167,7 @@ class _Search:
         before = 0
         for accuracy in accuracies:
             choice = coarse.with_accuracy(accuracy)
-            if not choice.open:  # nor are those with more terms and nodes
+            if not choice.open:  # nor are choices with more terms and nodes
                 return
             if choice.instructions == before:  # the same terms and nodes
                 continue

@@ -51,7 +51,7 @@ def refined(scene: Scene, model: FingerModel, lengths: tuple[float, ...] = ()) -
     initial = scene.initial
     if initial.q is None:
         return same
-    finer = FingerModel(same.replaced(initial=Initial(pose="straight")))  # coordinates are those of the scene's model
+    finer = FingerModel(same.replaced(initial=Initial(pose="straight")))  # with the coordinates of the scene's model
     u = Signals(scene, model).u(0.0)[0]
     q = np.array(initial.q)
     at = translated(model, q, u, finer)
@@ -80,7 +80,7 @@ class ModelShape:
         self._nodal = self.curvature(self._rod.nodes)
 
     def curvature(self, s: Array) -> Array:
-        """Curvature [1/m] at places (M,) [m]; where it jumps, the value on the far side."""
+        """Return the curvature [1/m] at places (M,) [m]; at a jump, the value on the far side."""
         elements = np.clip(np.searchsorted(self._ends, s, side="right") - 1, 0, len(self._ends) - 2)
         curvature = np.empty(len(s))
         for k in np.unique(elements).tolist():
@@ -110,7 +110,7 @@ def coordinates_near(model: FingerModel, angle: Curve, curvature: Curve) -> Arra
     The curvature may jump at ends of elements, so it is taken inside the elements.
     """
     edges = np.concatenate([[0.0], np.cumsum(model.lengths)])
-    edges[-1] = model.finger.rod.length  # the sum may be beyond the tip by rounding, where there is no shape
+    edges[-1] = model.finger.rod.length  # by rounding, the sum may lie beyond the tip
     family = model.structure.family
     first = edges[:-1, None]
     last = edges[1:, None]

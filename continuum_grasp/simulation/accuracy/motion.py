@@ -40,7 +40,7 @@ class Pace:
     """Speed of a model at a given error of the time steps alone."""
 
     steps_per_second: int  # Runge-Kutta steps per second of model time
-    step_ns: float  # time of one [ns], in C where there is a compiler
+    step_ns: float  # time of one [ns], in C if a compiler is available
     error: float  # greatest of the tip by the steps, per length
     tip: Array  # (T, 2) world positions at the instants of a ``Motion`` with far finer steps [m]
 
@@ -59,9 +59,9 @@ def timing_of_comparison(scene: Scene) -> Timing:
 
 
 def reference_motion(scene: Scene, truth: Truth) -> TipMotion:
-    """The motion with 12 free clothoids; its error is estimated from that with 8, and from longer steps.
+    """Compute the motion with 12 free clothoids; the motion with 8, and longer steps, show its error.
 
-    Steps are implicit where the elements are stiff: twelve of the hand's finger on winches change at 6e6 1/s.
+    Steps are implicit for stiff elements: twelve elements of the hand's finger on winches change at 6e6 1/s.
     """
     # 2e-7: error of the time steps of reference motions, per length: far below what twelve clothoids leave
     timing = timing_of_comparison(scene).model_copy(update={"tolerance": 2e-7})
@@ -71,17 +71,17 @@ def reference_motion(scene: Scene, truth: Truth) -> TipMotion:
         fidelity = fine[count].fidelity
         trajectory = integrate(scene.model_copy(update={"fidelity": fidelity, "time": timing}))
         tips.append(trajectory.tip)
-    # Errors e and e (8/12)^4 differ by what is seen: e of the finer one is the difference times share / (1 - share).
+    # The errors e and e (8/12)^4 have a known difference: the finer one is this difference times share / (1 - share).
     share = (_FINE[0] / _FINE[1]) ** 4
     error = rms(tips[1] - tips[0]) / scene.finger.rod.length * share / (1.0 - share)
     return TipMotion(trajectory.t, tips[1], error + trajectory.time_error)
 
 
 def pace(scene: Scene, model: FingerModel, tolerance: float = 1e-4) -> Pace:
-    """Fewest Runge-Kutta steps whose tip stays within a tolerance of the same model with fine steps.
+    """Find the fewest Runge-Kutta steps whose tip stays within a tolerance of the same model with fine steps.
 
-    The scene, with the fidelity of the model, says what moves it and where it starts; the tolerance is per length.
-    Raises NumericalError where no number of steps that is tried does.
+    The scene, with the fidelity of the model, states inputs, loads and start; the tolerance is per length. Raises
+    NumericalError if no tried number of steps suffices.
     """
     core = Core(model)
     signals = Signals(scene, model)
@@ -89,7 +89,7 @@ def pace(scene: Scene, model: FingerModel, tolerance: float = 1e-4) -> Pace:
     x0 = initial_state(scene, model)
 
     def tip(substeps: int, instants: int = INSTANTS) -> Array:
-        """World positions (instants + 1, 2) with so many steps between two instants [m]."""
+        """Return world positions (instants + 1, 2) [m] with a number of steps between two instants."""
         t = np.arange(2 * instants * substeps + 1) * (0.5 * step / substeps)
         u, w = signals.u(t), signals.w(t)
         once = (u[0], w[0]) if signals.constant else (u, w)
@@ -124,10 +124,10 @@ _STEPS = 2000
 
 
 def evaluation_ns(model: FingerModel) -> float:
-    """Median processor time of one forward dynamics inside a Runge-Kutta rollout [ns].
+    """Measure the median processor time of one forward dynamics inside a Runge-Kutta rollout [ns].
 
-    In C where there is a compiler; each evaluation waits for the one before, as in any simulation. What other
-    processes do meanwhile does not count where the system counts processor time finely enough.
+    The code is C if a compiler is available. Each evaluation waits for the previous one, as in any simulation. The work
+    of other processes does not count if the system measures processor time finely enough.
     """
     clock = thread_time if get_clock_info("thread_time").resolution <= 1e-6 else perf_counter
     core = Core(model)
@@ -136,7 +136,7 @@ def evaluation_ns(model: FingerModel) -> float:
     # Not zero, whose powers are denormal numbers, which processors are slow with.
     start[: model.n] = 0.4 * np.array(model.structure.coordinate_limits())
     times = []
-    # 7: timed rollouts, of which the median counts
+    # 7: timed rollouts; the median counts
     for _ in range(7):
         began = clock()
         core.rollout(start, _STEPS, 1e-9)

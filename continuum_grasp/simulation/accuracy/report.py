@@ -41,7 +41,7 @@ COLUMNS = (
     *("tip / L", "shape / L", "frequency 1", "frequency 2", "motion / L"),
 )
 _EQUAL = 1e-4
-"""Error of the time steps, per length, at which real-time factors are compared: below the error of most models."""
+"""Error of the time steps in the comparison of real-time factors, per length: below the error of most models."""
 NOTE = (
     "Greatest errors over the static load cases, and of the natural frequencies about them; r.m.s. error of "
     f"the tip in motion; real-time factor with Runge-Kutta steps whose own error is {_EQUAL:g} of the length."
@@ -107,7 +107,9 @@ class AccuracyReport(Result):
     statistics: Mapping[str, Any] = field(default_factory=dict)
 
     def pairs(self) -> dict[str, str]:
-        """Number of choices measured, and the cheapest and the most exact of those that none dominates."""
+        """Number of measured choices, and the cheapest and the most exact of the choices that no other one
+        dominates.
+        """
         front = self.front()
         time = COLUMNS.index("evaluation [ns]")
         error = COLUMNS.index("tip / L")
@@ -175,7 +177,7 @@ class AccuracyReport(Result):
 
 
 def row_of(choice: Choice, truth: Truth, reference: TipMotion | None) -> tuple[Any, ...] | None:
-    """Measure a choice: its row of the table; None where it cannot have as many nodes as its accuracy takes."""
+    """Measure a choice and return its row of the table; None if it cannot have enough nodes for its accuracy."""
     if not choice.open:
         return None
     assessment = assess(choice, truth)

@@ -18,11 +18,11 @@ _CHOOSER = "continuum_grasp.simulation.accuracy.choose:choose_fidelity"
 
 
 def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, str]:
-    """The scene with what its tolerance asks for, and what was chosen and why.
+    """Return the scene with the fidelity that its tolerance requires, and a note on the choice and its reason.
 
-    The choice is stored in the user's cache folder, by the content of the scene and of this package. ``vibrates``:
-    modes are asked for, so the first two frequencies must meet the tolerance, whether the scene moves or not. The note
-    is empty where there was nothing to choose. Errors are as in ``choose_fidelity``.
+    The choice is stored in the user's cache folder, by the content of the scene and of this package. ``vibrates``: the
+    user wants modes, so the first two frequencies must meet the tolerance, whether the scene moves or not. The note is
+    empty if nothing was left to choose. Errors are as in ``choose_fidelity``.
     """
     if scene.fidelity.tolerance is None:
         return scene, ""

@@ -30,7 +30,7 @@ _INSTANTS = 100
 """Instants of a motion that are compared [1]."""
 
 _LONG = 5.0
-"""Time from which on a finer motion is announced [s], which does not change the results."""
+"""Least expected time of a finer motion that is announced [s]; it does not change the results."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -82,7 +82,7 @@ def _resolved_in_motion(scene: Scene, tolerance: float | None, progress: Callabl
     started = perf_counter()
     motion = integrate(scene, progress=progress)
     began = perf_counter()
-    # 4.0: time of a motion per that with half its elements, where none was measured yet
+    # 4.0: time of a motion per time with half its elements, before any measurement
     last = began - started
     growth = 4.0
     reached = ""
@@ -151,7 +151,7 @@ def _at_rest(case: Scene, _: Scene, model: FingerModel, guess: Array | None) -> 
     """Find the shape at rest of a model under the inputs and loads of a load case."""
     signals = Signals(case, model, case.loads)
     friction = model.structure.friction_of(case.initial)
-    return rest_under(model, signals.u(0.0)[0], signals.w(0.0)[0], guess=guess, **friction)
+    return rest_under(model, signals.u(0.0)[0], signals.w(0.0)[0], friction, guess=guess)
 
 
 def apart(first: Trajectory, other: Trajectory) -> float:

@@ -1,6 +1,6 @@
 """Truth about a scene: equilibria and natural frequencies of the exact elastic rod in its load cases.
 
-Load cases are static: the loads and inputs of the scene, frozen at the instants at which they turn.
+Load cases are static: the loads and inputs of the scene, frozen at the instants of their greatest and least values.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from continuum_grasp.simulation.signals import interpolate
 _HELD = "held"
 """Name of the load case that holds the initial pose."""
 STATIONS = 101
-"""Places along the finger, base and tip among them, at which shapes are compared: 1 % of the length apart."""
+"""Number of places along the finger for the comparison of shapes, including base and tip: 1 % of the length apart."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class TrueCase:
     scene: Scene  # with loads and inputs that are constant
     rod: Elastica
     backbone: Array  # (STATIONS, 2) world positions at equally spaced places [m]
-    frequencies_hz: Array | None  # (2,) first natural frequencies about it; None where what holds it is released
+    frequencies_hz: Array | None  # (2,) first natural frequencies about it; None if its holding loads are released
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,11 @@ class Truth:
     """The exact rod of a scene."""
 
     cases: tuple[TrueCase, ...]  # that at time zero first
-    omitted: tuple[str, ...]  # those without an equilibrium or beyond one and a half turns, and why
+    omitted: tuple[str, ...]  # cases without an equilibrium or beyond one and a half turns, and why
 
     @property
     def loads(self) -> tuple[Load, ...]:
-        """Loads of every load case, in order: the scene's, then those that hold the initial pose."""
+        """Loads of every load case, in order: the scene's loads, then the loads that hold the initial pose."""
         return self.cases[0].scene.loads
 
     def curvature_reach(self, start: float, end: float, moving: bool) -> float:
@@ -99,9 +99,9 @@ def find_truth(scene: Scene) -> Truth:
 def load_cases(scene: Scene) -> list[tuple[str, Scene]]:
     """List the load case at time zero, cases of greatest and least loads and inputs, some between, and the held one.
 
-    Each is a name and a scene whose loads and inputs are constant. Its loads are the given scene's, then those that
-    hold the initial pose (zero where they do not act), so that one model serves all cases. All are without the object
-    of the scene, which the exact rod does not touch.
+    Each is a name and a scene with constant loads and inputs. Its loads are the scene's, then the loads that hold the
+    initial pose (zero if they do not act), so that one model serves all cases. No case has the object of the scene,
+    because the exact rod has no contacts.
     """
     values: list[object] = [load.value for load in scene.loads]
     if scene.actuation is not None:
@@ -123,7 +123,7 @@ def load_cases(scene: Scene) -> list[tuple[str, Scene]]:
 
 
 def _extremes(value: Samples | VectorSamples) -> set[float]:
-    """Instants at which an entry of a sampled value is greatest or least."""
+    """Return the instants of the greatest and least values of each entry of a sampled value."""
     rows = np.reshape(value.values, (len(value.times), -1))
     return {value.times[k] for k in (*rows.argmax(axis=0), *rows.argmin(axis=0))}
 

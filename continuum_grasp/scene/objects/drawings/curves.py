@@ -26,7 +26,7 @@ class DrawnCurve:
     label : str
         Name in messages: kind, name, layer.
     names : tuple of str
-        Names by which the key ``path`` chooses the curve, the most specific first.
+        Names for the key ``path``, which chooses the curve; the most specific comes first.
     points : tuple of (float, float)
         Corners (n, 2), y up, each once [unit of the file].
     closed : bool
@@ -94,7 +94,7 @@ def sizes(size: PlanePoint) -> str:
 
 
 def distinct(points: Iterable[PlanePoint]) -> tuple[PlanePoint, ...]:
-    """Points without those that repeat the one before, and without the last where it is the first."""
+    """Remove points that repeat the previous one, and the last point if it repeats the first."""
     chain = list(points)
     least = WRITTEN * max((math.dist(chain[0], point) for point in chain), default=0.0)
     once: list[PlanePoint] = []

@@ -102,7 +102,8 @@ class Drawing:
         _check_holes(outer[0], inner, self, file)
         inside = [f"{curve.text}: {'a hole' if curve.group == outer[0].group else 'inside'}" for curve in inner]
         edge = self._edge(outer[0], file)
-        return DrawnOutline(whole, (*edge, *inside, *_paper(outer[0], paper, file), *others), fit)
+        left_out = (*edge, *_outliers(fit), *inside, *_paper(outer[0], paper, file), *others)
+        return DrawnOutline(whole, left_out, fit)
 
     def _fitted(self, ring: DrawnCurve, sampling: Sampling) -> FittedCurve | None:
         from continuum_grasp.scene.objects.measured.fit import fitted
@@ -123,6 +124,14 @@ class Drawing:
         if self.page and not shapely.box(*self.page).buffer(SHARE * size).covers(outer.solid):
             raise ValueError(f"file: {outer.text} of {file} reaches beyond the page: enlarge the page, or cut it out")
         return [f"half of its line, which is {wide}"] if outer.width > 2.0 * SHARE * size else []
+
+
+def _outliers(fit: FittedCurve | None) -> list[str]:
+    """Describe the measured points that are not on the curve through the others."""
+    if fit is None or not fit.outliers:
+        return []
+    points = "1 point that is" if fit.outliers == 1 else f"{fit.outliers} points that are"
+    return [f"{points} not on the curve through the others"]
 
 
 def _paper(outer: DrawnCurve, paper: list[DrawnCurve], file: str) -> list[str]:

@@ -88,10 +88,10 @@ class _Instance:
 def _visible(
     document: Any, entities: Iterable[Any], ignored: Counter[str], at: _Instance
 ) -> Iterator[tuple[Any, _Instance]]:
-    """Entities that are drawn, each with its layer and the instance in which it stands.
+    """Yield the visible entities, each with its layer and its instance of a block.
 
-    An entity on layer 0 of a block is on the layer of its reference; a reference on a layer that is off shows entities
-    on others, on a frozen layer nothing.
+    An entity on layer 0 of a block has the layer of its reference. A reference on a layer that is off still shows the
+    entities of other layers; on a frozen layer it shows nothing.
     """
     for entity in entities:
         own = str(entity.dxf.layer)
@@ -145,7 +145,7 @@ def _clipped(curve: DrawnCurve, at: _Instance) -> list[DrawnCurve]:
 
 
 def _hidden(document: Any, name: str) -> str:
-    """Why a layer is not drawn; empty where it is."""
+    """Return the reason why a layer is not drawn; empty for a visible layer."""
     if not document.layers.has_entry(name):
         return ""
     layer = document.layers.get(name)
@@ -202,6 +202,6 @@ def _width(entity: Any) -> float:
 
 
 def _handle(entity: Any) -> str:
-    """Handle of an entity, or of what it is a copy of in a block."""
+    """Return the handle of an entity, or of its original in a block."""
     origin = entity.origin_of_copy
     return str(entity.dxf.handle or (origin.dxf.handle if origin is not None else None) or "without handle")

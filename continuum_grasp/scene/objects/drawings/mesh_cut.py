@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 
 def read_cut(given: OutlineFile) -> Drawing:
-    """The closed curves in which the plane of a scene cuts a closed mesh, the largest first, in units of the file."""
+    """Cut a closed mesh with the plane of a scene; return the closed curves, the largest first, in units of the
+    file.
+    """
     import numpy as np
 
     from continuum_grasp.scene.objects.outline import PlaneCut

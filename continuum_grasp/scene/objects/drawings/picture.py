@@ -89,7 +89,7 @@ def _without_impulses(dark: Array, noise: float) -> Array:
     import numpy as np
 
     across, down = (np.abs(np.diff(dark, axis=axis)) > noise for axis in (1, 0))
-    # Of few pixels that are unlike those beside, above and below them, also the others.
+    # Few pixels differ from those on all four sides; only these are compared with all eight neighbors.
     rows, columns = np.nonzero(np.logical_and(_both(across), _both(down.T).T))
     padded = np.pad(dark, 1, mode="edge")
     around = [padded[rows + i, columns + j] for i in range(3) for j in range(3) if (i, j) != (1, 1)]

@@ -253,7 +253,7 @@ def _wanted(element: Any) -> bool:
 
 
 def _on_page(curve: DrawnCurve, edges: _Edges) -> DrawnCurve:
-    """The curve; where it is a rectangle as large as the page, a curve inside it may be the object."""
+    """Return the curve; if it is a rectangle as large as the page, a curve inside may be the object."""
     import shapely
 
     page = shapely.box(*edges)

@@ -28,7 +28,7 @@ class LineArcChain:
     is_arc : Array
         Whether each piece is an arc (k,).
     smooth : Array
-        Joints at which the direction does not change (k,).
+        Whether the direction is continuous at each joint (k,).
     """
 
     joints: Array
@@ -127,7 +127,7 @@ def _distances(starts: Array, chords: Array, bulges: Array, points: Array, owner
     u, v = (c[:, 0] for c in frames((points - middle)[:, None], chord / length[:, None]))
     half = 0.5 * length
     height = bulges[owner] * half
-    # Of height (u2 + v2 - half2) + v (half2 - height2) = 0, the circle through the ends: no radius becomes infinite.
+    # The circle through the ends is height (u2 + v2 - half2) + v (half2 - height2) = 0: no radius becomes infinite.
     value = height * (u * u + v * v - half * half) + v * (half * half - height * height)
     slope = half * half + height * height
     return np.asarray(2.0 * value / (slope + np.sqrt(np.maximum(slope * slope + 4.0 * height * value, 0.0))))

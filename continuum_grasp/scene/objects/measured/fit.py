@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from continuum_grasp.base import Array
 from continuum_grasp.scene.curved_parts import BLUNT
 from continuum_grasp.scene.objects.measured import Sampling
-from continuum_grasp.scene.objects.measured.noise import Noise, is_pattern, noise_of, without_outliers
+from continuum_grasp.scene.objects.measured.noise import Noise, is_pattern, noise_of, outliers_of
 from continuum_grasp.scene.objects.measured.pieces import pieces_of
 from continuum_grasp.scene.objects.measured.settle import ChainFit
 from continuum_grasp.scene.polygons import PlanePoint
@@ -45,19 +45,22 @@ class FittedCurve(NamedTuple):
     Attributes
     ----------
     points : tuple of (float, float)
-        Ends of the lines, and points of the arcs as close as those of a drawing.
+        Ends of the lines, and points of the arcs, as densely as in a drawing.
     error : float
         Distance from the true curve, in the unit of the points, that three standard deviations of the fit explain.
     knots : frozenset of int
         Indices of the points that are ends of lines, or corners of an arc.
     chain : ChainFit or None
         Lines and arcs; None for a circle.
+    outliers : int
+        Number of points whose distance from the curve noise does not explain.
     """
 
     points: tuple[PlanePoint, ...]
     error: float
     knots: frozenset[int] = frozenset()
     chain: ChainFit | None = None
+    outliers: int = 0
 
     def level(self, normals: Iterable[PlanePoint]) -> FittedCurve:
         """Return the curve with its outermost points along each normal made level, if its error allows that: a flat
@@ -68,7 +71,7 @@ class FittedCurve(NamedTuple):
             return self
         for normal in normals:
             chain = chain.level(normal, 2.0 * self.error)
-        return _drawn(chain, self.error)
+        return _drawn(chain, self.error)._replace(outliers=self.outliers)
 
 
 def fitted(ring: Sequence[PlanePoint], sampling: Sampling) -> FittedCurve | None:
@@ -90,14 +93,15 @@ def fitted(ring: Sequence[PlanePoint], sampling: Sampling) -> FittedCurve | None
     noise = Noise(max(noise.scatter, least), noise.share)
     if not SAME * size < noise.scatter <= _GREATEST * size:
         return None
-    points = without_outliers(points, noise.scatter)
+    wrong = outliers_of(points, noise.scatter)
+    every, points = points, points[~wrong]
     worth = _SURE**2
     nodes = _nodes(points, noise.scatter)
     near = _FARTHEST * noise.scatter + 0.5 * _AROUND * sampling.blur
     for blurred in dict.fromkeys((_AROUND * sampling.blur, 0.0)):
         pieces, information = pieces_of(points, nodes, noise, sampling.variance, worth, blurred)
         if circle := _circle(points, noise, sampling.variance, information - 3.0 * worth):
-            return circle
+            return circle._replace(outliers=int((wrong | _beside(circle, every, near)).sum()))
         if 2 * sum(3 if piece.is_arc else 2 for piece in pieces) > len(points):
             return None  # as many numbers as before: the points are the shape
         chain = ChainFit.through(points, pieces, noise, worth, near)
@@ -114,9 +118,16 @@ def fitted(ring: Sequence[PlanePoint], sampling: Sampling) -> FittedCurve | None
             outline.is_valid
             and not np.lib.stride_tricks.sliding_window_view(far, min(_TOGETHER, len(far))).all(1).any()
         ):
-            return fit
+            return fit._replace(outliers=int((wrong | _beside(fit, every, near)).sum()))
     # Lines and arcs do not fit: retain the points with their noise.
     return FittedCurve(tuple(ring), _SURE * noise.scatter)
+
+
+def _beside(fit: FittedCurve, points: Array, near: float) -> NDArray[np.bool_]:
+    """Return which points are not near a curve."""
+    import shapely
+
+    return np.asarray(shapely.distance(shapely.LinearRing(fit.points), shapely.points(points)) > near)
 
 
 def _drawn(fit: ChainFit, error: float) -> FittedCurve:
@@ -154,8 +165,8 @@ def _circle(points: Array, noise: Noise, spare: float, most: float) -> FittedCur
 
 
 def _nodes(points: Array, scatter: float) -> NDArray[np.int_]:
-    """Return the indices of points at which pieces may end: corners of a polygon within the noise, and points
-    between.
+    """Return the indices of points that may be ends of pieces: corners of a polygon within the noise, and points
+    between them.
     """
     import shapely
 

@@ -6,6 +6,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.base import Array
 
@@ -15,8 +16,9 @@ _QUARTILE = 0.28768
 """First quartile of the mean of two squared residuals, per variance: -ln(3/4), of a chi-square of two degrees. Up to
 three windows in four may hold corners."""
 _BETWEEN = 4.0
-"""Ratio of the variances of means over twice as many neighbors [1] between that of noise, 1/2, and that of a smooth
-curve, whose third derivative leaves residuals that grow with the cube of the scale: 64. Few windows scatter much."""
+"""Threshold for the ratio of the variances of means when the number of neighbors doubles [1]. Noise has the ratio 1/2;
+a smooth curve has 64, because its third derivative leaves residuals that grow with the cube of the scale. Few windows
+scatter much."""
 _SMOOTH = 0.7
 """Threshold between noise and smooth curves: share of third differences with the sign of the next one [1]."""
 _LAGS, _ALIKE = 16, 0.5
@@ -109,17 +111,18 @@ def _variance(points: Array) -> float:
     return float(np.quantile((rest**2).sum(axis=1) / (_WINDOW - 3), 0.25)) / _QUARTILE
 
 
-def without_outliers(points: Array, scatter: float) -> Array:
-    """Remove outliers from a closed curve: points whose neighbors on both sides lie on one parabola, such as dust or a
-    wrong pixel, but no corner.
+def outliers_of(points: Array, scatter: float) -> NDArray[np.bool_]:
+    """Return which points of a closed curve are outliers, such as dust or a wrong pixel.
+
+    The neighbors on both sides of an outlier lie on one parabola; the neighbors of a corner do not.
     """
     if len(points) < 4 * _BESIDE[-1]:
-        return points
+        return np.zeros(len(points), dtype=bool)
     offsets = np.array([-k for k in reversed(_BESIDE)] + list(_BESIDE))
     around = points[(np.arange(len(points))[:, None] + offsets) % len(points)]
     rest, off = _beside_parabolas(around, points[:, None])
     even = np.sqrt((rest**2).sum(axis=1) / (len(offsets) - 3)) < _EVEN * scatter
-    return np.asarray(points[~(even & (np.abs(off[:, 0]) > _FAR * scatter))])
+    return np.asarray(even & (np.abs(off[:, 0]) > _FAR * scatter))
 
 
 def _is_smooth(points: Array) -> bool:

@@ -43,10 +43,10 @@ def pieces_of(
     points : Array
         Points (n, 2), each once.
     nodes : Array
-        Indices of points, increasing, at which pieces may end.
+        Increasing indices of the points that may be ends of pieces.
     noise : Noise
     spare : float
-        Variance of the points by which any curve may be off.
+        Variance of the points that does not count against a curve, such as rounding to pixels.
     worth : float
         Least sum of squared residuals, per variance, that a parameter must explain [1].
     blurred : float, optional
@@ -147,9 +147,9 @@ def _turned(points: Array, nodes: NDArray[np.int_]) -> Array:
 def _residuals(sums: Array) -> tuple[Array, Array]:
     """Sums of squared distances of runs of points from their best lines and circles.
 
-    Circles are those of G. Taubin ("Estimation of planar curves, surfaces, and nonplanar space curves defined by
-    implicit equations", IEEE Transactions on Pattern Analysis and Machine Intelligence, 1991), by Newton's method on
-    the characteristic polynomial.
+    The circles are fitted by the method of G. Taubin ("Estimation of planar curves, surfaces, and nonplanar space
+    curves defined by implicit equations", IEEE Transactions on Pattern Analysis and Machine Intelligence, 1991), by
+    Newton's method on the characteristic polynomial.
     """
     count = sums[0]
     mx, my, xx, xy, yy, zx, zy, zz = sums[1:] / np.maximum(count, 1.0)

@@ -218,7 +218,7 @@ def _bulge(run: Array) -> float:
     chord = run[-1] - run[0]
     length = float(np.linalg.norm(chord))
     along, across = frames((run - 0.5 * (run[0] + run[-1]))[None], (chord / length)[None])
-    # By the area between chord and arc, 2/3 of height times chord where that is flat.
+    # The area between chord and flat arc is 2/3 of height times chord.
     area = float(np.trapezoid(across[0], along[0]))
     flat = 1.5 * area / length
     middle = float(across[0][len(run) // 2])
