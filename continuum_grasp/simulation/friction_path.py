@@ -44,12 +44,13 @@ class FrictionPath:
     """Equilibria of a model along a path of loads, each with the friction from the path so far.
 
     The path begins in the unloaded shape. A generalized force holds this shape under the first load and fades along the
-    first leg.
+    first leg. Shapes have a warning once a section slid to and fro within the shortest leg.
     """
 
     def __init__(self, model: FingerModel, first: LoadState, *, stable: bool = True, side: int = 1) -> None:
         self._stable, self._side = stable, side
         self._take(model)
+        self._missed = 0.0  # greatest error of a friction state [1] by reversals within the shortest leg
         self._count = len(model.friction_names)
         none, rest = np.zeros(self._count), EquilibriumSearch(model, first, np.zeros(0)).rest()
         place = _Place(first, rest, none)
@@ -86,8 +87,18 @@ class FrictionPath:
             If the path is lost.
         """
         found = self._leg(self._place, end, guess, _HALVINGS)
-        self._place = _Place(end, found.q, found.friction_states)
-        return found
+        self._place = self._at(end, found)
+        return replace(found, warnings=(*found.warnings, *self._warnings))
+
+    @property
+    def _warnings(self) -> tuple[str, ...]:
+        if not self._missed:
+            return ()
+        return (
+            f"friction is rough: sections slide to and fro within 1/{2**_HALVINGS} of a leg of the path, as in a jump to "
+            f"another shape, and friction states are off by up to {self._missed:.2g} of 1: state a path of smaller "
+            "steps (initial.path), or simulate the motion",
+        )
 
     def released(self, pulled: RestingShape, before: Array) -> RestingShape:
         """Find the shape after release: all sections that slid from the shape ``before`` (n,) to a pulled one have slid
@@ -107,6 +118,11 @@ class FrictionPath:
             search = EquilibriumSearch(self._model, under, history)
             found = search.find(found.q, self._stable, self._side)
         return found
+
+    @staticmethod
+    def _at(under: LoadState, found: RestingShape) -> _Place:
+        states = found.model.friction_states_after(found.q, under.u, under.p, found.history)
+        return _Place(under, found.q, states)
 
     def _slid(self, q: Array, under: LoadState) -> Array:
         return self._model.slid(q, under.u, under.p)
@@ -134,18 +150,22 @@ class FrictionPath:
             if not halvings or not self._count:
                 raise
         else:
-            if not halvings or not self._turns(start, _Place(end, found.q, found.friction_states)):
+            missed = self._turned(start, self._at(end, found))
+            if missed <= _TURNED:
+                return found
+            if not halvings:
+                self._missed = max(self._missed, missed)
                 return found
         middle = start.under.towards(end, 0.5)
         half = self._leg(start, middle, None, halvings - 1)
-        return self._leg(_Place(middle, half.q, half.friction_states), end, guess, halvings - 1)
+        return self._leg(self._at(middle, half), end, guess, halvings - 1)
 
-    def _turns(self, start: _Place, end: _Place) -> bool:
-        """Whether a section slides to and fro between two places, by the cubic through the sliding and its rates at
-        both.
+    def _turned(self, start: _Place, end: _Place) -> float:
+        """Return the greatest error of a friction state [1] if sections slide to and fro between two places, by the
+        cubic through the sliding and its rates at both.
         """
         if not self._count:
-            return False
+            return 0.0
         change = self._slid(end.q, end.under) - self._slid(start.q, start.under)
         rates = [
             self._rates(start, end.under, _NEARBY),
@@ -162,7 +182,7 @@ class FrictionPath:
         for t in _PLACES:
             slid = t * (1.0 - t) ** 2 * first + t**2 * (3.0 - 2.0 * t) * change - t**2 * (1.0 - t) * last
             states, before = np.clip(states + slid - before, -1.0, 1.0), slid
-        return bool(np.abs(states - end.states).max() > _TURNED)
+        return float(np.abs(states - end.states).max())
 
     def _rates(self, place: _Place, other: LoadState, share: float) -> Array:
         """Return the rates of sliding (states,) at a place per leg, towards another load or, for a negative share, away

@@ -223,7 +223,8 @@ class PathBlock(MeasuredBlock):
             how = model.structure.friction_of(self._initial, needed=False)
             # friction is that of the first shape, and goes on from there
             history = model.friction_history((*self._passed, x[:n])[0], u, p, **how)
-        x[2 * n :], slope[2 * n :] = self._start(Dual(x[:n], slope[:n]), Dual(u, late), Dual(p, self._turned), history)
+        friction = model.history_of_states(history)
+        x[2 * n :], slope[2 * n :] = self._start(Dual(x[:n], slope[:n]), Dual(u, late), Dual(p, self._turned), friction)
         return Dual(x, slope)
 
     def _settle(self, start: Array, p: Array) -> _Grid:
@@ -267,27 +268,22 @@ def _start_rows(scene: Scene, unknowns: Sequence[Unknown], name: str) -> RestSha
 
 
 def _start_function(model: FingerModel, passed: Sequence[Array]) -> Chained:
-    """(q, u, p, history) -> states of drives and friction in a shape at rest.
+    """(q, u, p, history of states) -> states of drives and friction in a shape at rest.
 
     Friction remembers the shapes ``passed`` (K, n) that it goes through before that, from the first on.
     """
     q, u, _, p = symbols(model)
-    history = ca.SX.sym("history", model.structure.friction_states + bool(model.friction_names))
-    parts = [ca.SX(model.drives_at_rest()(q, u, p, *((history,) if model.friction_names else ())))]
-    if model.friction_names:
-        # From shape to shape friction stays where it is, or slides.
-        slid = [model.sliding()(shape, u, p) for shape in (*map(ca.SX, passed), q)]
-        # Of a tendon's state in a motion friction acts by the cubic, of which this is the inverse; a history that goes
-        # beyond the range is less what slid before.
-        count = model.structure.tendon_friction_states
-        clipped = model.structure.memory.clipped
-        way = clipped(history[:count])
-        of_tendons = 2.0 * ca.sin(ca.asin(way) / 3.0) + history[:count] - way
-        states = ca.SX(clipped(ca.vertcat(of_tendons, history[count:-1]) + history[-1] * slid[0]))
-        for before, now in pairwise(slid):
-            states = ca.SX(clipped(states + now - before))
-        parts.append(states)
-    return Chained("start", ca.vertcat(*parts), q, u, p, history)
+    if not model.friction_names:
+        return Chained("start", ca.SX(model.drives_at_rest()(q, u, p)), q, u, p, ca.SX(0, 1))
+    history = ca.SX.sym("history", model.structure.friction_states + 1)
+    memory, count = model.structure.memory, model.structure.tendon_friction_states
+    # From shape to shape friction stays where it is, or slides.
+    slid = [model.sliding()(shape, u, p) for shape in (*map(ca.SX, passed), q)]
+    states = ca.SX(memory.clipped(history[:-1] + history[-1] * slid[0]))
+    for before, now in pairwise(slid):
+        states = ca.SX(memory.clipped(states + now - before))
+    directions = ca.vertcat(memory.eased(states[:count]), states[count:], 0.0)
+    return Chained("start", ca.vertcat(model.drives_at_rest()(q, u, p, directions), states), q, u, p, history)
 
 
 class _Grid:

@@ -145,7 +145,11 @@ class RestShapes:
             target = z
             if step < 1.0 - done:
                 target = Dual(*(a + (done + step) * (b - a) for a, b in zip(before.z, z, strict=True)))
-            history = self._carried(state.q, state.z, state.history) if carried else state.history
+            history = state.history
+            if carried:
+                # A history of directions is the scene's own, and does not depend on the unknowns.
+                history = history._replace(value=self.model.history_of_states(history.value))
+                history = self._carried(state.q, state.z, history)
             q = self._newton(state.q.value, target, history)
             if q is None:
                 step *= 0.5
