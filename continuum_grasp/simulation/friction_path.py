@@ -162,7 +162,8 @@ class FrictionPath:
             missed = max(missed, *(self._turned(*pair) for pair in pairwise(places)))
             # A section that leaves the end of its range may first have slid on, which halves of the whole leg share.
             leaves = halvings == _HALVINGS and bool(np.any((np.abs(start.states) >= 1.0) & (one != start.states)))
-        if missed <= _TURNED and not leaves and other is not None:
+        rough = missed > _TURNED
+        if not rough and other is not None and not (leaves and halvings):
             return other
         if not halvings and whole is not None:
             self._missed = max(self._missed, missed)
