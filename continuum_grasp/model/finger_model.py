@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.base import Array, InputError, check_arguments
 from continuum_grasp.model.functions import Model, named
+from continuum_grasp.model.memory import Memory
 from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import column, matrix
 from continuum_grasp.model.structure import Structure
@@ -126,10 +127,10 @@ class FingerModel(Model):
     that tendons bend, tension and rate per tendon where they have friction); the functions of q then take what u
     commands. Friction states of the tendons follow, from base to tip, first the state of a conduit: +1 where the
     tendons on the -X side slide towards the base. Then the states of dry friction in bending, cell by cell with one
-    per branch: +1 where it slides towards positive curvature. Functions of q then take a ``history``, [friction
-    states, h], by which friction acts as clip(state + h slid), ``slid`` as `sliding` gives it: all zero for no
-    friction, h = 1 alone for a finger that was bent from its unloaded shape. In a motion the history is [S(z), 0] of
-    its states, with S = z (3 - z^2) / 2 for tendons and z in bending; drives then are where they rest under u. u =
+    per branch: +1 where it slides towards positive curvature. Functions of q then take a ``history``. [friction
+    states, 1]: states become z = clip(state + slid), with ``slid`` from `sliding`, and friction acts as S = z (3 - z^2)
+    / 2 for tendons, and as z in bending; zero states mean a finger that was bent from its unloaded shape. [directions,
+    0]: friction is constant; all zero for no friction, S of the states of a motion, whose drives then rest under u. u =
     tensions, or the tip moment, then the moments of loads on the tip and of those with ``input``. w = world forces at
     the contacts, then at the tip (if any), then the loads.
     Positions s beyond the finger are taken as its ends; a compiled core refuses them.
@@ -421,18 +422,31 @@ class FingerModel(Model):
 
     def friction_after(self, q: Array, u: Array, p: Array, history: Array) -> Array:
         """Direction of friction in a shape, per friction state, by its history (states + 1,) or none."""
+        return self._directions(self.friction_states_after(q, u, p, history))
+
+    def _directions(self, states: Array) -> Array:
+        """Direction of friction, per friction state within its range."""
+        count = self.structure.tendon_friction_states
+        return np.concatenate([Memory.eased(states[:count]), states[count:]])
+
+    def friction_states_after(self, q: Array, u: Array, p: Array, history: Array) -> Array:
+        """Friction states in a shape, as in a motion and within their range, by its history (states + 1,) or none."""
         if not history.size:
             return np.zeros(0)
-        *states, moved = history
+        *states, moved = self.history_of_states(history)
         return np.asarray(np.clip(states + moved * self.slid(q, u, p), -1.0, 1.0))
+
+    def history_of_states(self, history: Array) -> Array:
+        """Return a history (states + 1,) with the friction states of a motion in place of constant directions."""
+        converted = history.copy()
+        if history.size and history[-1] == 0.0:
+            count = self.structure.tendon_friction_states
+            converted[:count] = Memory.state_of(np.clip(history[:count], -1.0, 1.0))
+        return converted
 
     def friction_in(self, x: Array) -> Array:
         """Return the direction of friction in a state x (nx,) of a motion, per friction state, from -1 to 1."""
-        count = self.structure.tendon_friction_states
-        states = np.clip(x[self.nx - len(self.friction_names) :], -1.0, 1.0)
-        # As `Memory.direction`: tendon friction of a motion acts by a cubic of its states.
-        states[:count] *= 1.5 - 0.5 * states[:count] ** 2
-        return states
+        return self._directions(np.clip(x[self.nx - len(self.friction_names) :], -1.0, 1.0))
 
     def full_coordinates(self, q: ArrayLike, u: ArrayLike, p: ArrayLike | None = None) -> Array:
         """Return the coordinates of the family (size,) in a shape q (n,) under an input u (nu,), the known ones last.

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -30,10 +31,11 @@ RETURN_SHARE = 1.0 / 64.0
 class Memory:
     """Knowledge of friction states: the one place that tells motion, rest and implicit steps apart.
 
-    ``moved`` is a number h for a finger at rest, whose friction acts as ``clip(z + h u)`` with the sliding u since the
-    unloaded shape: h = 0 means constant friction states; h = 1 with zero states means a finger that slid one way from
-    its unloaded shape. ``part`` [s]: implicit part of a step. ``return_time`` [s]: time in which states return to their
-    range. ``rounding``: width of the corners of the clip of a finger at rest, for second derivatives; 0: none.
+    ``moved`` is a number h for a finger at rest. h = 1: states change to ``clip(z + u)`` with the sliding u since the
+    unloaded shape, and friction acts as in a motion; zero states mean a finger that slid one way from its unloaded
+    shape. h = 0: the states are the directions of friction, which are constant. ``part`` [s]: implicit part of a step.
+    ``return_time`` [s]: time in which states return to their range. ``rounding``: width of the corners of the clip of a
+    finger at rest, for second derivatives; 0: none.
     """
 
     return_time: float
@@ -48,29 +50,36 @@ class Memory:
 
     @staticmethod
     def direction(z: Scalar) -> Scalar:
-        """Direction of friction, from -1 to 1, for a state of a motion, with a continuous slope."""
-        y = Memory.clipped(z)
-        return y * (1.5 - 0.5 * (y * y))
+        """Direction of tendon friction, from -1 to 1, for a state of a motion, with a continuous slope."""
+        eased: Scalar = Memory.eased(Memory.clipped(z))
+        return eased
+
+    @staticmethod
+    def eased(y: Any, share: Scalar = 1.0) -> Any:
+        """A state within its range, a scalar or an array, moved by a share towards the cubic with flat ends."""
+        half = 0.5 * share
+        return y * ((1.0 + half) - half * (y * y))
 
     @staticmethod
     def state_of(way: NDArray[np.float64]) -> NDArray[np.float64]:
-        """States of a motion under which friction acts in ways from -1 to 1: the inverse of ``direction``."""
+        """States of a motion under which tendon friction acts in ways from -1 to 1: the inverse of ``direction``."""
         return np.asarray(2.0 * np.sin(np.arcsin(way) / 3.0))
 
     def ways(
         self,
         states: Sequence[Scalar],
         travel: Callable[[], Sequence[Scalar]],
-        moving: Callable[[Scalar], Scalar] | None = None,
+        *,
+        eased: bool = False,
     ) -> list[Scalar]:
-        """Directions of friction, from -1 to 1.
-
-        ``moving`` gives them for a state in motion; `clipped` does where it is not given.
-        """
-        if self.moved is None:
-            return [(moving or self.clipped)(z) for z in states]
-        # At rest without the cubic's flat ends, on which Newton's method would stop.
-        return [self._limited(z + self.moved * slid) for z, slid in zip(states, travel(), strict=True)]
+        """Directions of friction, from -1 to 1: the clipped states or, with ``eased``, their cubic."""
+        moved: Scalar = 1.0
+        if self.moved is not None:
+            moved = self.moved
+            states = [z + moved * slid for z, slid in zip(states, travel(), strict=True)]
+        limited = [self._limited(z) for z in states]
+        # Directions that are given and constant have no flat ends, at which a search over them would stop.
+        return [self.eased(y, moved) for y in limited] if eased else limited
 
     def _limited(self, z: Scalar) -> Scalar:
         """A state within its range, with rounded corners."""

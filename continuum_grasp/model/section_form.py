@@ -225,7 +225,7 @@ class SectionForm:
         return total
 
     def _directions(self, slides: Sequence[Scalar], states: Sequence[Scalar], moved: Scalar) -> list[Scalar]:
-        return Memory(1.0, moved, rounding=self.rounding).ways(states, lambda: slides)
+        return Memory(1.0, moved, rounding=self.rounding).ways(states, lambda: slides, eased=True)
 
     def sliding_rates(
         self, place: SectionPlace, bend: Scalar, sliding: Any, numbers: Any, history: Any

@@ -115,7 +115,7 @@ class Structure:
         stated = choices["bending_range"] is not None
         self.ranges = element_ranges(self.spans, self.rest_bends, choices["reached"], stated=stated)
         if self.finger.winches:
-            # A range that a shape has asked for is limited: no user stated it.
+            # A range that a shape has asked for is limited, because the scene does not state it.
             self._stay_within_arms(stated=stated and choices["reached"] is None)
         self.parameters = Parameters(
             self.finger, (gravity[0], gravity[1]), self.lengths, tuple(choices["parameters"] or ())

@@ -9,7 +9,7 @@ from itertools import islice
 
 from continuum_grasp.model.cables import Cables, soft_integral
 from continuum_grasp.model.family import gathered
-from continuum_grasp.model.memory import Instant, Memory
+from continuum_grasp.model.memory import Instant
 from continuum_grasp.model.planar import Scalar, is_zero
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.tendon_friction import Cell, CellSet, Shares, rounded, shares
@@ -130,7 +130,7 @@ class TendonForces:
     @cached_property
     def directions(self) -> list[list[Scalar]]:
         """Direction of friction, per set and state; tendons on the other side have the opposite one."""
-        ways = iter(self._memory.ways(self._states, lambda: self.slid, Memory.direction))
+        ways = iter(self._memory.ways(self._states, lambda: self.slid, eased=True))
         return [list(islice(ways, cells.states)) for cells in self._sets]
 
     @cached_property

@@ -98,6 +98,16 @@ class RodProblem:
         """Return the rod under its loads, without tendons and chambers."""
         return replace(self, tendons=())
 
+    def pulled(self, share: float) -> RodProblem:
+        """Return the rod with a share [1] of what its tendons and chambers pull."""
+        tendons = [
+            each._replace(amplitude=share * each.amplitude)
+            if each.cable is None
+            else each._replace(cable=each.cable._replace(wound=share * each.cable.wound))
+            for each in self.tendons
+        ]
+        return replace(self, tendons=tuple(tendons))
+
     @classmethod
     def of(
         cls,

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, CheckedArgument, InputError, SolverError, check_arguments
 from continuum_grasp.rod.dimensionless import RodProblem, read_problem
-from continuum_grasp.rod.equations import RodEquations
+from continuum_grasp.rod.equations import BEND_ROUNDING, RodEquations
 from continuum_grasp.rod.equilibrium_path import descend, follow, newton, weakest
 from continuum_grasp.scene import Load, Scene
 
@@ -30,6 +30,9 @@ _COARSE, _FINE = 10, 16
 and to rounding."""
 _MAX_NODES = 1600
 """Unknowns of the dense equations: a Newton step then takes some tenths of a second."""
+_SHARES = 0.75, 0.5, 0.25
+"""Shares of the pull at which sections that slide back are sought [1]."""
+_ONE_WAY = "friction of the exact rod counts as if tendons slid one way"
 _ROUNDING = 16.0 * np.finfo(float).eps
 """Rounding of angles and positions, which are sums over the nodes [1]."""
 
@@ -61,6 +64,8 @@ class Elastica:
         The balance on the finer mesh, in dimensionless numbers.
     nodal_curvature : (nodes,) ndarray
         Curvature times length at its nodes [rad].
+    warnings : tuple of str
+        Sections along which tendons with friction slide back while they are pulled.
     """
 
     energy: float
@@ -72,6 +77,7 @@ class Elastica:
     iterations: int
     equations: RodEquations
     nodal_curvature: Array
+    warnings: tuple[str, ...] = ()
 
     @classmethod
     def deformed(cls, problem: RodProblem, curvature: Callable[[Array], Array], *, tolerance: float = 1e-6) -> Elastica:
@@ -135,7 +141,8 @@ def solve_elastica(
 
     Own weight, point masses, dead and following forces, couples, the moment of tip or tendons (with friction: the
     capstan law along the bent backbone, rounded off where it is straight, by what slid since the loads alone bent the
-    rod) and the rest curvature are taken without further approximation; the balance of moments is solved by collocation
+    rod; ``warnings`` name sections that slide back meanwhile) and the rest curvature are taken without further
+    approximation; the balance of moments is solved by collocation
     of high order on panels that are refined until two meshes agree. Stiffness, density, rest curvature and tendon
     offsets may change along the rod and jump.
 
@@ -201,7 +208,29 @@ def solve_elastica(
         with suppress(SolverError):
             loaded = _solved(problem.unpulled, None, tolerance, stable, side)
             problem = replace(problem, slid_from=loaded.curvature)
-    return _solved(problem, guess, tolerance, stable, side)
+    found = _solved(problem, guess, tolerance, stable, side)
+    pulls = problem.has_friction and scene.initial.reached_by != "releasing"
+    return replace(found, warnings=_slid_back(found)) if pulls else found
+
+
+def _slid_back(found: Elastica) -> tuple[str, ...]:
+    """Return a warning if sections slide back before the pull of a rod is complete.
+
+    Friction has no memory here: it follows from the sliding between the first shape and the last one.
+    """
+    problem, mesh, curvature = found.equations.problem, found.equations.mesh, found.nodal_curvature
+    last, furthest = found.equations.slid(curvature), 0.0
+    for share in _SHARES:
+        try:
+            curvature, _, _ = newton(RodEquations(problem.pulled(share), mesh), curvature)
+        except SolverError:
+            return (f"{_ONE_WAY}: {share:.0%} of the pull have no shape near that of the full pull",)
+        slid = found.equations.slid(curvature)
+        furthest = max(furthest, float(np.minimum(np.abs(slid), np.sign(slid) * (slid - last)).max()))
+    # Below the range in which friction turns, it returns to where it was.
+    if furthest < BEND_ROUNDING:
+        return ()
+    return (f"{_ONE_WAY}: sections slide back by up to {furthest:.2g} rad of bend during the pull",)
 
 
 def _solved(problem: RodProblem, guess: Guess | None, tolerance: float, stable: bool, side: int) -> Elastica:

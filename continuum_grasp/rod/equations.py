@@ -215,9 +215,13 @@ class RodEquations:
         wound = [tendon for _, tendon in self._drives if tendon.cable is not None]
         return [self._tension(each, curvature, *self._share(each, curvature))[0] for each in wound]
 
+    def slid(self, curvature: Array) -> Array:
+        """Change of the bend beyond each node [rad] since the tendons began to slide."""
+        return np.asarray(self.mesh.backward @ (curvature - self._begun))
+
     def _ways(self, curvature: Array) -> tuple[Array, Array]:
         """Direction in which tendons slid, from -1 to 1, and its derivative by the bend beyond."""
-        slid = self.mesh.backward @ (curvature - self._begun)
+        slid = self.slid(curvature)
         root = np.sqrt(slid**2 + BEND_ROUNDING**2)
         return slid / root, BEND_ROUNDING**2 / root**3
 

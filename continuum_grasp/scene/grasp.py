@@ -97,8 +97,9 @@ class GraspScene(Configuration, Supported):
     """require: small motions that the contacts allow must raise the energy, at constant tensions; ignore: an
     equilibrium is enough, as where the drives hold their position or something else steadies the object."""
     friction_states: Literal["any", "pulled"] = "any"
-    """Friction states, of tendons and of dry friction in bending, in which the grasp must hold. any: the grasp, reached
-    by pulling, holds with these tensions whatever the friction states become; pulled: it need only hold as it is
+    """Friction states, of tendons and of dry friction in bending, in which the grasp must hold. Pulling starts in the
+    unloaded shape of each finger, before weight and contacts bend it, and sections slide one way to the grasp. any: the
+    grasp then holds with these tensions whatever the friction states become; pulled: it need only hold as it is
     reached."""
     overlap: Literal["forbid", "allow"] = "forbid"
     """forbid: fingers keep clear of each other in the plane; allow: they lie at different heights and may cross."""

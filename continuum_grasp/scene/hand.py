@@ -233,7 +233,8 @@ class HandScene(Configuration):
     stay; ignore: an equilibrium is enough."""
     friction_states: Literal["any", "pulled"] = "any"
     """Friction states of the tendons in which the grasp must hold. pulled: it need only hold as it is reached, by
-    pulling; any: whatever they become, which hands without friction do."""
+    pulling from the unloaded shape of each finger, before weight and contacts bend it; any: whatever they become, which
+    hands without friction do."""
     solver: GraspSolver = GraspSolver()
     """Options of the search."""
 

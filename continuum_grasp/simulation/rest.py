@@ -245,17 +245,22 @@ class EquilibriumSearch:
     def _scales(self, q: Array) -> tuple[float, float]:
         """Size of the forces that balance, and that below which they may be rounding."""
         core, u, w, p = self._core, self._u, self._w, self._p
+        balance, stiffness = self._statics(q)
+        # Differences of the balance give external forces and weight; to build functions of them takes a tenth of a
+        # search.
+        without = core.statics(q, u, np.zeros_like(w), p, *self._friction)[0]
+        elastic, actuation = core.elastic(q, u, p), core.actuation(q, u, p, *self._friction)
         parts = [
             self._held,
-            core.elastic(q, u, p),
+            elastic,
             core.elastic(np.zeros_like(q), u, p),
-            core.gravity(q, u, p),
-            core.actuation(q, u, p, *self._friction),
-            core.external_force(q, u, w, p),
+            without - elastic + actuation,
+            actuation,
+            balance - self._held - without,
         ]
         # Where nothing loads the finger, or tendons pull alike: a bend of a part in 1e4 of the range, of which the
         # tolerance is rounding.
-        floor = 1e-4 * np.abs(self._statics(q)[1]).max() * self._reach()
+        floor = 1e-4 * np.abs(stiffness).max() * self._reach()
         return float(max(np.abs(part).max(initial=0.0) for part in parts)), float(floor)
 
     def _stability(self, q: Array) -> tuple[float, Array, bool]:

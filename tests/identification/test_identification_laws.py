@@ -310,3 +310,12 @@ def test_the_table_of_numbers_to_estimate_is_that_of_the_model():
 
     assert estimates_page.text() in estimates_page.PAGE.read_text(encoding="utf-8")
     assert {"gyration_radius", "youngs_modulus", "softening_ratio", "drive_slack"} <= estimates_page.rows().keys()
+
+
+def test_ranges_grow_with_the_shapes_of_rows():
+    """Bends of up to 2.3 turns by moments at the tip: moment times length over stiffness."""
+    moments = np.linspace(0.05, 1.2, 6)
+    bends = moments * LENGTH / (1.3 * STIFFNESS)
+    fit = cg.identify(bare_scene(2, "clothoid"), bent(moments, bends), parameters=["bending_stiffness"])
+    assert fit["bending_stiffness"] == pytest.approx(1.3 * STIFFNESS, rel=1e-8)
+    assert not [text for text in fit.warnings if "range" in text]

@@ -19,7 +19,17 @@ from continuum_grasp.addons.identification.unknowns import read_unknowns
 from continuum_grasp.base import InputError, NumericalError
 from continuum_grasp.core.source import rollout_source
 from continuum_grasp.scene import Fidelity, Scene, Timing
-from tests.identification_cases import ROD, at_tip, coverage, path_of, release, slope_error
+from tests.identification_cases import (
+    LENGTH,
+    ROD,
+    STIFFNESS,
+    at_tip,
+    bare_scene,
+    coverage,
+    path_of,
+    release,
+    slope_error,
+)
 from tests.rods import rod_scene
 
 CONFIGS = Path(__file__).parents[2] / "configs/simulate"
@@ -195,3 +205,17 @@ def test_a_motion_that_is_too_stiff_is_refused():
 def test_wrong_paths_are_named(make, words):
     with pytest.raises(InputError, match=words):
         make()
+
+
+def test_ranges_grow_with_the_shapes_of_a_motion():
+    """A rod that a moment at its tip holds in an arc of 1.9 turns, and lets go, is predicted as it is simulated."""
+    moment = {"kind": "moment", "at": LENGTH, "moment": 12.0 * STIFFNESS / LENGTH}
+    initial, time = {"pose": "equilibrium", "held_by": [moment]}, {"duration": 0.05, "step": 0.005, "tolerance": 1e-6}
+    scene = bare_scene(2, "clothoid", initial=initial, time=time, finger={"damping": {"material": 1e-3}})
+    true = cg.simulate(scene)
+    unknowns = read_unknowns(scene, ["material_damping"])
+    block = PathBlock(scene, TipPath(true.t[1:], at_tip(*true.tip[1:].T)), unknowns)
+    start = np.array([one.start for one in unknowns])
+    assert np.abs(block.predict(start)[0].reshape(-1, 2) - true.tip[1:]).max() < 1e-4 * LENGTH
+    assert not block.warnings(start)
+    assert min(block.model.ranges) > max(cg.FingerModel(scene).ranges)

@@ -266,6 +266,7 @@ def test_it_is_the_rod_of_scipy_with_sharp_friction():
         beyond = 0.1 * (LENGTH - s) + (0.02 if s < 0.1 else 0.0)
         fx, fy = force[0] + beyond * gravity[0], force[1] + beyond * gravity[1]
         ways = np.clip(slides / [4e-4, 8e-4], -1.0, 1.0)
+        ways = 0.5 * ways * (3.0 - ways**2)
         return [
             -np.sin(angle),
             np.cos(angle),

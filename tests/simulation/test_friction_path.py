@@ -137,8 +137,8 @@ def test_a_stated_path_is_followed():
     factors = equilibrium_path(scene(-3.0, [20.0, 0.0]), [1.0, 0.6, 0.8, 1.0])
     assert found[0].tip == pytest.approx(factors[2].tip, abs=1e-9)
     # Return-point memory: at 20 N the inner loop is nearly forgotten.
-    assert found[1].tip == pytest.approx(factors[3].tip, abs=1e-3 * LENGTH)
-    assert found[1].tip == pytest.approx(factors[0].tip, abs=5e-3 * LENGTH)
+    assert found[1].tip == pytest.approx(factors[3].tip, abs=1e-4 * LENGTH)
+    assert found[1].tip == pytest.approx(factors[0].tip, abs=1e-2 * LENGTH)
     assert np.linalg.norm(factors[2].tip - cg.equilibrium(scene(-3.0, [16.0, 0.0])).tip) > 1e-3 * LENGTH
 
 
@@ -191,6 +191,15 @@ def test_winches_pull_from_where_the_unloaded_shape_has_them(drive, actuation):
     assert found.tip == pytest.approx(by_hand(-14.0, [*found.tensions, 0.0]), abs=5e-4 * LENGTH)
 
 
+def test_the_exact_rod_names_sections_that_slide_back():
+    """Its friction follows from its first and last shape, so that it is no judge of a path that turns."""
+    given = TURNS["one way"]
+    assert "sections slide back" in solve_elastica(given, tolerance=1e-6).warnings[0]
+    assert not solve_elastica(scene(S_SHAPE, [9.0, 1.0]), tolerance=1e-6).warnings
+    halves = cg.equilibrium(given.replaced(fidelity={"elements": 4})).tip - cg.equilibrium(given).tip
+    assert cg.equilibrium(given).space_error == pytest.approx(np.linalg.norm(halves) / LENGTH, rel=1.0)
+
+
 def test_the_exact_rod_follows_no_path():
     initial = {"pose": "equilibrium", "reached_by": "path", "path": [{"tensions": [1.0, 0.0]}]}
     with pytest.raises(InputError, match="follows no path"):
@@ -236,8 +245,22 @@ def random_scene(seed):
 def test_an_equilibrium_is_the_end_of_a_slow_motion(seed):
     pulls, keys = random_scene(seed)
     found = cg.equilibrium(scene(tensions=pulls, **keys))
-    rising = [{"times": [0.0, 4.0], "values": [0.0, pull], "interpolation": "linear"} for pull in pulls]
-    motion = cg.simulate(scene(tensions=rising, **keys, time={"duration": 5.0, "step": 0.02}))
-    off = np.linalg.norm(motion.tip[-1] - found.tip) / LENGTH
-    # 1e-3: friction of a motion rounds the ends of the range of its states; and inertia in a pull of four seconds
-    assert off < found.space_error + 1e-3
+    # Pulled smoothly: a pull that ends at once overshoots by inertia, and sections slide back.
+    rising = [{"times": [0.0, 16.0], "values": [0.0, pull]} for pull in pulls]
+    motion = cg.simulate(scene(tensions=rising, **keys, time={"duration": 20.0, "step": 0.05, "tolerance": 1e-6}))
+    # Both have the same elements: the path of friction alone could tell them apart.
+    assert motion.tip[-1] == pytest.approx(found.tip, abs=5e-5 * LENGTH)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("seed", [None, 2, 3, 19, 28, 31])
+def test_a_random_loop_takes_as_many_legs_as_it_needs(seed):
+    """Sections that slide back, or slide on before they slide back, within a leg: against 24 times as many legs."""
+    pulls, keys = ([20.0, 0.0], {"rest": -3.0}) if seed is None else random_scene(seed)
+    turns = [0.0, 1.0, 0.4, 0.7, 1.0]
+    fine = [0.0, *(share for pair in pairwise(turns) for share in np.linspace(*pair, 25)[1:])]
+    given = scene(tensions=pulls, **keys)
+    exact = equilibrium_path(given, fine)[::24]
+    for found, true in zip(equilibrium_path(given, turns), exact, strict=True):
+        assert not [text for text in found.warnings if "friction is rough" in text]
+        assert found.tip == pytest.approx(true.tip, abs=5e-5 * LENGTH)

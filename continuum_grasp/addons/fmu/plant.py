@@ -30,7 +30,7 @@ from continuum_grasp.export import (
     title_of,
 )
 from continuum_grasp.scene import Consumer, ControlScene, Scene
-from continuum_grasp.simulation import Signals, initial_state
+from continuum_grasp.simulation import Signals, bends_of, initial_state
 
 _CODES = (Code.OK, Code.ERR_NON_FINITE, Code.ERR_RANGE, Code.ERR_RESULT)
 _START = "an input, which begins with what the scene has at time zero"
@@ -55,10 +55,11 @@ _UNIT = Consumer(
 def loop_plant_unit(scene: ControlScene, identifier: str) -> UnitContents:
     """The plant of a closed loop, with the integrator and the sub-steps that a run of the scene takes."""
     _UNIT.check(scene)
-    model = PlantModel(scene)
+    prediction = Prediction(scene)
+    model = _covering(scene, prediction)
     period = scene.controller.step
     method = model.method_for(period)
-    sensors = Sensors(scene, model, Prediction(scene), None)
+    sensors = Sensors(scene, model, prediction, None)
     step = period / method.substeps
     named = _functions(model, sensors, method.name, step, identifier)
     source, header = _generated(f"{identifier}_plant", named)
@@ -100,6 +101,16 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> UnitContents:
             "configuration": scene.model_dump(mode="json"),
         },
     )
+
+
+def _covering(scene: ControlScene, prediction: Prediction) -> PlantModel:
+    """Return the plant with elements that cover its shapes at rest, and the curvatures that its controller covers."""
+    model = PlantModel(scene)
+    plant, predicted = model.system.finger_model, prediction.system.finger_model
+    curvature = max(reach / length for reach, length in zip(predicted.ranges, predicted.lengths, strict=True))
+    bends = np.maximum(bends_of(model.scene, plant), curvature * np.array(plant.lengths))
+    covers = plant.reaching(bends).ranges == plant.ranges
+    return model if covers else PlantModel(scene, reached=bends.tolist())
 
 
 def _functions(model: PlantModel, sensors: Sensors, method: str, step: float, identifier: str) -> list[ca.Function]:

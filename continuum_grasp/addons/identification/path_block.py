@@ -80,6 +80,24 @@ class PathBlock(MeasuredBlock):
         self, scene: Scene, data: TipPath, unknowns: Sequence[Unknown], by: Sequence[int] | None = None
     ) -> None:
         super().__init__(scene, data, unknowns, by)
+        self._asked = unknowns, by
+        self._take(None)
+
+    def _widened(self, bent: Bent) -> bool:
+        """Extend the ranges of the elements to the shapes of a motion; return whether a range has grown."""
+        use = np.array(self._range_use(bent.q.T, bent.u.T, bent.p.T)).max(axis=1)
+        if not use.max() > 1.0:
+            return False
+        # 1.5: range per bend: other values of the unknowns bend further; a motion is credible up to twice the range
+        wider = self.model.reaching(1.5 * np.minimum(use, 2.0) * self.model.ranges)
+        if wider.ranges == self.model.ranges:
+            return False
+        self._take(wider.ranges)
+        return True
+
+    def _take(self, reached: Sequence[float] | None) -> None:
+        """Make the functions of a model of the finger, which covers the bends ``reached`` (elements,) [rad]."""
+        scene, data, (unknowns, by) = self.scene, cast(TipPath, self.data), self._asked
         readings = data.measured
         self._t = column(f"{data.name}.t", data.t)
         targets = [of.target for of in unknowns]
@@ -87,7 +105,8 @@ class PathBlock(MeasuredBlock):
             constant = unknowns[targets.index(LAG)].start
             scene = scene.model_copy(update={"finger": scene.finger.with_lags(constant)})
         self._late = targets.index(DELAY) if DELAY in targets else None
-        self.model = model = FingerModel(scene, parameters=runtime_names(scene, unknowns))
+        model = FingerModel(scene, parameters=runtime_names(scene, unknowns))
+        self.model = model = model if reached is None else model.reaching(reached)
         self._signals = Signals(scene, model)
         self._initial = scene.initial
         self.kinked = bool(model.friction_names)
@@ -121,6 +140,7 @@ class PathBlock(MeasuredBlock):
         rate = self._with_slopes("variational", model.forward_dynamics(x, u, w, p), x, u, w, p)
         self._run = Rollouts.by("rk4", SimpleNamespace(forward_dynamics=rate))
         self._core = Core(model, compiled=False)
+        self._range_use = model.range_use.map(self._t.size)
         # shapes at the start; and parameters, steps per second, and these steps
         self.followed = None if self._shape is None else self._shape.start, None
         self.measured = measured_of(data, self._t, np.full(self._t.size, data.fitted), scene.finger.rod.length)
@@ -142,6 +162,8 @@ class PathBlock(MeasuredBlock):
 
     def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
         states, p, delay = self._moved(values, until)
+        if math.isinf(until) and self._widened(self._bent(states, p, delay)):
+            return self.predict(values)
         count = len(self._by)
         instants = self._t.size
         inputs = self._commands(self._t, delay), self._signals.w(self._t), np.tile(p, (instants, 1))
@@ -149,7 +171,9 @@ class PathBlock(MeasuredBlock):
         return both[0].T.ravel(), both[1:].transpose(2, 1, 0).reshape(both[0].size, count)
 
     def bent(self, values: Array) -> Bent:
-        states, p, delay = self._moved(values)
+        return self._bent(*self._moved(values))
+
+    def _bent(self, states: Array, p: Array, delay: float) -> Bent:
         model = self.model
         t = self._t
         p = p[: self.model.np]
@@ -223,7 +247,8 @@ class PathBlock(MeasuredBlock):
             how = model.structure.friction_of(self._initial, needed=False)
             # friction is that of the first shape, and goes on from there
             history = model.friction_history((*self._passed, x[:n])[0], u, p, **how)
-        x[2 * n :], slope[2 * n :] = self._start(Dual(x[:n], slope[:n]), Dual(u, late), Dual(p, self._turned), history)
+        friction = model.history_of_states(history)
+        x[2 * n :], slope[2 * n :] = self._start(Dual(x[:n], slope[:n]), Dual(u, late), Dual(p, self._turned), friction)
         return Dual(x, slope)
 
     def _settle(self, start: Array, p: Array) -> _Grid:
@@ -267,27 +292,22 @@ def _start_rows(scene: Scene, unknowns: Sequence[Unknown], name: str) -> RestSha
 
 
 def _start_function(model: FingerModel, passed: Sequence[Array]) -> Chained:
-    """(q, u, p, history) -> states of drives and friction in a shape at rest.
+    """(q, u, p, history of states) -> states of drives and friction in a shape at rest.
 
     Friction remembers the shapes ``passed`` (K, n) that it goes through before that, from the first on.
     """
     q, u, _, p = symbols(model)
-    history = ca.SX.sym("history", model.structure.friction_states + bool(model.friction_names))
-    parts = [ca.SX(model.drives_at_rest()(q, u, p, *((history,) if model.friction_names else ())))]
-    if model.friction_names:
-        # From shape to shape friction stays where it is, or slides.
-        slid = [model.sliding()(shape, u, p) for shape in (*map(ca.SX, passed), q)]
-        # Of a tendon's state in a motion friction acts by the cubic, of which this is the inverse; a history that goes
-        # beyond the range is less what slid before.
-        count = model.structure.tendon_friction_states
-        clipped = model.structure.memory.clipped
-        way = clipped(history[:count])
-        of_tendons = 2.0 * ca.sin(ca.asin(way) / 3.0) + history[:count] - way
-        states = ca.SX(clipped(ca.vertcat(of_tendons, history[count:-1]) + history[-1] * slid[0]))
-        for before, now in pairwise(slid):
-            states = ca.SX(clipped(states + now - before))
-        parts.append(states)
-    return Chained("start", ca.vertcat(*parts), q, u, p, history)
+    if not model.friction_names:
+        return Chained("start", ca.SX(model.drives_at_rest()(q, u, p)), q, u, p, ca.SX(0, 1))
+    history = ca.SX.sym("history", model.structure.friction_states + 1)
+    memory, count = model.structure.memory, model.structure.tendon_friction_states
+    # From shape to shape friction stays where it is, or slides.
+    slid = [model.sliding()(shape, u, p) for shape in (*map(ca.SX, passed), q)]
+    states = ca.SX(memory.clipped(history[:-1] + history[-1] * slid[0]))
+    for before, now in pairwise(slid):
+        states = ca.SX(memory.clipped(states + now - before))
+    directions = ca.vertcat(memory.eased(states[:count]), states[count:], 0.0)
+    return Chained("start", ca.vertcat(model.drives_at_rest()(q, u, p, directions), states), q, u, p, history)
 
 
 class _Grid:

@@ -88,7 +88,7 @@ class RestShapes:
                 raise InputError(f"{target} is both estimated and given by the data", key=key)
         try:
             # by the family of the model without these parameters: data must not change what is fitted
-            self.model = model = FingerModel(
+            model = FingerModel(
                 scene, parameters=runtime_names(scene, unknowns, more), input_rates=False, family=plain.family
             )
         except InputError as error:
@@ -108,17 +108,39 @@ class RestShapes:
         start = equilibrium_under(model, *acting, **model.structure.friction_of(scene.initial, needed=False))
         fixed = [Dual(v, np.zeros((v.size, len(unknowns)))) for v in (nominal, start.q, start.history)]
         self.start = [Resting(*fixed)] * rows
+        self._take(start.model)
+        self._widen(np.array([unknown.start for unknown in unknowns]))
+
+    def _widen(self, values: Array) -> None:
+        """Extend the ranges of the elements to the shapes of all rows at some values of the unknowns."""
+        while True:
+            try:
+                rows = self.all(values, self.start)
+            except SolverError:  # the search tells what it cannot follow
+                return
+            use = np.max([self.use(row) for row in rows], axis=0)
+            # 1.5: range per bend: other values of the unknowns bend further
+            model = self.model.reaching(1.5 * use * self.model.ranges) if use.max() > 1.0 else self.model
+            if model.ranges == self.model.ranges:
+                self.start = rows
+                return
+            self._take(model)
+
+    def _take(self, model: FingerModel) -> None:
+        """Make the functions of a model of the finger."""
+        self.model = model
         self._reach = model.structure.family.coordinate_size(min(model.ranges), max(model.lengths))
         q, u, w, p = symbols(model)
         z = ca.vertcat(u, w, p)
-        history = ca.SX.sym("history", start.history.size)
+        count = self.start[0].history.value.size
+        history = ca.SX.sym("history", count)
         still = ca.SX(model.n, 1)
-        past = (history,) if start.history.size else ()
+        past = (history,) if count else ()
         missing = model.inverse_dynamics(q, still, still, u, w, p, *past)
         self._missing = Chained("missing", missing, q, z, history)
         # State of friction at the start of the next row, minus the sliding since the unloaded shape.
-        carried = ca.SX(start.history.size, 1)
-        if start.history.size:
+        carried = ca.SX(count, 1)
+        if count:
             slid = model.sliding()(q, u, p)
             carried = ca.vertcat(model.structure.memory.clipped(history[:-1] + history[-1] * slid) - slid, 1.0)
         self._carried = Chained("carried", carried, q, z, history)
@@ -145,7 +167,11 @@ class RestShapes:
             target = z
             if step < 1.0 - done:
                 target = Dual(*(a + (done + step) * (b - a) for a, b in zip(before.z, z, strict=True)))
-            history = self._carried(state.q, state.z, state.history) if carried else state.history
+            history = state.history
+            if carried:
+                # A history of directions is the scene's own, and does not depend on the unknowns.
+                history = history._replace(value=self.model.history_of_states(history.value))
+                history = self._carried(state.q, state.z, history)
             q = self._newton(state.q.value, target, history)
             if q is None:
                 step *= 0.5

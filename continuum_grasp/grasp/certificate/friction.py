@@ -89,8 +89,10 @@ class TendonFriction:
         """
         early, late = self._drawn_in.T
         beyond = np.append(np.cumsum((early + late)[::-1])[::-1][1:], 0.0) + late
-        # 1e-3: bend beyond a friction cell from which on it slides [rad]: that of the law that is verified
-        return np.asarray(np.clip(beyond / 1e-3, -1.0, 1.0))
+        # 1e-3: bend beyond a friction cell from which on it slides [rad]: that of the law that is verified, whose
+        # cubic is flat there
+        slid = np.clip(beyond / 1e-3, -1.0, 1.0)
+        return np.asarray(0.5 * slid * (3.0 - slid**2))
 
     @cached_property
     def losses(self) -> Array:

@@ -1,7 +1,7 @@
 """Bending of a finger's sections under a moment: stiffness, tendons, and friction of a finger that was pulled.
 
     B (x + sum clip(k_j x, M_j) / B_0) = M + m,  x = k3 - k0,  m = sum arm T exp(-side l) shape
-    l' = mu |k3| clip(offset w / presliding),  l(0) = 0,    w' = -shape x,  w(L) = 0
+    l' = mu |k3| (3 d - d^3) / 2,  d = clip(offset w / presliding),  l(0) = 0,    w' = -shape x,  w(L) = 0
 
 m is the moment of the tendons. By the capstan equation the tension falls by exp(-l) from the base on where a tendon
 slides toward it, and rises where one on the other side slides away. w is the length, per offset in the base, that the
@@ -84,7 +84,9 @@ class SectionBending:
             if not friction:
                 return SectionState(curvature, 0.0, 0.0)
             slid = min(max(per_path * path, -1.0), 1.0) if shaped else 0.0
-            return SectionState(curvature, friction * abs(curvature) * slid, -shaped * elastic)
+            return SectionState(
+                curvature, friction * abs(curvature) * 0.5 * slid * (3.0 - slid * slid), -shaped * elastic
+            )
 
         return bends
 

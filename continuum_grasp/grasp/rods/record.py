@@ -40,6 +40,19 @@ def _finger(grasp: RodGrasp, index: int) -> HeldFinger:
         contacts.append(HeldContact(name, force, place, twist))
     base = x[part.nodes[0]]
     position = finger.length * np.array(geometry.in_space([base[k] for k in range(geometry.dimensions)]))
-    moment: Array = finger.moment * np.array(geometry.moment_in_space(list(base[geometry.moments])))
+    moment = finger.moment * _moment(base[geometry.moments])
     tensions = finger.tensions(x[part.pulls])
-    return HeldFinger(finger.name, position, geometry.frame(finger.base), tensions, tuple(contacts), moment)
+    return HeldFinger(
+        finger.name, position, _axes(geometry.tangent(base), finger.across), tensions, tuple(contacts), moment
+    )
+
+
+def _moment(moment: Array) -> Array:
+    """Three components of a moment of the plane or of space."""
+    return moment if len(moment) == 3 else np.array([0.0, 0.0, *moment])
+
+
+def _axes(tangent: Array, across: Array) -> Array:
+    """Columns (3, 3): across the finger in its plane, along it, and the normal of the plane."""
+    along = np.array([*tangent, *np.zeros(3 - len(tangent))], dtype=float)
+    return np.column_stack([np.cross(along, across), along, across])

@@ -176,7 +176,9 @@ def _falls(before: Resolution, now: Resolution) -> bool:
 
 
 def _by_rod(level: Level, case: int, asked: Resolution) -> Resolution | None:
-    """Measure errors against the exact rod near a shape; None if the exact rod does not cover the scene or fails."""
+    """Measure errors against the exact rod near a shape; None if the exact rod does not cover the scene or its path of
+    friction, or fails.
+    """
     exact, rest = level.cases[case].exact, level.rests[case]
     motors = any(isinstance(drive, MotorDrive) for drive in exact.finger.winches)
     # The exact rod has no motors at given angles, and its motors turn although those of modes are held.
@@ -188,6 +190,8 @@ def _by_rod(level: Level, case: int, asked: Resolution) -> Resolution | None:
     try:
         rod = solve_elastica(exact, tolerance=tolerance, guess=shape.angle, stable=False, extra_loads=loads)
     except (InputError, SolverError):
+        return None
+    if rod.warnings:
         return None
     places = PLACES * exact.finger.rod.length
     error = np.linalg.norm(shape.position(places) - rod.position(places), axis=1).max() / exact.finger.rod.length
