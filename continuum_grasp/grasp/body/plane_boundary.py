@@ -105,10 +105,15 @@ class PlaneBoundary:
         return np.asarray(np.where(self.is_arc[face, None], arc, line))
 
     def from_points(self, points: Array) -> PlaneDistance:
-        """Return the distance of points (n, 2)."""
+        """Return the distance of points (n, 2); of points that are not finite, all numbers are NaN."""
+        finite = np.isfinite(points).all(axis=1)
+        there = np.where(finite[:, None], points, self.start[0])
         step = max(1, _PAIRS // len(self.start))
-        parts = [self._from_few(points[k : k + step]) for k in range(0, max(len(points), 1), step)]
-        return PlaneDistance(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+        parts = [self._from_few(there[k : k + step]) for k in range(0, max(len(there), 1), step)]
+        found = [np.concatenate(part) for part in zip(*parts, strict=True)]
+        for part in found:
+            part[~finite] = np.nan
+        return PlaneDistance(*found)
 
     def _from_few(self, points: Array) -> PlaneDistance:
         apart = np.hypot(*(points.T[:, :, None] - self._middle.T[:, None]))
