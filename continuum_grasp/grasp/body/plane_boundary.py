@@ -106,8 +106,8 @@ class PlaneBoundary:
 
     def from_points(self, points: Array) -> PlaneDistance:
         """Return the distance of points (n, 2); of points that are not finite, all numbers are NaN."""
-        finite = np.isfinite(points).all(axis=1)
-        there = np.where(finite[:, None], points, self.start[0])
+        finite = np.asarray(np.isfinite(points).all(axis=1))
+        there = np.where(finite.reshape(-1, 1), points, self.start[0])
         step = max(1, _PAIRS // len(self.start))
         parts = [self._from_few(there[k : k + step]) for k in range(0, max(len(there), 1), step)]
         found = [np.concatenate(part) for part in zip(*parts, strict=True)]
