@@ -178,25 +178,6 @@ class BlockProblem(Constraints):
         Places of the unknowns by name.
     table : ndarray
         Coefficients that lookups read.
-
-    Examples
-    --------
-    A rope of two links that hangs between two points:
-
-    >>> import casadi as ca
-    >>> import numpy as np
-    >>> from continuum_grasp.nlp import BlockKind, BlockProblem, Budget, Settings
-    >>> z, d = ca.SX.sym("z", 4), ca.SX.sym("d")
-    >>> link = BlockKind("link", z, d, ca.sumsqr(z[:2] - z[2:]) - d**2)
-    >>> rope = BlockProblem("rope")
-    >>> nodes = [rope.unknown(f"node {k}", low, high) for k, (low, high) in enumerate(
-    ...     [([0, 0], [0, 0]), ([-9, -9], [9, 9]), ([1, 0], [1, 0])])]
-    >>> for first, last in zip(nodes, nodes[1:]):
-    ...     rope.add(link, [*first, *last], rope.rows("length", "links", "m2", 1), [1.0])
-    >>> rope.cost(nodes[1][1:], 1.0)
-    >>> x = np.array([0, 0, 0.4, -1, 1, 0])
-    >>> Settings().solver().solve(rope.nlp, rope.start(x), Budget()).x[2:4].round(6)
-    array([ 0.5     , -0.866025])
     """
 
     def __init__(self, name: str, table: ArrayLike = ()) -> None:

@@ -23,10 +23,11 @@ from continuum_grasp.simulation.rest import EquilibriumSearch, LoadState, Restin
 
 _HALVINGS = 8
 """Greatest number of halvings of a leg: 2 N of a pull of 500 N, or 20 um (a usual presliding) of 5 mm of sliding."""
-_TURNED = 0.02
-"""Greatest error of a friction state [1] by a reversal within a leg: 1 % of the range from -1 to 1. Loops of random
-fingers then end within 5e-5 of the length of loops in 24 times as many legs, by ``-m deep -k random_loop`` of the
-tests."""
+_ROUGH = 2e-5
+"""Greatest change of the shape by a reversal within a leg, per bending range [1]. Loops of random fingers then end
+within 5e-5 of the length of loops in 24 times as many legs, by ``-m deep -k random_loop`` of the tests."""
+_SAME = 1e-6
+"""Difference of friction states [1] that has no effect."""
 _NEARBY = 1e-4
 """Share of a leg for finite differences along it [1]: small against the rounded onset of slack tendons, large against
 rounding errors."""
@@ -154,19 +155,19 @@ class FrictionPath:
         middle = start.under.towards(end, 0.5)
         half = self._one_leg(start, middle, None) if whole else None
         other = self._one_leg(self._at(middle, half), end, guess) if half else None
-        missed, leaves = 1.0, False
+        rough, leaves, missed = True, False, 1.0
         if whole is not None and half is not None and other is not None:
             places = start, self._at(middle, half), self._at(end, other)
             one = self._at(end, whole).states
-            missed = float(np.abs(places[-1].states - one).max())
-            missed = max(missed, *(self._turned(*pair) for pair in pairwise(places)))
+            others = [(places[-1], one), *((pair[1], self._turned(*pair)) for pair in pairwise(places))]
+            missed = max(float(np.abs(place.states - states).max()) for place, states in others)
+            rough = any(self._effect(*pair) > _ROUGH for pair in others)
             # A section that leaves the end of its range may first have slid on, which halves of the whole leg share.
             leaves = halvings == _HALVINGS and bool(np.any((np.abs(start.states) >= 1.0) & (one != start.states)))
-        rough = missed > _TURNED
         if not rough and other is not None and not (leaves and halvings):
             return other
         if not halvings and whole is not None:
-            self._missed = max(self._missed, missed)
+            self._missed = max(self._missed, missed if rough else 0.0)
             return other or whole
         first = self._leg(start, middle, None, halvings - 1, half)
         return self._leg(self._at(middle, first), end, guess, halvings - 1, other if first is half else None)
@@ -186,12 +187,25 @@ class FrictionPath:
             self._take(found.model)
         return found
 
-    def _turned(self, start: _Place, end: _Place) -> float:
-        """Return the greatest error of a friction state [1] if sections slide to and fro between two places, by the
-        cubic through the sliding and its rates at both.
+    def _effect(self, place: _Place, states: Array) -> float:
+        """Return the bend [1], per bending range, by which other friction states change the shape at a place.
+
+        The effect of an error only fades later, since friction states follow the sliding as stop operators do.
         """
-        if not self._count:
+        if np.abs(states - place.states).max() < _SAME:
             return 0.0
+        missing, stiffness = self._statics(place, place.under)
+        other, _ = self._statics(replace(place, states=states), place.under)
+        try:
+            change = np.linalg.solve(stiffness, other - missing)
+        except np.linalg.LinAlgError:
+            return 1.0
+        return float(np.abs(change).max() / self._reach)
+
+    def _turned(self, start: _Place, end: _Place) -> Array:
+        """Return the friction states (states,) at a place if sections slide to and fro before that, by the cubic
+        through the sliding and its rates at both ends.
+        """
         change = self._slid(end.q, end.under) - self._slid(start.q, start.under)
         rates = [
             self._rates(start, end.under, _NEARBY),
@@ -208,7 +222,7 @@ class FrictionPath:
         for t in _PLACES:
             slid = t * (1.0 - t) ** 2 * first + t**2 * (3.0 - 2.0 * t) * change - t**2 * (1.0 - t) * last
             states, before = np.clip(states + slid - before, -1.0, 1.0), slid
-        return float(np.abs(states - end.states).max())
+        return states
 
     def _rates(self, place: _Place, other: LoadState, share: float) -> Array:
         """Return the rates of sliding (states,) at a place per leg, towards another load or, for a negative share, away

@@ -21,6 +21,8 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Fidelity
 from continuum_grasp.simulation.linearized import damping_matrix, in_mass_metric, poles
 
+_NEAR = 1e4
+"""Missing force per tolerance below which a search looks at the sizes of forces anew [1]."""
 _TOLERANCE = 1e-11
 """Missing force per size of the forces that balance [1]; a few digits above rounding."""
 _MAX_ITERATIONS = 500
@@ -231,7 +233,10 @@ class EquilibriumSearch:
             mass = self._core.mass_matrix(q, self._u, self._p)
             weakest = float(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.min())
             shift = float(np.clip(shift * min(0.5, after_size / max(before_size, 1e-300)), 1e-12 * rate, rate))
-            (forces, floor), falls = self._scales(q), bool(after_size < 0.1 * before_size)
+            falls = bool(after_size < 0.1 * before_size)
+            # Far from a solution the sizes of forces decide nothing.
+            if after_size <= _NEAR * _TOLERANCE * max(forces, floor):
+                forces, floor = self._scales(q)
             # Too far: back towards the damped motion.
             if after_size > max(2.0 * before_size, _TOLERANCE * forces, _TOLERANCE * floor):
                 shift = min(10.0 * max(shift, 1e-6 * rate), rate)

@@ -106,7 +106,8 @@ def test_tendons_slide_from_a_milliradian_of_bend_beyond_a_cell_on(side):
     left = 1.0 - 0.5 * (cells.edges[1:] + cells.edges[:-1]) / L
     turns = 1.5e-3 * left**2
     assert turns.max() > 1e-3 > turns.min()
-    np.testing.assert_allclose(cells.pulled, side * np.minimum(turns / 1e-3, 1.0), rtol=1e-9)
+    slid = np.minimum(turns / 1e-3, 1.0)
+    np.testing.assert_allclose(cells.pulled, side * 0.5 * slid * (3.0 - slid**2), rtol=1e-9)
 
 
 LEAST_PULL, LEFT = 1e-6 * 60.0, (20.0, 0.0)
@@ -400,7 +401,7 @@ def test_tendons_that_slid_back_may_bend_a_finger_far():
     [
         pytest.param(None, 0.0, marks=pytest.mark.deep),
         (LENGTH_DRIVE, 0.1),
-        (MOTOR.replaced(**PULLEY), 0.0),
+        pytest.param(MOTOR.replaced(**PULLEY), 0.0, marks=pytest.mark.deep),
         (MOTOR.replaced(position_gain=2.0), 0.1),
     ],
 )

@@ -436,7 +436,7 @@ def test_a_finger_that_alone_is_too_weak_is_named(ball):
         # Descriptions end with a clause, not with a line.
         (
             {"hand.ring": None, "hand.bases": {"one": {"position": [0.045, 0.0, 0.0], "direction": [0.0, 0.0, -1.0]}}},
-            "bends_toward: missing; expected direction to which it bends where its left tendon pulls, of any length$",
+            "bends_toward: missing; expected direction of the bend when the left tendon pulls, of any length$",
         ),
         ({"gravity": {"all": 9.81}}, r"gravity: expected \[x, y, z\] as the hand sees it, .* or any: 9.81"),
         ({"contacts.torsional_friction": 3.0}, "torsional_friction: 3 m is more than .* 0.018 m: is it in meters"),

@@ -88,7 +88,8 @@ def test_friction_at_a_start_is_that_of_a_simulation(bend, history):
     scene = driven(WINCHES, "lengths", [], initial={"q": [bend, 0.5 * bend], **history})
     own = PathBlock(scene, TipPath([0.01, 0.02], at_tip([0.0, 0.0], [0.0, 0.0])), ())
     found, _ = own._begin(np.zeros(0), 0.0, np.array(own.model.p_nominal))
-    assert found == pytest.approx(initial_state(scene, own.model), rel=1e-9, abs=1e-9)
+    # 1e-7: at a flat end of the cubic a state is as inexact as the root of rounding.
+    assert found == pytest.approx(initial_state(scene, own.model), rel=1e-7, abs=1e-7)
     if history.get("reached_by") == "releasing":
         assert found[-4:] == pytest.approx(-np.ones(4))
 

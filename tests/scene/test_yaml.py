@@ -266,8 +266,8 @@ def test_unknown_key_in_a_branch_of_a_union(write):
     samples = "{times: [0, 1], valus: [[0, 1], [0, 2]]}"
     lines = complaint(write(HEAD + f"loads:\n- {{kind: force, at: 0.1, force: {samples}}}"))
     assert lines == [
-        "scene.yaml:6:26: loads[0].force.values: missing; expected the components x, y at each instant, "
-        "in the unit of what they are given for",
+        "scene.yaml:6:26: loads[0].force.values: missing; expected components x, y at each instant, "
+        "in the unit of the quantity",
         "scene.yaml:6:49: loads[0].force.valus: unknown key; did you mean 'values'?",
     ]
 

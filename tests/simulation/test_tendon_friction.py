@@ -99,6 +99,7 @@ def test_releasing_leaves_what_is_beyond_the_front_as_it_was():
     assert np.all(pulled.states[middle > front + 0.05] > 0.5)
 
 
+@pytest.mark.deep
 def test_a_path_of_equilibria_remembers():
     """Pulled to 20 N in steps, let out to 12 and to 0.3 N; no step matters, as long as they go one way."""
     given = cg.Scene(

@@ -49,16 +49,6 @@ class DistanceTable:
         Length [m] that is 1 in the table.
     patches
         Data of fine tables around places, by name.
-
-    Examples
-    --------
-    >>> from continuum_grasp.grasp.body.bodies import body_of
-    >>> from continuum_grasp.scene import Circle
-    >>> disc = body_of(Circle(shape="circle", diameter=0.06, mass=0.1, position=(0.2, 0.1)))
-    >>> table = DistanceTable.around(disc, reach=0.02, step=0.002)
-    >>> distances, slopes = table.values([[0.0, 0.04]])
-    >>> abs(distances - 0.01).max() < 1e-7 and abs(slopes - [0.0, 1.0]).max() < 1e-7
-    True
     """
 
     body: Body

@@ -25,15 +25,7 @@ from continuum_grasp.scene import FingerSetup, GraspScene, HandScene, MotorDrive
 
 @dataclass(frozen=True, eq=False)
 class RodCertificate:
-    """Findings about a grasp.
-
-    Examples
-    --------
-    >>> from continuum_grasp.grasp.judge.findings import Finding, Requirement
-    >>> certificate = RodCertificate((Finding(Requirement.GAP, "finger.tip", 3e-9, 2e-7, "m"),))
-    >>> certificate.passed, str(certificate.worst)
-    (True, 'gap at the contact, finger.tip: 3e-09 m (limit 2e-07)')
-    """
+    """Findings about a grasp."""
 
     findings: tuple[Finding, ...]
     rods: tuple[SpaceRod, ...] = field(default=(), repr=False)
