@@ -1,6 +1,6 @@
 """A grasp as one nonlinear problem: rods by multiple shooting, contacts, and six rows of balance of the object.
 
-Unknowns: the pose of the object; per finger the moments of two tendons, the ends of its segments between base, middle
+Unknowns: the pose of the object; per finger the moments of its tendons, the ends of its segments between base, middle
 contacts and tip, the force that acts beyond the begin of each segment, the moment there where a contact changes it, and
 the states at all nodes; per contact its force (N, f, g) and moment; the friction margin; and the parts of the balance
 that nothing bears, at a cost, so that every start has a feasible point nearby. A `Geometry` says what a state is.
