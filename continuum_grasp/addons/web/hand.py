@@ -17,8 +17,6 @@ from continuum_grasp.export import fill
 
 _NODES = 49
 """Points along a finger that has no response."""
-_GRID = 41
-"""Rows of the grid of the object's surface."""
 _MOST = 12_000
 """Triangles of the object at most: a page of 0.3 MB, which turns smoothly."""
 _CELLS = 120
@@ -83,7 +81,7 @@ def _known(result: Any) -> dict[str, Any]:
 
 def _surface(body: Any) -> dict[str, Any]:
     """Corners [mm] and triangles of the object, packed: meshes have many."""
-    corners, triangles = _thinned(*body.triangles(_GRID))
+    corners, triangles = _thinned(*body.triangles())
     wide = len(corners) > np.iinfo(np.uint16).max
     return {
         "corners": _packed(1e3 * corners, "<f4"),

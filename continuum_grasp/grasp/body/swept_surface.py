@@ -53,7 +53,8 @@ class TurnedSurface(SolidSurface):
             inside = ring[:, 0] > 0.0
             first = int(np.flatnonzero(inside & ~np.roll(inside, 1))[0])
             half = np.roll(ring, -first, axis=0)[: int(inside.sum())]
-            ring = np.concatenate([[[0.0, half[0, 1]]], half, [[0.0, half[-1, 1]]]])
+            low, high = ring[:, 1].min(), ring[:, 1].max()
+            ring = np.concatenate([[[0.0, low]], half, [[0.0, high]]])
         else:
             ring = np.concatenate([ring, ring[:1]])
         turn = np.linspace(0.0, 2.0 * np.pi, turns)

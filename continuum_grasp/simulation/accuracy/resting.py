@@ -78,7 +78,7 @@ class Level:
     def guess(self, case: int, finer: FingerModel) -> Array | None:
         """Return coordinates of a finer model near the shape of a case."""
         rest = self.rests[case]
-        return None if rest is None else translated(self.model, rest.q, rest.u, finer)
+        return None if rest is None else translated(rest.model, rest.q, rest.u, finer)
 
     @cached_property
     def finer(self) -> Level | None:
@@ -86,8 +86,10 @@ class Level:
         # A number of elements from the user is distributed like a greater one.
         marks = self.scene.contacts if isinstance(self.scene.fidelity.elements, int) else self.marks
         lengths = element_lengths(self.model.finger.profile, marks, 2 * self.count)
+        # A start state has the coordinates of motions, and the search begins near the shape of this level.
+        still = self.scene.replaced(initial=self.scene.initial.replaced(q=None, qd=None))
         try:
-            scene = refined(self.scene, self.model, lengths)
+            scene = refined(still, self.model, lengths)
             if isinstance(self.scene.fidelity.elements, int):
                 scene = scene.replaced(fidelity=scene.fidelity.replaced(elements=2 * self.count))
             model = FingerModel(scene, loads=self.model.loads, input_rates=False)
