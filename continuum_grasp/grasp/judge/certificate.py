@@ -252,7 +252,7 @@ class _Grasp:
     # -- contacts ----------------------------------------------------------------------------------------------
 
     def _touch(self, finger: HeldFinger, line: SampledRod, contact: HeldContact) -> tuple[_Touch, float]:
-        """A contact of a finger, and the slope at which its skin meets the surface [rad]."""
+        """Return a contact of a finger, and the angle between its skin and the surface there [rad]."""
         setup = self.stage.setups[finger.name]
         half = setup.finger.profile.half_thickness
         here = line.rod.at(np.array([contact.place]))
