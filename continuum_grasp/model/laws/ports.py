@@ -1,4 +1,4 @@
-"""Ports at which laws of the sections see how the elements of a finger bend, and the generalized forces of all laws.
+"""Ports, where section laws read the curvature of an element, and the generalized forces of all laws.
 
 A port is the curvature at a point of an element, or its mean over a part of it. Its measure has the stiffness of the
 section per stiffness of the rod itself at the base, since the moments of laws go with it along the finger. By virtual
@@ -24,11 +24,11 @@ from continuum_grasp.scene import SAME, Curve
 
 @dataclass(frozen=True)
 class Port:
-    """Port at which a law sees the curvature."""
+    """Part of an element from which a law reads the mean curvature."""
 
     element: int
     measure: Scalar  # [m]
-    shapes: Sequence[Scalar]  # mean of those of the element's coordinates
+    shapes: Sequence[Scalar]  # mean shape of each of the element's coordinates along the port
     rest: float  # curvature at rest [1/m]
     own: tuple[float, ...] = ()  # values of ``SectionLaw.own`` there
 
