@@ -301,7 +301,7 @@ def _start_function(model: FingerModel, passed: Sequence[Array]) -> Chained:
         return Chained("start", ca.SX(model.drives_at_rest()(q, u, p)), q, u, p, ca.SX(0, 1))
     history = ca.SX.sym("history", model.structure.friction_states + 1)
     memory, count = model.structure.memory, model.structure.tendon_friction_states
-    # From shape to shape friction stays where it is, or slides.
+    # Between two shapes, a friction state stays or slides.
     slid = [model.sliding()(shape, u, p) for shape in (*map(ca.SX, passed), q)]
     states = ca.SX(memory.clipped(history[:-1] + history[-1] * slid[0]))
     for before, now in pairwise(slid):
