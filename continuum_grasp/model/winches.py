@@ -219,7 +219,7 @@ class _Spring:
         return ca.if_else(bears, self.stiffness, _LOOSE * self.stiffness)
 
     def meets(self, cables: Cables) -> Scalar:
-        """Return the angle of the drum in balance with tendons that pull as soon as they are in tension [rad]."""
+        """Return the drum angle [rad] that balances its tendons if each one pulls without slack."""
         if not self.stiffness:
             return cables.under(self.torque)
         flank = self.angle
