@@ -106,7 +106,7 @@ class RodGrasp:
 
     @property
     def fine(self) -> bool:
-        """Whether it is as exact as it can be."""
+        """Whether the grasp was solved with fine stages and tables."""
         return self.problem.fine
 
     @property
@@ -116,7 +116,7 @@ class RodGrasp:
 
     @property
     def holds(self) -> bool:
-        """Whether it holds the object."""
+        """Whether the grasp holds the object."""
         return self.attempt.converged and self.problem.unborne(self.attempt.x) < BORNE and not self.crosses
 
 
