@@ -94,7 +94,7 @@ def stage_end(
     form, rod
         The sections of the finger, and the equations of the rod.
     state
-        States at ``begin``: those of the rod, then those of the tendons (`SectionForm.sliding_names`).
+        States of the rod at ``begin``, followed by the tendon states (`SectionForm.sliding_names`).
     begin, end
         Places from 0 at the base to 1 at the tip, on the piece.
     loads
