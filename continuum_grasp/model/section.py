@@ -77,7 +77,7 @@ class Section:
         """
         for key in ("gyration_radius", "tip_body"):
             if getattr(finger, key) is not None:
-                raise InputError("exact rods at rest have no such part: leave the key out", key=key)
+                raise InputError("exact rods at rest have no such part: leave it out", key=key)
         return _Making(finger, rounding).section
 
     @property

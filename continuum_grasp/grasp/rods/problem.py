@@ -45,7 +45,7 @@ class StagePlace:
 
 @dataclass(frozen=True)
 class NearPair:
-    """A node of a finger, and the chord after a node of another that is near to it."""
+    """A node of one finger, and a nearby chord of another: the chord that starts at a node of it."""
 
     finger: int
     node: int
