@@ -292,6 +292,10 @@ class BlockProblem(Constraints):
         data = [np.concatenate(blocks.data) for blocks in self._blocks.values()]
         return np.concatenate([*data, self.table, *costs])
 
+    def objective(self, x: Array) -> float:
+        """Costs of unknowns (size,)."""
+        return float(sum(c * x[at] + 0.5 * s * x[at] ** 2 for at, (c, s) in self._costs.items()))
+
     def start(self, x: Array) -> Start:
         """A start of a solver at unknowns (size,)."""
         low, high = self.limits

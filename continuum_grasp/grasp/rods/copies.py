@@ -1,14 +1,17 @@
-"""Copies of a grasp that differ in their data and share what the drives hold.
+"""Copies of a grasp that differ in their data and share what is held, such as tensions.
 
-A copy has all unknowns and all limits of a grasp. Tensions are in newtons the same in all copies, whose fingers may
-differ in their units:
+A copy has all unknowns and all limits of a grasp:
 
-    minimize  sum of the costs of all copies   subject to   limits of each copy,  tensions(copy k) = tensions(copy 0)
+    minimize  sum of the costs of all copies   subject to   limits of each copy,  held(copy k) = held(copy 0)
+
+Held values are in SI units the same in all copies, whose fingers may differ in their units.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,36 +21,78 @@ from continuum_grasp.grasp.rods.problem import GraspRods
 from continuum_grasp.nlp import BlockProblem
 
 
+@dataclass(frozen=True)
+class HeldValue:
+    """An unknown of a copy that follows one of the first copy: ``ratio`` times that and a ``shift``."""
+
+    own: int
+    first: int
+    ratio: float = 1.0
+    shift: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class RodCopy:
+    """A copy of a grasp, and what it holds as the first copy does."""
+
+    problem: GraspRods
+    held: tuple[HeldValue, ...]
+
+    def hold(self, x: Array) -> None:
+        """Bound what is held to its values at unknowns of the first copy."""
+        for value in self.held:
+            given = value.ratio * x[value.first] + value.shift
+            self.problem.bound(value.own, given, given)
+
+
+def held_tensions(first: GraspRods, other: GraspRods, factor: float = 1.0) -> Iterator[HeldValue]:
+    """Tensions of a copy, which are those of the first copy times a factor."""
+    for (a, unit, least), (b, own_unit, own_least) in zip(_tensions(first), _tensions(other), strict=True):
+        ratio = factor * unit / own_unit
+        yield HeldValue(b, a, ratio, ratio * least - own_least)
+
+
+def _tensions(problem: GraspRods) -> Iterator[tuple[int, float, float]]:
+    """Places of the pulls, and unit and least value of each."""
+    for part, finger in zip(problem.parts, problem.numbers.fingers, strict=True):
+        for at, pull in zip(part.pulls, finger.section.pulls, strict=True):
+            yield int(at), pull.unit, pull.least
+
+
 class RodCopies(BlockProblem):
-    """The problem of copies of a grasp; the first one is the grasp itself.
+    """The problem of a grasp and its copies.
 
     Parameters
     ----------
-    copies : sequence of GraspRods
-        With the same fingers, whose bounds of tensions only count in the first one.
+    first : GraspRods
+        Bounds of what is held count in this one alone.
+    others : sequence of RodCopy
     """
 
-    def __init__(self, copies: Sequence[GraspRods]) -> None:
-        super().__init__("copies", copies[0].table)
-        self.copies = tuple(copies)
-        self.included = [self.include(f"copy {k}", copy) for k, copy in enumerate(copies)]
-        self.links = [self._linked(k) for k in range(1, len(copies))]
+    def __init__(self, first: GraspRods, others: Sequence[RodCopy]) -> None:
+        super().__init__("copies", first.table)
+        self.first, self.others = first, tuple(others)
+        problems = [first, *(copy.problem for copy in others)]
+        self.included = [self.include(f"copy {k}", problem) for k, problem in enumerate(problems)]
+        self.links = [self._linked(k, copy) for k, copy in enumerate(others, 1)]
 
-    def _linked(self, k: int) -> Indices:
-        """Rows: a copy has the tensions of the first one, per unit of that."""
-        first, other = self.included[0], self.included[k]
-        rows = list[Indices]()
-        for (a, unit, least), (b, own_unit, own_least) in zip(
-            *map(_tensions, (self.copies[0], self.copies[k])), strict=True
-        ):
-            at, own, ratio = first.unknowns[a], other.unknowns[b], own_unit / unit
-            self.bound(own, -np.inf, np.inf)
-            shift = ratio * own_least - least
-            row = self.rows(f"tension of copy {k}", "tendons", "1", 1, 1.0, shift, shift)
-            self.add(kinds.share_kind(), at, row, [1.0])
-            self.add(kinds.share_kind(), own, row, [-ratio])
-            rows.append(row.ravel())
-        return np.concatenate(rows)
+    def _linked(self, k: int, copy: RodCopy) -> Indices:
+        """Rows of what a copy holds."""
+        first, own = self.included[0].unknowns, self.included[k].unknowns
+        row = self.rows(
+            f"held by copy {k}",
+            "robust",
+            "1",
+            len(copy.held),
+            1.0,
+            [[v.shift] for v in copy.held],
+            [[v.shift] for v in copy.held],
+        )
+        for at, value in zip(row.ravel(), copy.held, strict=True):
+            self.bound(own[value.own], -np.inf, np.inf)
+            self.add(kinds.share_kind(), own[value.own], at, [1.0])
+            self.add(kinds.share_kind(), first[value.first], at, [-value.ratio])
+        return row.ravel()
 
     def split(self, x: Array) -> list[Array]:
         """Unknowns of each copy."""
@@ -55,17 +100,4 @@ class RodCopies(BlockProblem):
 
     def joined(self, xs: Sequence[Array]) -> Array:
         """Unknowns of all copies by those of each."""
-        x = np.zeros(self.size)
-        for part, own in zip(self.included, xs, strict=True):
-            x[part.unknowns] = own
-        return x
-
-
-def _tensions(problem: GraspRods) -> list[tuple[int, float, float]]:
-    """Places of the pulls, and unit and least value of each."""
-    pairs = zip(problem.parts, problem.numbers.fingers, strict=True)
-    return [
-        (int(at), pull.unit, pull.least)
-        for part, finger in pairs
-        for at, pull in zip(part.pulls, finger.section.pulls, strict=True)
-    ]
+        return np.concatenate(list(itertools.chain(xs)))
