@@ -13,5 +13,6 @@ from .problem import Constraints as Constraints
 from .problem import Violation as Violation
 from .solver import Settings as Settings
 from .solver import Solver as Solver
+from .slopes import SolutionSlopes as SolutionSlopes
 from .sums import Summand as Summand
 from .sums import summed as summed
