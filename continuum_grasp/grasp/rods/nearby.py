@@ -14,11 +14,13 @@ from continuum_grasp.grasp.body.bodies import body_of
 from continuum_grasp.grasp.nearby.held import STEP, Stencil, StructureChanges
 from continuum_grasp.grasp.rods.guess import Held
 from continuum_grasp.grasp.rods.hand_numbers import hand_numbers
+from continuum_grasp.grasp.rods.hand_search import HandRodSearch
 from continuum_grasp.grasp.rods.numbers import GraspAims, SceneNumbers
 from continuum_grasp.grasp.rods.planar_numbers import planar_numbers
 from continuum_grasp.grasp.rods.problem import GraspRods
+from continuum_grasp.grasp.rods.search import RodSearch
 from continuum_grasp.grasp.rods.solving import RodGrasp, RodStart, StartedSearch
-from continuum_grasp.nlp import SolutionSlopes, Start
+from continuum_grasp.nlp import Attempt, Budget, SolutionSlopes, Start
 from continuum_grasp.scene import GraspScene, HandScene
 
 _PLACED = {"position", "angle", "rotation", "mass", "density", "free", "against"}
@@ -96,6 +98,7 @@ class RodsAtScene:
 
     scene: GraspScene | HandScene
     grasp: RodGrasp
+    follower: RodsFollower
     chosen: bool = False
 
     @cached_property
@@ -104,9 +107,19 @@ class RodsAtScene:
         return self._quantities(self.scene, self.grasp.problem, self.grasp.attempt.x)
 
     @property
+    def attempt(self) -> Attempt:
+        """The solve that found it."""
+        return self.grasp.attempt
+
+    @property
     def objective(self) -> float:
         """Aim of the grasp."""
         return self.grasp.attempt.objective
+
+    @property
+    def acting(self) -> tuple[tuple[float, ...], ...]:
+        """Errors that decide the grasp: none of one that is held as the scene is."""
+        return ()
 
     def slopes(self, near: Stencil) -> tuple[Array, dict[str, float]]:
         """Derivatives of the unknowns (n,) and of the quantities along a direction of scenes.
@@ -207,6 +220,16 @@ class RodsFollower:
     search: StartedSearch
     spent: Callable[[int], None] = lambda iterations: None
 
+    @classmethod
+    def searched(cls, scene: Any, spent: Callable[[int], None] = lambda iterations: None) -> list[RodsAtScene]:
+        """Grasps that a full search finds, the best one first and the others by their aim."""
+        kind = HandRodSearch if isinstance(scene, HandScene) else RodSearch
+        search = kind(scene, Budget.of(scene.solver))
+        search.run()
+        follower = cls(search, spent)
+        held = sorted((g for g in search.tried if g.holds), key=lambda g: (not g.fine, g.attempt.objective))
+        return [RodsAtScene(scene, grasp, follower) for grasp in held]
+
     def at(self, scene: Any, before: RodsAtScene, guess: Array | None = None) -> RodsAtScene | None:
         """A grasp at a scene nearby, from a guess or from its own unknowns; None where it is lost."""
         numbers = numbers_near(before.grasp, before.scene, scene)
@@ -220,13 +243,13 @@ class RodsFollower:
                 return found
         return None
 
-    def heaviest(self, before: RodsAtScene) -> RodsAtScene | None:
-        """The grasp with the greatest mass next to one; None where the solver finds none."""
-        numbers = replace(numbers_near(before.grasp, before.scene, before.scene), aims=GraspAims(0.0, 0.0))
-        return self._solved(before.scene, NearStart(before.grasp.start, numbers), before.grasp, chosen=True)
+    def heaviest(self, before: RodsAtScene, scene: Any) -> RodsAtScene | None:
+        """The grasp of a scene with the greatest mass next to one; None where the solver finds none."""
+        numbers = replace(numbers_near(before.grasp, before.scene, scene), aims=GraspAims(0.0, 0.0))
+        return self._solved(scene, NearStart(before.grasp.start, numbers), before.grasp, chosen=True)
 
     def _solved(self, scene: Any, start: NearStart, beside: RodGrasp, *, chosen: bool) -> RodsAtScene | None:
         widen = _unlimited if chosen else None
         grasp = self.search.solved(start, widen, beside, fine=beside.fine)
         self.spent(grasp.attempt.iterations)
-        return RodsAtScene(scene, grasp, chosen) if grasp.holds else None
+        return RodsAtScene(scene, grasp, self, chosen) if grasp.holds else None
