@@ -5,6 +5,7 @@ from .attempt import SolverStatus as SolverStatus
 from .attempt import Start as Start
 from .blocks import BlockKind as BlockKind
 from .blocks import BlockProblem as BlockProblem
+from .blocks import IncludedProblem as IncludedProblem
 from .blocks import Lookup as Lookup
 from .problem import NLP as NLP
 from .problem import Block as Block
@@ -12,5 +13,6 @@ from .problem import Constraints as Constraints
 from .problem import Violation as Violation
 from .solver import Settings as Settings
 from .solver import Solver as Solver
+from .slopes import SolutionSlopes as SolutionSlopes
 from .sums import Summand as Summand
 from .sums import summed as summed

@@ -157,9 +157,7 @@ class WidenedMass(WidenedLimit):
     def widen(self, problem: GraspRods) -> None:
         less = problem.unknown("less mass", 0.0, 1.0)
         problem.cost(less, COST)
-        for row, weight in zip(problem.balance, problem.numbers.weight, strict=True):
-            if weight:
-                problem.add(kinds.share_kind(), less, [row], [-weight])
+        problem.add_load_share(less)
 
     def used(self, problem: GraspRods, x: Array) -> float:
         return float(x[problem.at["less mass"]][0])

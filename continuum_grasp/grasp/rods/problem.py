@@ -115,7 +115,7 @@ class GraspRods(BlockProblem):
         super().__init__("grasp", numbers.table.coefficients)
         self.numbers, self.geometry = numbers, numbers.geometry
         self.places, self.near, self._joints = tuple(places), tuple(near), joints
-        self.fine = fine
+        self.fine, self.stages = fine, stages
         # A finer problem has a multiple of the stages of each span.
         self._times = self.geometry.finer if fine else 1
         self.pose = self.unknown("pose", *numbers.pose_bounds)
@@ -176,7 +176,7 @@ class GraspRods(BlockProblem):
         form, d = finger.section.form, geometry.dimensions
         part = self._places(index, finger, stages)
         unit = finger.force / numbers.force
-        friction, most = finger.setup.held_friction, finger.setup.normal_force_max / finger.force
+        friction, most = finger.friction, finger.setup.normal_force_max / finger.force
         middles = part.touching[: len(finger.middles)]
         stage = kinds.stage_kind(geometry, form)
         for span in part.spans:
@@ -334,6 +334,12 @@ class GraspRods(BlockProblem):
         depth = self.numbers.penetration
         row = self.rows(f"apart, {one.name}, {other.name}", "overlap", "L", 1, 1.0, -depth, np.inf)
         self.add(kinds.chord_kind(self.geometry), unknowns, row, [ratio, reach])
+
+    def add_load_share(self, less: Indices) -> None:
+        """Take a share, an unknown, off the load of the object."""
+        for row, weight in zip(self.balance, self.numbers.weight, strict=True):
+            if weight:
+                self.add(kinds.share_kind(), less, [row], [-weight])
 
     # -- values ------------------------------------------------------------------------------------------------
 
