@@ -41,6 +41,7 @@ def filled(problem: GraspRods, guesses: Sequence[FingerGuess], supports: Held) -
         guess.fill(problem, index, x)
     for name, held in supports.items():
         x[problem.contacts[name][: len(held)]] = held
+    problem.wind(x)
     problem.bear(x)
     return x
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.body.table import DistanceTable
+from continuum_grasp.grasp.rods.drives import DriveNumbers, drives_of
 from continuum_grasp.grasp.rods.geometry import Geometry
 from continuum_grasp.grasp.rods.rod import half_thickness
 from continuum_grasp.model import Section, SectionPull
@@ -49,6 +50,7 @@ class FingerNumbers:
     middles: tuple[str, ...]
     tip: str | None
     walls: tuple[WallNumbers, ...]
+    drives: tuple[DriveNumbers, ...] = ()
 
     @property
     def length(self) -> float:
@@ -69,6 +71,11 @@ class FingerNumbers:
     def load(self) -> Array:
         """Force at the tip of the weight of the finger and of all masses (dimensions,)."""
         return self.section.mass * self.gravity
+
+    @property
+    def at_tip(self) -> Array:
+        """Numbers of the body fastened to the tip: mass times where its center is (2,), and gravity (dimensions,)."""
+        return np.array([*self.section.tip_arms, *self.gravity])
 
     @property
     def name(self) -> str:
@@ -121,6 +128,7 @@ class FingerNumbers:
             curvature_limit=min(finger.curvature_limit * section.length, UNIFORM),
             middles=tuple(name for name in setup.middle_names if name in on),
             tip=setup.tip_name if setup.tip_name in on else None,
+            drives=drives_of(setup, section),
             **placed,
         )
 
