@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -107,7 +107,9 @@ class BlockKind:
         self.values = ca.Function(f"{name}_rows", given, [ca.densify(rows)], {"cse": True})
         self.slopes = ca.Function(f"{name}_slopes", given, [ca.densify(rows), jacobian.nz[:]], {"cse": True})
         self.curvature = ca.Function(f"{name}_curvature", [*given, forces], [hessian.nz[:]], {"cse": True})
+        self.first: int | None = None
         if lookup is not None:
+            (self.first,) = ca.jacobian(lookup.first, data).sparsity().get_col()
             read = [lookup.at, lookup.first, lookup.counts, lookup.given]
             self.read = ca.Function(f"{name}_read", [unknowns, data], read, {"cse": True})
             self.series = lookup.series
@@ -120,6 +122,14 @@ class BlockKind:
         functions = CSource([getattr(self, name) for name in names]).loaded(f"{self.name} of grasps")
         for name, function in zip(names, functions or [], strict=False):
             setattr(self, name, function)
+
+    def moved(self, data: Array, by: int) -> Array:
+        """Data of a block whose coefficients are so many places further in the table."""
+        if self.first is None or by == 0:
+            return data
+        moved = data.copy()
+        moved[self.first] += by
+        return moved
 
     def found(self, unknowns: ca.MX, data: ca.MX, table: ca.MX, count: int) -> ca.MX:
         """Values that the lookups of blocks find, a column each."""
@@ -169,6 +179,15 @@ class _Blocks:
     data: list[Array]
 
 
+@dataclass(frozen=True, eq=False)
+class IncludedProblem:
+    """Places of a problem's unknowns and rows in another one that includes it."""
+
+    problem: BlockProblem
+    unknowns: Indices
+    rows: Indices
+
+
 class BlockProblem(Constraints):
     """A problem that is written as unknowns by name, rows by name, and blocks between them.
 
@@ -184,6 +203,7 @@ class BlockProblem(Constraints):
         super().__init__()
         self.name = name
         self.table = np.asarray(table, dtype=float)
+        self._tables = [(self.table, 0)]
         self.at: dict[str, Indices] = {}
         self._low: list[float] = []
         self._high: list[float] = []
@@ -211,6 +231,31 @@ class BlockProblem(Constraints):
         blocks.unknowns.append(parts[0])
         blocks.rows.append(parts[1])
         blocks.data.append(parts[2])
+
+    def include(self, name: str, part: BlockProblem) -> IncludedProblem:
+        """Add all that another problem consists of: unknowns, rows, blocks, and costs."""
+        unknowns = self.unknown(name, *part.limits)
+        rows = np.arange(self.count, self.count + part.count)
+        self.blocks += [
+            replace(block, name=f"{name}, {block.name}", rows=block.rows + self.count) for block in part.blocks
+        ]
+        self.count += part.count
+        first = self._first_of(part.table)
+        for blocks in part._blocks.values():
+            for at, of, data in zip(blocks.unknowns, blocks.rows, blocks.data, strict=True):
+                self.add(blocks.kind, unknowns[at], rows[of], blocks.kind.moved(data, first))
+        for place, costs in part._costs.items():
+            self.cost(unknowns[place], *costs)
+        return IncludedProblem(part, unknowns, rows)
+
+    def _first_of(self, table: Array) -> int:
+        """Place of the first coefficient of another problem's table, which is appended if it is a new one."""
+        for known, first in self._tables:
+            if known is table:
+                return first
+        self._tables.append((table, self.table.size))
+        self.table = np.concatenate([self.table, table])
+        return self._tables[-1][1]
 
     def cost(self, at: ArrayLike, linear: float, square: float = 0.0) -> None:
         """Add costs of unknowns to the objective: linear x + square x^2 / 2."""
@@ -246,6 +291,10 @@ class BlockProblem(Constraints):
             costs[:, place] = pair
         data = [np.concatenate(blocks.data) for blocks in self._blocks.values()]
         return np.concatenate([*data, self.table, *costs])
+
+    def objective(self, x: Array) -> float:
+        """Costs of unknowns (size,)."""
+        return float(sum(c * x[at] + 0.5 * s * x[at] ** 2 for at, (c, s) in self._costs.items()))
 
     def start(self, x: Array) -> Start:
         """A start of a solver at unknowns (size,)."""

@@ -76,8 +76,8 @@ class _Sight:
         self, parts: _Parts, geometry: Geometry, place: Sequence[Any], pose: Any, ratio: Any, order: int
     ) -> None:
         d = geometry.dimensions
-        axes, table = parts.datum("axes", geometry.axes), parts.datum("table", 2 * d + 2)
-        self.turn = geometry.turn(pose, axes)
+        self.axes, table = parts.datum("axes", geometry.axes), parts.datum("table", 2 * d + 2)
+        self.turn = geometry.turn(pose, self.axes)
         self.place = [ratio * part for part in geometry.in_space(place)]  # [object size]
         self.center = geometry.place(pose)
         away = [a - b for a, b in zip(self.place, self.center, strict=True)]
@@ -277,6 +277,30 @@ def bend_kind(geometry: Geometry, form: SectionForm) -> BlockKind:
     s = ends[0] + u * (ends[1] - ends[0])
     bend, _ = form.curvature(s, geometry.bending(own), acting.pulls, sliding, acting.numbers, acting.history)
     return parts.kind(f"bend_{form.key}", [bend])
+
+
+@cache
+def landing_kind(geometry: Geometry) -> BlockKind:
+    """Rows (dimensions - 1): along its surface, an object is touched where a tip landed on it.
+
+    The tip is where the object touches it in ``first``, a grasp in which the object has the pose ``landed`` less an
+    error ``off``; the object was off before it yielded to the tip.
+    """
+    parts = _Parts(geometry)
+    d = geometry.dimensions
+    at, pose = parts.unknown("at", d), parts.unknown("pose", geometry.pose)
+    first, landed = parts.unknown("first", d), parts.unknown("landed", geometry.pose)
+    ratio, off, across = parts.datum("ratio"), parts.datum("off", geometry.pose), parts.datum("across", 3)
+    sight = _Sight(parts, geometry, ca.vertsplit(at), pose, ratio, 3)
+    before = ca.vertsplit(landed + off)
+    center, turn = geometry.place(before), geometry.turn(before, sight.axes)
+    place = geometry.in_space([ratio * part for part in ca.vertsplit(first)])
+    own = turned(transposed(turn), [a - b for a, b in zip(place, center, strict=True)])
+    moved = zip(sight.place, sight.center, turned(sight.turn, own), strict=True)
+    away = [place - center - part for place, center, part in moved]
+    a = cross(ca.vertsplit(across), sight.normal)
+    along = [dot(a, away), dot(cross(sight.normal, a), away)]
+    return parts.kind("landing", along[: d - 1], sight.lookup)
 
 
 @cache

@@ -45,6 +45,7 @@ class FingerNumbers:
     history: Array  # of its friction
     pulls: Array  # (pulls,) greatest ones
     arm: float  # of torsional friction, per friction
+    friction: float  # coefficient, less the reserve
     places: tuple[float, float]  # of middle contacts
     curvature_limit: float
     middles: tuple[str, ...]
@@ -124,6 +125,7 @@ class FingerNumbers:
             gravity=acceleration,
             history=section.pulled,
             pulls=np.array([_greatest(setup, pull) for pull in section.pulls]),
+            friction=setup.held_friction,
             places=(first / section.length, last / section.length),
             curvature_limit=min(finger.curvature_limit * section.length, UNIFORM),
             middles=tuple(name for name in setup.middle_names if name in on),

@@ -37,15 +37,6 @@ def planar_numbers(
     """The numbers of a scene with the contacts ``on`` by name, with a unit of force F0 [N]."""
     pose, bases = place
     size = scene.object.size
-    turn = np.exp(1j * pose[2])
-    center = complex(*pose[:2]) + turn * complex(*scene.object.com)
-    touching = support_contacts(scene, pose, {name for name in on if scene.support_of(name) is not None})
-    supports = []
-    for name, start in touching.items():
-        arm = (complex(*pose[:2]) + turn * complex(*start.point) - center) / size
-        normal = turn * np.exp(1j * start.normal_angle)
-        most = scene.normal_force_max(name) / force
-        supports.append(SupportNumbers(name, _vector(arm), _vector(normal), _UP, scene.held_friction(name), most))
     own = np.array([pose[0] / size, pose[1] / size, pose[2]])
     bounds = np.array(scene.object.pose_bounds) / [[size], [size], [1.0]]
     free = scene.object.free is not None
@@ -54,7 +45,7 @@ def planar_numbers(
     return SceneNumbers(
         geometry=PLANE,
         fingers=[_finger(scene, setup, base, on) for setup, base in zip(scene.setups, bases, strict=True)],
-        supports=supports,
+        supports=planar_supports(scene, on, pose, force),
         table=table,
         size=size,
         force=force,
@@ -69,6 +60,20 @@ def planar_numbers(
         pairs=scene.pairs,
         penetration=scene.solver.penetration_tolerance,
     )
+
+
+def planar_supports(scene: GraspScene, on: frozenset[str], pose: Pose, force: float) -> list[SupportNumbers]:
+    """The numbers of the supports ``on`` by name that an object touches at a pose."""
+    size, turn = scene.object.size, np.exp(1j * pose[2])
+    center = complex(*pose[:2]) + turn * complex(*scene.object.com)
+    touching = support_contacts(scene, pose, {name for name in on if scene.support_of(name) is not None})
+    supports = []
+    for name, start in touching.items():
+        arm = (complex(*pose[:2]) + turn * complex(*start.point) - center) / size
+        normal = turn * np.exp(1j * start.normal_angle)
+        most = scene.normal_force_max(name) / force
+        supports.append(SupportNumbers(name, _vector(arm), _vector(normal), _UP, scene.held_friction(name), most))
+    return supports
 
 
 def _finger(scene: GraspScene, setup: FingerSetup, base: Pose, on: frozenset[str]) -> FingerNumbers:

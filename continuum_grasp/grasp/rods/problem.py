@@ -183,7 +183,7 @@ class GraspRods(BlockProblem):
         form, d = finger.section.form, geometry.dimensions
         part = self._places(index, finger, stages)
         unit = finger.force / numbers.force
-        friction, most = finger.setup.held_friction, finger.setup.normal_force_max / finger.force
+        friction, most = finger.friction, finger.setup.normal_force_max / finger.force
         middles = part.touching[: len(finger.middles)]
         stage = kinds.stage_kind(geometry, form)
         for span in part.spans:
