@@ -174,6 +174,9 @@ class WoundDrive:
         if drive.locks:
             unknowns = [*self.wound, *self.load, *self.command]
             problem.add(_sum_kind(3), unknowns, self._row("command"), [1.0, drive.servo, -1.0])
+        if not self._let_out:
+            # Stretches are never negative.
+            problem.bound(pulls, low=-np.inf)
         self._stretches = [self._stretch(tendon) for tendon in drive.tendons]
 
     def _row(self, name: str, value: float = 0.0) -> Indices:

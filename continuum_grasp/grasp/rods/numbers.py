@@ -42,7 +42,7 @@ class FingerNumbers:
     base: Array  # place and direction (`Geometry.oriented`,)
     across: Array  # (3,) axis of bending at the base
     gravity: Array  # (dimensions,) [m/s2]
-    history: Array  # of its friction
+    history: Array  # of its friction: a row for each of as many cells of the same number of stages
     pulls: Array  # (pulls,) greatest ones
     arm: float  # of torsional friction, per friction
     friction: float  # coefficient, less the reserve
@@ -88,9 +88,14 @@ class FingerNumbers:
         """Names of its contacts, from the base on."""
         return [*self.middles, *([self.tip] if self.tip else [])]
 
-    def acting(self, piece: int) -> Array:
-        """Numbers of what acts on a piece, without its force and pulls."""
-        return np.array([*self.gravity, *self.history, *self.section.numbers(piece), *self.sides])
+    def history_at(self, along: float) -> Array:
+        """History in the stage that begins at a share of all stages."""
+        # 1e-6: rounding of the share
+        return np.asarray(self.history[int(along * len(self.history) + 1e-6)])
+
+    def acting(self, piece: int, along: float = 0.0) -> Array:
+        """Numbers of what acts in the stage that begins at a share of all stages, without its force and pulls."""
+        return np.array([*self.gravity, *self.history_at(along), *self.section.numbers(piece), *self.sides])
 
     def thickness(self, piece: int) -> Array:
         """Numbers of the half thickness on a piece (`THICKNESS`,)."""
@@ -123,7 +128,7 @@ class FingerNumbers:
             setup=setup,
             section=section,
             gravity=acceleration,
-            history=section.pulled,
+            history=section.pulled[None],
             pulls=np.array([_greatest(setup, pull) for pull in section.pulls]),
             friction=setup.held_friction,
             places=(first / section.length, last / section.length),

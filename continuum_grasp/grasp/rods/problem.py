@@ -85,6 +85,10 @@ class FingerPlaces:
         """States of the tendons at a node."""
         return self.nodes[node][self.own :]
 
+    def along(self, node: int) -> float:
+        """Share of all stages that come before the stage that ends at a node; zero for the base."""
+        return max(node - 1, 0) / (len(self.nodes) - 1)
+
     def span_of(self, node: int) -> StageSpan:
         """StageSpan of the stage before a node; the first one for the base."""
         return next(span for span in reversed(self.spans) if span.first < max(node, 1))
@@ -106,6 +110,8 @@ class GraspRods(BlockProblem):
         Nodes and chords of fingers that keep apart.
     fine : bool
         Whether there are as many stages as in a grasp that the search returns.
+    reached : bool
+        Whether drives reach the grasp; else they hold what they have, and tendons that are let out may pull.
     """
 
     def __init__(
@@ -117,11 +123,12 @@ class GraspRods(BlockProblem):
         places: Sequence[StagePlace] = (),
         near: Sequence[NearPair] = (),
         fine: bool = False,
+        reached: bool = True,
     ) -> None:
         super().__init__("grasp", numbers.table.coefficients)
         self.numbers, self.geometry = numbers, numbers.geometry
         self.places, self.near, self._joints = tuple(places), tuple(near), joints
-        self.fine = fine
+        self.fine, self._reached = fine, reached
         # A finer problem has a multiple of the stages of each span.
         self._times = self.geometry.finer if fine else 1
         self.pose = self.unknown("pose", *numbers.pose_bounds)
@@ -192,12 +199,12 @@ class GraspRods(BlockProblem):
                 if node - 1 in middles:
                     begin[geometry.moments] = part.turns[middles.index(node - 1)]
                 unknowns = [*begin, *part.nodes[node], *span.force, *part.pulls, *span.ends]
-                data = [*finger.acting(span.piece), *span.shares(node)]
+                data = [*finger.acting(span.piece, part.along(node)), *span.shares(node)]
                 self.add(stage, unknowns, self.rows(f"rod, {finger.name}", key, "L", len(begin)), data)
         losses = sum(name.startswith("loss") for name in form.sliding_names)
         if losses:
             row = self.rows(f"tendons, {finger.name}", key, "1", losses)
-            self.add(kinds.enter_kind(form), part.sliding(0), row, [*finger.history, *finger.section.numbers(0)])
+            self.add(kinds.enter_kind(form), part.sliding(0), row, [*finger.history[0], *finger.section.numbers(0)])
         for k, name in enumerate(finger.contacts):
             node = part.touching[k]
             span, is_tip = part.span_of(node), name == finger.tip
@@ -222,7 +229,7 @@ class GraspRods(BlockProblem):
 
     def _drives(self, finger: FingerNumbers, part: FingerPlaces) -> list[WoundDrive]:
         """What winds up the tendons of a finger."""
-        return [WoundDrive(self, finger, part, k, reached=True) for k in range(len(finger.drives))]
+        return [WoundDrive(self, finger, part, k, reached=self._reached) for k in range(len(finger.drives))]
 
     def _places(self, index: int, finger: FingerNumbers, stages: int) -> FingerPlaces:
         """Unknowns of a finger."""
@@ -304,7 +311,7 @@ class GraspRods(BlockProblem):
             span = part.span_of(node)
             row = self.rows(f"strain, {finger.name}", key, "1 / L", 1, 1.0, -limit, limit)
             unknowns = [*part.nodes[node], *span.force, *part.pulls, *span.ends]
-            data = [*finger.acting(span.piece), (node - span.first) / span.stages]
+            data = [*finger.acting(span.piece, part.along(node)), (node - span.first) / span.stages]
             self.add(kinds.bend_kind(geometry, form), unknowns, row, data)
 
     def _marks(self, index: int, finger: FingerNumbers, part: FingerPlaces) -> list[float]:
