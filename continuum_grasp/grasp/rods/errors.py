@@ -2,8 +2,8 @@
 
 An error is a row of numbers: offsets of the object's place [m] and turns [rad], and shares [1] of its size, of all
 friction coefficients, of its mass, and of all tensions. Where friction states must not matter, these follow: of each
-stage of a finger a direction from -1 to 1 of each of its frictions. An object that touches supports stays against them where it
-lies; others yield to the fingers, and tips that come straight onto them stay where they land.
+stage of a finger a direction from -1 to 1 of each of its frictions. An object that touches supports stays against them
+where it lies; others yield to the fingers, and tips that come straight onto them stay where they land.
 """
 
 from __future__ import annotations
