@@ -247,6 +247,11 @@ class BlockProblem(Constraints):
                 for place, value in zip(places, np.broadcast_to(np.asarray(values, float), len(places)), strict=True):
                     bounds[place] = float(value)
 
+    @cached_property
+    def free_row(self) -> int:
+        """A row without bounds, for rows of blocks that do not matter."""
+        return int(self.rows("free", self.name, "1", 1, 1.0, -np.inf, np.inf).item())
+
     def add_tangents(self, changes: Indices, rows: Indices) -> None:
         """Add the changes of rows to first order.
 
@@ -257,8 +262,7 @@ class BlockProblem(Constraints):
         rows : ndarray of int, shape (count before,)
             Place of the row that is the change of each row; -1 of rows whose changes do not matter.
         """
-        free = int(self.rows("free", self.name, "1", 1, 1.0, -np.inf, np.inf).item())
-        places = np.where(rows < 0, free, rows)
+        places = np.where(rows < 0, self.free_row, rows)
         for blocks in list(self._blocks.values()):
             for at, own, data in zip(blocks.unknowns, blocks.rows, blocks.data, strict=True):
                 if own.max() < len(rows) and (rows[own] >= 0).any():

@@ -309,17 +309,19 @@ class _Grasp:
             touch.normal,
             across,
             touch.friction / reserve,
-            touch.torsional / reserve,
+            touch.torsional,
             touch.most,
         )
 
     def _pushed_support(self, touch: _Touch, center: Array, give: float) -> PushedSupport:
         """A support; a face that lies on it by several points does not roll."""
-        contact = self._pressed(touch, np.array([0.0, 0.0, 1.0]))
+        planar = len(self.stage.axes) == 2
+        # Any fixed direction will do that is not along the normal; in a plane, the one out of it.
+        across = np.eye(3)[2 if planar else np.abs(touch.normal).argmin()]
+        contact = self._pressed(touch, across)
         name = _support_of(self.stage, contact.name)
         same = sum(_support_of(self.stage, each.name) == name for each in self.held.supports)
         obstacle = next(each for each in self.stage.obstacles if each.name == name)
-        planar = len(self.stage.axes) == 2
         way = rolls(self.body, contact, self.stage.size, obstacle.curvature, planar=planar)
         return PushedSupport(contact, center, way if same == 1 else np.zeros((3, 3)), self.stage.axes, give)
 

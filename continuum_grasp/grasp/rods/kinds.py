@@ -15,9 +15,10 @@ from functools import cache
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from continuum_grasp.grasp.body.table import DistanceTable
-from continuum_grasp.grasp.rods.geometry import Geometry, cross, dot, exerted, transposed, turned
+from continuum_grasp.grasp.rods.geometry import Geometry, Value, cross, dot, exerted, library, transposed, turned
 from continuum_grasp.grasp.rods.rod import THICKNESS, between, half_thickness, taper
 from continuum_grasp.model import RodLoads, SectionForm, stage_end
 from continuum_grasp.nlp import BlockKind, Lookup
@@ -300,6 +301,66 @@ def cone_kind(*, spatial: bool) -> BlockKind:
     if spatial:
         return parts.kind("cone", [most - ca.sqrt(ca.sumsqr(held[1:]) + apex**2)])
     return parts.kind("wedge", [most - held[1], most + held[1]])
+
+
+@cache
+def pushed_kind(directions: int) -> BlockKind:
+    """Rows: a contact is within its cone for changes of its force in every direction of a push.
+
+    The normal force less, and with, what the push changes of it; then f' S f - e - sum l^2 over the last row of L; then
+    L L' less the rest of the matrix. With S = diag(mu^2, -1, -1, -1), load f and changes G (4, directions), all f + G d,
+    |d| <= 1, are within the cone if some e >= 0 and lower triangular L make
+
+        [ G' S G + e 1    G' S f     ]
+        [ f' S G          f' S f - e ]  =  L L',
+
+    that is, positive semidefinite (`continuum_grasp.grasp.certificate.push`). The last entry of L is a bound. Pivots in
+    place of L would not do: the last one has the sign of a fraction where another one is zero.
+    """
+    parts, size = _Parts(), directions + 1
+    held, changes = parts.unknown("held", HELD), parts.unknown("changes", HELD * directions)
+    spare, entries = parts.unknown("spare"), parts.unknown("factor", size * (size + 1) // 2 - 1)
+    friction = parts.datum("friction")
+    slope = ca.reshape(changes, HELD, directions)
+    matrix = pushed_matrix(slope, held, friction, spare)
+    places = [(i, j) for i in range(size) for j in range(i + 1)]
+    factor = ca.SX(size, size)
+    for k, place in enumerate(places[:-1]):
+        factor[place] = entries[k]
+    square = factor @ factor.T
+    # 1e-24: keeps the root differentiable where nothing changes
+    opening = ca.sqrt(ca.sumsqr(slope[0, :]) + 1e-24)
+    left = [square[place] - matrix[place] for place in places]
+    return parts.kind(f"pushed_{directions}", [held[0] - opening, held[0] + opening, -left[-1], *left[:-1]])
+
+
+def pushed_matrix(slope: Any, load: Any, friction: Value, spare: Value) -> Any:
+    """Matrix (K + 1, K + 1) of `pushed_kind` by the changes (4, K) of a load (4,); of CasADi or NumPy."""
+    lib = library(load)
+    whole = ca.horzcat(slope, load) if lib is ca else np.column_stack([slope, load])
+    form = [friction**2, *[-1.0] * (HELD - 1)]
+    form = ca.diag(ca.vertcat(*form)) if lib is ca else np.diag(form)
+    count = whole.shape[1] - 1
+    spares = ca.diag(ca.vertcat(*[spare] * count, -spare)) if lib is ca else np.diag([*[spare] * count, -spare])
+    return whole.T @ form @ whole + spares
+
+
+@cache
+def moved_kind() -> BlockKind:
+    """Rows (2): normal force of a contact after a change, and what its friction cone leaves then."""
+    parts = _Parts()
+    held, change = parts.unknown("held", HELD), parts.unknown("change", HELD)
+    friction, apex = parts.datum("friction"), parts.datum("apex")
+    now = held + change
+    return parts.kind("moved", [now[0], friction * now[0] - ca.sqrt(ca.sumsqr(now[1:]) + apex**2)])
+
+
+@cache
+def sum_kind() -> BlockKind:
+    """Row: the sum of two unknowns."""
+    parts = _Parts()
+    first, last = parts.unknown("first"), parts.unknown("last")
+    return parts.kind("sum", [first + last])
 
 
 @cache

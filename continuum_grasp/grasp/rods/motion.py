@@ -55,6 +55,8 @@ class GraspMotion:
     problem : GraspRods
     idle : collection of str
         Names of contacts that bear nothing: they part, and move with their finger.
+    retensioned : bool
+        Whether tensions change, too: there are as many more changes than rows.
 
     Attributes
     ----------
@@ -64,8 +66,9 @@ class GraspMotion:
         Rows of the problem that stay.
     """
 
-    def __init__(self, problem: GraspRods, idle: Collection[str] = ()) -> None:
+    def __init__(self, problem: GraspRods, idle: Collection[str] = (), *, retensioned: bool = False) -> None:
         self.problem, self.idle = problem, frozenset(idle)
+        self._pulled = [part.pulls for part in problem.parts] if retensioned else []
         self._planar = problem.geometry.dimensions == 2
         self.balance = problem.balance[[0, 1, 5]] if self._planar else problem.balance
         self.changing = self._changing()
@@ -89,7 +92,7 @@ class GraspMotion:
         problem = self.problem
         low, high = problem.limits
         names = [name for name in problem.at if name.startswith(_CHANGING) and not name.endswith(tuple(self._idle_ends))]
-        found = np.concatenate([problem.pose, *(problem.at[name][(low < high)[problem.at[name]]] for name in names)])
+        found = np.concatenate([problem.pose, *self._pulled, *(problem.at[name][(low < high)[problem.at[name]]] for name in names)])
         # A planar grasp moves in its plane.
         lifts = [at[2] for at in problem.contacts.values()] if self._planar else []
         return np.setdiff1d(found, lifts)

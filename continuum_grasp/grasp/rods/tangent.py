@@ -125,6 +125,15 @@ class GraspTangent:
 
     # -- the object ----------------------------------------------------------------------------------------------
 
+    def to_loads(self, loads: Array) -> Array:
+        """Changes (changing, K) of the unknowns by loads (K, 6) on the object [F0, F0 size]."""
+        right = np.zeros((len(self.motion.changing), len(loads)))
+        rows, wanted = self.problem.balance.tolist(), self.motion.balance.tolist()
+        for row in wanted:
+            # The balance has the load among its parts.
+            right[self._places[row]] = -loads[:, rows.index(row)]
+        return self.solved(right)
+
     @property
     def _wrenches(self) -> tuple[list[int], Array]:
         """Components of a wrench (of 6) that move the object, and their units [N, N m]."""
@@ -139,11 +148,9 @@ class GraspTangent:
 
         A planar grasp does not answer to what leads out of its plane: zeros.
         """
-        own, units = self._wrenches
-        loads = np.zeros((len(self.motion.changing), 6))
-        # The balance has the load among its parts.
-        loads[[self._places[int(row)] for row in self.motion.balance], own] = -1.0 / units
-        return self._seen(self.solved(loads))
+        numbers = self.problem.numbers
+        units = numbers.force * np.array([1.0, 1.0, 1.0, numbers.size, numbers.size, numbers.size])
+        return self._seen(self.to_loads(np.diag(1.0 / units)))
 
     def by_tensions(self) -> GraspResponse:
         """Changes by each pull of each finger [1 N, 1 Pa of chambers], one finger after the other."""
