@@ -66,6 +66,7 @@ def hand_numbers(scene: HandScene, on: frozenset[str], table: DistanceTable) -> 
         penetration=scene.solver.penetration_tolerance,
         deviation=scene.object.deviation,
         least_normal=PRESSED * scene.weight / force if supports else 0.0,
+        reserve=scene.contacts.reserve,
     )
 
 

@@ -157,6 +157,7 @@ class SupportNumbers:
     across: Array  # (3,) a direction along the surface
     friction: float
     most: float  # [F0]
+    curvature: float = 0.0  # of its surface, convex positive [per object size]
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,6 +190,13 @@ class SceneNumbers:
     penetration: float  # depth of a finger that is allowed [L]
     deviation: float = 0.0  # of the object's surface from the one that it stands for [m]
     least_normal: float = 0.0  # force of a contact of a finger [F0]
+    reserve: float = 0.0  # share of all friction that stays free
+
+    def friction(self, contact: str) -> float:
+        """Friction coefficient of a contact by name, with the reserve."""
+        held = {support.name: support.friction for support in self.supports}
+        held |= {name: finger.setup.held_friction for finger in self.fingers for name in finger.contacts}
+        return held[contact] / (1.0 - self.reserve)
 
     def seen(self, finger: FingerNumbers, points: Array, pose: Array, contact: str = "") -> tuple[Array, Array]:
         """Gaps (n,) of the object at points (n, dimensions) of a finger [L], and normals (n, 3) as the hand sees them.

@@ -20,7 +20,7 @@ from continuum_grasp.grasp.rods.numbers import (
 from continuum_grasp.grasp.rods.planar import PLANE
 from continuum_grasp.grasp.starts.supports import support_contacts
 from continuum_grasp.grasp.starts.values import Pose
-from continuum_grasp.scene import FingerSetup, GraspScene
+from continuum_grasp.scene import FingerSetup, GraspScene, Peg
 
 _CELLS = 180
 """Cells of the table along its longer side."""
@@ -59,6 +59,7 @@ def planar_numbers(
         aims=GraspAims(aims.least_tension, aims.greatest_friction_margin),
         pairs=scene.pairs,
         penetration=scene.solver.penetration_tolerance,
+        reserve=scene.contacts.reserve,
     )
 
 
@@ -72,7 +73,10 @@ def planar_supports(scene: GraspScene, on: frozenset[str], pose: Pose, force: fl
         arm = (complex(*pose[:2]) + turn * complex(*start.point) - center) / size
         normal = turn * np.exp(1j * start.normal_angle)
         most = scene.normal_force_max(name) / force
-        supports.append(SupportNumbers(name, _vector(arm), _vector(normal), _UP, scene.held_friction(name), most))
+        friction, body = scene.held_friction(name), scene.support_of(name)
+        # 1e-9: a peg without a radius is a point
+        curvature = size / max(body.radius, 1e-9 * size) if isinstance(body, Peg) else 0.0
+        supports.append(SupportNumbers(name, _vector(arm), _vector(normal), _UP, friction, most, curvature))
     return supports
 
 
