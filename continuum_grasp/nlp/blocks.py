@@ -29,6 +29,9 @@ from continuum_grasp.nlp.sums import entries_at, scattered
 
 ORDER = 4
 """Coefficients of a cubic spline per axis that act in a cell."""
+LONG = 500
+"""Instructions of second derivatives from which on functions of a kind are compiled: an interpreter takes 10 to 14
+times as long for thousands of them, and hardly longer for a few (`benchmarks.bench_rods`, with and without ``CC=``)."""
 _STORED = 64
 """Structures whose problems are stored in a process."""
 _problems: dict[tuple[object, ...], NLP] = {}
@@ -78,9 +81,6 @@ class BlockKind:
     rows : casadi.SX
         Expression of these, and of ``lookup.found``.
     lookup : Lookup, optional
-    compiled : bool
-        Whether its functions are compiled, once per machine, if there is a compiler. An interpreter takes 10 to 14
-        times as long for rows of thousands of operations.
     """
 
     def __init__(
@@ -90,8 +90,6 @@ class BlockKind:
         data: ca.SX,
         rows: ca.SX,
         lookup: Lookup | None = None,
-        *,
-        compiled: bool = False,
     ) -> None:
         self.name = name
         self.unknowns = int(unknowns.numel())
@@ -111,13 +109,13 @@ class BlockKind:
             read = [lookup.at, lookup.first, lookup.counts, lookup.given]
             self.read = ca.Function(f"{name}_read", [unknowns, data], read, {"cse": True})
             self.series = lookup.series
-        if compiled:
+        if self.curvature.n_instructions() > LONG:
             self._compile()
 
     def _compile(self) -> None:
-        """Take compiled functions, where there is a compiler; once per machine, as kinds are few."""
+        """Take compiled functions if they are there; else have them compiled once per machine, as kinds are few."""
         names = ["values", "slopes", "curvature", *(["read", "series"] if self.axes else [])]
-        functions = CSource([getattr(self, name) for name in names]).loaded(f"{self.name} of grasps")
+        functions = CSource([getattr(self, name) for name in names]).loaded_or_begun(f"{self.name} of grasps")
         for name, function in zip(names, functions or [], strict=False):
             setattr(self, name, function)
 

@@ -62,8 +62,7 @@ class _Parts:
         """The kind of these symbols."""
         name = name if self._geometry is None else f"{name}_{self._geometry.name}"
         data = ca.vertcat(*self._data) if self._data else ca.SX(0, 1)
-        compiled = self._geometry is not None and self._geometry.compiled
-        return BlockKind(name, ca.vertcat(*self._unknowns), data, ca.vertcat(*rows), lookup, compiled=compiled)
+        return BlockKind(name, ca.vertcat(*self._unknowns), data, ca.vertcat(*rows), lookup)
 
 
 class _Sight:
