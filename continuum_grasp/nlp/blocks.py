@@ -119,8 +119,8 @@ class BlockKind:
         for name, function in zip(names, functions or [], strict=False):
             setattr(self, name, function)
 
-    def found(self, unknowns: ca.MX, data: ca.MX, table: ca.MX, count: int) -> ca.MX:
-        """Values that the lookups of blocks find, a column each."""
+    def found(self, unknowns: ca.MX, data: ca.MX, numbers: ca.MX, table: int, count: int) -> ca.MX:
+        """Values that the lookups of blocks find, a column each; the table starts at a place among the numbers."""
         if not self.axes:
             return ca.MX(0, count)
         at, first, counts, given = self.read.map(count)(unknowns, data)
@@ -131,7 +131,8 @@ class BlockKind:
             along = ca.repmat(cell[axis, :] - 1.0, ORDER**self.axes, 1) + ca.repmat(_offsets(self.axes)[axis], 1, count)
             place = place + along * stride
             stride = stride * ca.repmat(counts[axis, :], ORDER**self.axes, 1)
-        coefficients = ca.reshape(table[ca.vec(place)], ORDER**self.axes, count)
+        # From the numbers themselves: a part of them would be a copy of the table in each call.
+        coefficients = ca.reshape(numbers[ca.vec(place) + table], ORDER**self.axes, count)
         return self.series.map(count)(given, cell, coefficients)
 
     def value(self, unknowns: Array, data: Array, table: Array) -> Array:
@@ -285,7 +286,8 @@ class _Sum:
         ends = np.cumsum([0, *sizes, table, size, size]).tolist()
         self.x, self.p = ca.MX.sym("x", size), ca.MX.sym("p", ends[-1])
         self._f_force, self._forces = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", count)
-        *owned, self._table, self._linear, self._square = (self.p[a:b] for a, b in itertools.pairwise(ends))
+        *owned, _, self._linear, self._square = (self.p[a:b] for a, b in itertools.pairwise(ends))
+        self._table = ends[-4]
         self._given = [self._given_to(b, data) for b, data in zip(blocks, owned, strict=True)]
         self._blocks = blocks
 
@@ -294,7 +296,7 @@ class _Sum:
         kind, count = blocks.kind, len(blocks.data)
         unknowns = ca.reshape(self.x[np.concatenate(blocks.unknowns).tolist()], kind.unknowns, count)
         data = ca.reshape(data, kind.data, count)
-        return unknowns, data, kind.found(unknowns, data, self._table, count)
+        return unknowns, data, kind.found(unknowns, data, self.p, self._table, count)
 
     @cached_property
     def nlp(self) -> NLP:
