@@ -16,9 +16,10 @@ from continuum_grasp.grasp.finger_map.fill import FingerMap
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.rods.guess import ShotFinger
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
-from continuum_grasp.grasp.rods.planar_numbers import planar_numbers, planar_table
+from continuum_grasp.grasp.rods.planar_numbers import planar_numbers, planar_supports, planar_table
 from continuum_grasp.grasp.rods.problem import STAGES
 from continuum_grasp.grasp.rods.solving import RodStart, StartedSearch
+from continuum_grasp.grasp.rods.supports import SupportNumbers
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import GraspScene
 
@@ -60,6 +61,14 @@ class Case:
     def numbers(self) -> SceneNumbers:
         """The scene in plain numbers."""
         return planar_numbers(self._scene, self.on, self.place, self.balance.force, self.search.table)
+
+    def supports_at(self, pose: Array) -> list[SupportNumbers]:
+        """The supports of the scene as they touch the object at a pose; of a fixed one as they are."""
+        if self._scene.object.free is None:
+            return self.numbers.supports
+        size = self._scene.object.size
+        x, y, angle = (pose * [size, size, 1.0]).tolist()
+        return planar_supports(self._scene, self.on, (x, y, angle), self.balance.force)
 
     @cached_property
     def _combinations(self) -> Array:
@@ -133,11 +142,15 @@ class SettledStart(RodStart):
         """The scene in plain numbers."""
         return self._case.numbers
 
+    def supports_at(self, pose: Array) -> list[SupportNumbers]:
+        """The supports of the scene as they touch the object at a pose."""
+        return self._case.supports_at(pose)
+
     @property
     def _lift(self) -> float:
         """Force of the object on each contact out of the plane [F0]."""
         numbers = self.numbers
-        count = sum(len(finger.contacts) for finger in numbers.fingers) + len(numbers.supports)
+        count = sum(len(finger.contacts) for finger in numbers.fingers) + sum(each.touches for each in numbers.supports)
         return float(numbers.weight[2]) / count if numbers.spatial else 0.0
 
     @property
@@ -158,7 +171,7 @@ class SettledStart(RodStart):
         """Forces of supports by name [F0]."""
         balance = self._case.balance
         pairs = np.reshape(self._x[balance.at[-1] : balance.first_lift], (-1, 2))
-        names = (support.name for support in self.numbers.supports)
+        names = (support.name for support in self.numbers.supports if support.touches)
         return {name: np.array([*pair, self._lift]) for name, pair in zip(names, pairs, strict=True)}
 
 
