@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from continuum_grasp.base import Array
+from continuum_grasp.grasp.rods.guess import nodes_along
 from continuum_grasp.grasp.rods.obstacles import FingerObstacle
 from continuum_grasp.grasp.rods.problem import GraspRods, NearPair, StagePlace
 from continuum_grasp.grasp.rods.rod import between
@@ -72,11 +73,7 @@ class _SampledLine:
 
 def places_of_nodes(problem: GraspRods, x: Array, finger: int) -> Array:
     """Places of a finger's nodes along it [L]."""
-    places = [np.zeros(1)]
-    for span in problem.parts[finger].spans:
-        begin, end = x[span.ends]
-        places.append(begin + (end - begin) * np.arange(1, span.stages + 1) / span.stages)
-    return np.concatenate(places)
+    return nodes_along(problem.parts[finger], x)
 
 
 class Crossing:

@@ -33,7 +33,7 @@ RESTED = 1e-8
 """Distance by which contacts with supports may move without being taken anew [object size]."""
 BORNE = 1e-6
 """Sum of forces and moments that nothing bears, up to which a grasp holds [F0]."""
-TIED = 1e-6
+TIED = 1e-4
 """Share of the aim up to which two grasps are the same."""
 FINE = 0.1
 """Step of the tables at contacts, per half thickness of the thinnest finger."""
@@ -95,7 +95,7 @@ class RodStart(ABC):
     @property
     def joints(self) -> list[tuple[float, ...]]:
         """Approximate places of the middle contacts of each finger [L]."""
-        return [guess.middles for guess in self.guesses]
+        return [guess.joints for guess in self.guesses]
 
     def supports_at(self, pose: Array) -> list[SupportNumbers]:
         """The supports of the scene as they touch the object at a pose."""
@@ -171,8 +171,26 @@ class StartedSearch(ABC):
         self._try(self.starts, most)
         if self.best is None:
             self._try(self.further, most)
+        while (best := self.best) is not None and self._improved(best):
+            pass
         while (best := self.best) is not None and not best.fine and not self.budget.over:
             self.tried[self.tried.index(best)] = self.solved(best.start, beside=best)
+
+    def beside(self, grasp: RodGrasp) -> Iterator[RodStart]:
+        """Starts with other contacts than a grasp, next to it."""
+        yield from ()
+
+    def _improved(self, best: RodGrasp) -> bool:
+        """Whether a start next to the best grasp leads to a better one, by more than a share of its aim."""
+        known = {grasp.start.on for grasp in self.tried if isinstance(grasp.start, type(best.start))}
+        for start in self.beside(best):
+            if self.budget.over or start.on in known:
+                continue
+            grasp = self.solved(start, fine=False)
+            self.tried.append(grasp)
+            if grasp.holds and grasp.attempt.objective < best.attempt.objective - TIED * abs(best.attempt.objective):
+                return True
+        return False
 
     def agree(self, share: float) -> bool:
         """Whether the most promising starts and those of other places lead to the same aim, within a share."""
