@@ -175,7 +175,9 @@ class ResistedDisturbances(GraspAnswers):
         limits = problem.limits[1]
         for k, changes in enumerate(self.changes):
             for name, held in problem.contacts.items():
-                rows = problem.rows(f"disturbed {k}, {name}", self.key, "F0", 1, [1.0, 1.0], 0.0, [limits[held[0]], np.inf])
+                rows = problem.rows(
+                    f"disturbed {k}, {name}", self.key, "F0", 1, [1.0, 1.0], 0.0, [limits[held[0]], np.inf]
+                )
                 data = [numbers.friction(name), APEX]
                 problem.add(kinds.moved_kind(), [*held, *changes[held]], rows, data)
             for part, finger in zip(problem.parts, numbers.fingers, strict=True):

@@ -295,19 +295,17 @@ class SpatialErrors(ErrorSpace):
         numbers = self.grasp.problem.numbers
         growth = self.share(error, "radius")
         shift, turn = error[:3].copy(), error[3:6].copy()
-        for support in numbers.supports:
+        contacts = [support.touched(numbers, numbers.pose) for support in numbers.supports]
+        for _, normal in contacts:
             # An object against a support moves along it and turns about its normal; it grows away from it.
-            shift -= support.normal * (support.normal @ shift)
-            turn = support.normal * (support.normal @ turn)
-        lifted = {tuple(np.round(support.normal, 9)): support for support in numbers.supports}
-        for support in lifted.values():
-            shift -= support.normal * (support.normal @ support.arm) * growth * numbers.size
+            shift -= normal * (normal @ shift)
+            turn = normal * (normal @ turn)
+        place = np.array(numbers.geometry.place(numbers.pose))
+        raised = {tuple(np.round(normal, 9).tolist()): float(normal @ (point - place)) for point, normal in contacts}
+        for normal, height in raised.items():
+            shift -= np.array(normal) * height * growth * numbers.size
         rotation = Rotation.from_rotvec(turn).as_matrix()
-        supports = [
-            replace(
-                support, friction=support.friction * (1.0 + self.share(error, "friction")), arm=rotation @ support.arm
-            )
-            for support in numbers.supports
-        ]
+        friction = 1.0 + self.share(error, "friction")
+        supports = [replace(support, friction=support.friction * friction) for support in numbers.supports]
         pose = self.pose + np.concatenate([shift, np.zeros(3)])
         return PlacedObject(pose, (rotation @ numbers.axes.reshape(3, 3)).ravel(), supports)

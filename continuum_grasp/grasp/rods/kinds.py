@@ -231,13 +231,52 @@ def _on_object(force: Sequence[Any], lever: Sequence[Any], twist: Sequence[Any])
 
 
 @cache
-def support_kind() -> BlockKind:
-    """Rows (6): the force of a support on an object that does not move."""
-    parts = _Parts()
-    held = parts.unknown("held", HELD)
-    arm, n, across = parts.datum("arm", 3), parts.datum("normal", 3), parts.datum("across", 3)
-    force = exerted(held, ca.vertsplit(n), ca.vertsplit(across))
-    return parts.kind("support", _on_object(force, ca.vertsplit(arm), [0.0] * 3))
+def support_kind(geometry: Geometry) -> BlockKind:
+    """Rows (6): the force of a flat support on the object, which touches it with a ball about a point."""
+    parts = _Parts(geometry)
+    held, pose = parts.unknown("held", HELD), parts.unknown("pose", geometry.pose)
+    n, point, radius = parts.datum("normal", 3), parts.datum("point", 3), parts.datum("radius")
+    across, center, axes = parts.datum("across", 3), parts.datum("center", 3), parts.datum("axes", geometry.axes)
+    force = exerted(held, n := ca.vertsplit(n), ca.vertsplit(across))
+    arm = turned(geometry.turn(pose, axes), ca.vertsplit(point - center))
+    lever = [a + radius * b for a, b in zip(arm, n, strict=True)]
+    return parts.kind("support", _on_object(force, lever, [0.0] * 3))
+
+
+@cache
+def rest_kind(geometry: Geometry) -> BlockKind:
+    """Row: the gap between a flat support and a ball about a point of the object."""
+    parts = _Parts(geometry)
+    pose = parts.unknown("pose", geometry.pose)
+    n, point, radius = parts.datum("normal", 3), parts.datum("point", 3), parts.datum("radius")
+    level, axes = parts.datum("level"), parts.datum("axes", geometry.axes)
+    arm = turned(geometry.turn(pose, axes), ca.vertsplit(point))
+    place = [a + b for a, b in zip(geometry.place(pose), arm, strict=True)]
+    return parts.kind("rest", [level - dot(ca.vertsplit(n), place) - radius])
+
+
+@cache
+def peg_kind(geometry: Geometry) -> BlockKind:
+    """Rows (6): the force of a round peg on the object."""
+    parts = _Parts(geometry)
+    held, pose = parts.unknown("held", HELD), parts.unknown("pose", geometry.pose)
+    position, radius = parts.datum("position", geometry.dimensions), parts.datum("radius")
+    sight = _Sight(parts, geometry, ca.vertsplit(position), pose, 1.0, 3)
+    center, across = parts.datum("center", 3), parts.datum("across", 3)
+    com = turned(sight.turn, ca.vertsplit(center))
+    lever = [sight.place[k] - radius * sight.normal[k] - sight.center[k] - com[k] for k in range(3)]
+    force = exerted(held, sight.normal, ca.vertsplit(across))
+    return parts.kind("peg", _on_object(force, lever, [0.0] * 3), sight.lookup)
+
+
+@cache
+def peg_gap_kind(geometry: Geometry) -> BlockKind:
+    """Row: the gap between a round peg and the object."""
+    parts = _Parts(geometry)
+    pose = parts.unknown("pose", geometry.pose)
+    position, radius = parts.datum("position", geometry.dimensions), parts.datum("radius")
+    sight = _Sight(parts, geometry, ca.vertsplit(position), pose, 1.0, 2)
+    return parts.kind("peg_gap", [sight.gap - radius], sight.lookup)
 
 
 @cache
@@ -257,7 +296,9 @@ def slip_kind(geometry: Geometry, form: SectionForm, *, tip: bool) -> BlockKind:
     ratio, across, thickness = parts.datum("ratio"), parts.datum("across", 3), parts.datum("thickness", THICKNESS)
     sight = _Sight(parts, geometry, at[:d], pose, ratio, 3)
     before, sliding = at[: geometry.state], at[geometry.state :]
-    sides = [_rates(geometry, form, acting, s, own, sliding) for own in (before, [*before[:oriented], *turns])[: 2 - tip]]
+    sides = [
+        _rates(geometry, form, acting, s, own, sliding) for own in (before, [*before[:oriented], *turns])[: 2 - tip]
+    ]
     # The node moves along the finger with the contact, its material does not.
     material = [moved[k] - along * sum(rates[k] for rates in sides) / len(sides) for k in range(oriented)]
     turn, own_turn = geometry.section_turn(before, material), geometry.object_turn(pose, shifted)
@@ -292,7 +333,7 @@ def rate_kind(geometry: Geometry, form: SectionForm) -> BlockKind:
 
 
 @cache
-def rest_kind(geometry: Geometry) -> BlockKind:
+def support_slip_kind(geometry: Geometry) -> BlockKind:
     """Rows of a support, to first order: shift of the object there along n, a and b (3), and the moment on the object
     as its center of mass shifts and the contact rolls (3). ``rolls`` is the way of the contact per turn, a tensor.
     """
@@ -310,7 +351,7 @@ def rest_kind(geometry: Geometry) -> BlockKind:
     lever = [a - b for a, b in zip(rolled, com, strict=True)]
     beside = exerted([0.0, 1.0, 0.0], n, across)
     rows = [dot(n, moved), dot(beside, moved), dot(cross(n, beside), moved)]
-    return parts.kind("rest", [*rows, *(-part for part in cross(lever, exerted(held, n, across)))])
+    return parts.kind("support_slip", [*rows, *(-part for part in cross(lever, exerted(held, n, across)))])
 
 
 @cache
@@ -411,15 +452,44 @@ def clear_kind(geometry: Geometry) -> BlockKind:
     return parts.kind("clear", [sight.gap - half], sight.lookup)
 
 
+def _beside(parts: _Parts, geometry: Geometry) -> tuple[Any, Any]:
+    """Place of a stage (dimensions,), and what is to be clear there: half a thickness, or a height if it emerges."""
+    begin, end = parts.unknown("begin", geometry.oriented), parts.unknown("end", geometry.oriented)
+    ends = parts.unknown("ends", 2)
+    u0, u1, share = (parts.datum(name) for name in ("u0", "u1", "share"))
+    emerging, height, thickness = parts.datum("emerging"), parts.datum("height"), parts.datum("thickness", THICKNESS)
+    span = ends[1] - ends[0]
+    place = between(geometry, ca.vertsplit(begin), ca.vertsplit(end), span * (u1 - u0), share)
+    half = half_thickness(thickness, ends[0] + (u0 + share * (u1 - u0)) * span)
+    return ca.vertcat(*place), (1.0 - emerging) * half + emerging * height
+
+
 @cache
 def wall_kind(geometry: Geometry) -> BlockKind:
-    """Row: the height of a node above a plane, less half a thickness; nothing is taken off where it emerges."""
+    """Row: the height of a place of a stage above a plane, less what is to be clear there."""
     parts = _Parts(geometry)
-    at, ends = parts.unknown("at", geometry.dimensions), parts.unknown("ends", 2)
-    u, height, emerging = (parts.datum(name) for name in ("u", "height", "emerging"))
-    n, thickness = parts.datum("normal", geometry.dimensions), parts.datum("thickness", THICKNESS)
-    half = (1.0 - emerging) * half_thickness(thickness, ends[0] + u * (ends[1] - ends[0]))
-    return parts.kind("wall", [ca.dot(n, at) - height - half])
+    place, clear = _beside(parts, geometry)
+    n, level = parts.datum("normal", geometry.dimensions), parts.datum("level")
+    return parts.kind("wall", [ca.dot(n, place) - level - clear])
+
+
+@cache
+def post_kind(geometry: Geometry) -> BlockKind:
+    """Row: the distance of a place of a stage from a segment with a radius, less what is to be clear there."""
+    parts = _Parts(geometry)
+    place, clear = _beside(parts, geometry)
+    first, last = (parts.datum(name, geometry.dimensions) for name in ("first", "last"))
+    away = _from_chord(place, first, last)
+    # 1e-16: a distance with derivatives everywhere
+    return parts.kind("post", [ca.sqrt(ca.sumsqr(away) + 1e-16) - parts.datum("radius") - clear])
+
+
+def _from_chord(place: Any, first: Any, last: Any) -> Any:
+    """Way (dimensions,) to a place from the nearest point of a chord."""
+    along = last - first
+    # 1e-12: no division by zero where a chord has no length
+    share = ca.fmin(ca.fmax(ca.dot(place - first, along) / (ca.sumsqr(along) + 1e-12), 0.0), 1.0)
+    return place - first - share * along
 
 
 @cache
@@ -480,9 +550,5 @@ def chord_kind(geometry: Geometry) -> BlockKind:
     parts = _Parts(geometry)
     node, first, last = (parts.unknown(name, geometry.dimensions) for name in ("node", "first", "last"))
     ratio, reach = parts.datum("ratio"), parts.datum("reach")
-    a, b = ratio * first, ratio * last
-    along = b - a
-    # 1e-12: no division by zero where a chord has no length
-    share = ca.fmin(ca.fmax(ca.dot(node - a, along) / (ca.sumsqr(along) + 1e-12), 0.0), 1.0)
-    away = node - a - share * along
+    away = _from_chord(node, ratio * first, ratio * last)
     return parts.kind("chord", [(ca.sumsqr(away) - reach**2) / (2.0 * reach)])

@@ -14,8 +14,9 @@ import numpy as np
 
 from continuum_grasp.base import Array, Indices
 from continuum_grasp.grasp.rods import kinds
-from continuum_grasp.grasp.rods.numbers import FingerNumbers, SupportNumbers
+from continuum_grasp.grasp.rods.numbers import FingerNumbers
 from continuum_grasp.grasp.rods.problem import FingerPlaces, GraspRods
+from continuum_grasp.grasp.rods.supports import SupportNumbers
 from continuum_grasp.nlp import BlockKind
 
 COMPLIANCE = 1e-8
@@ -91,8 +92,12 @@ class GraspMotion:
     def _changing(self) -> Indices:
         problem = self.problem
         low, high = problem.limits
-        names = [name for name in problem.at if name.startswith(_CHANGING) and not name.endswith(tuple(self._idle_ends))]
-        found = np.concatenate([problem.pose, *self._pulled, *(problem.at[name][(low < high)[problem.at[name]]] for name in names)])
+        names = [
+            name for name in problem.at if name.startswith(_CHANGING) and not name.endswith(tuple(self._idle_ends))
+        ]
+        found = np.concatenate(
+            [problem.pose, *self._pulled, *(problem.at[name][(low < high)[problem.at[name]]] for name in names)]
+        )
         # A planar grasp moves in its plane.
         lifts = [at[2] for at in problem.contacts.values()] if self._planar else []
         return np.setdiff1d(found, lifts)
@@ -121,7 +126,7 @@ class GraspMotion:
                 if name not in self.idle:
                     yield self._of_finger(finger, part, k)
         for support in numbers.supports:
-            if support.name not in self.idle:
+            if support.touches and support.name not in self.idle:
                 yield self._of_support(support)
 
     def _of_finger(self, finger: FingerNumbers, part: FingerPlaces, k: int) -> ContactMotion:
@@ -129,7 +134,7 @@ class GraspMotion:
         numbers, name, span = problem.numbers, finger.contacts[k], part.span_of(part.touching[k])
         is_tip, end = name == finger.tip, span.ends[1]
         kind = kinds.slip_kind(geometry, finger.section.form, tip=is_tip)
-        turns = [] if is_tip else part.turns[k]
+        turns = [] if is_tip else part.turns[k].tolist()
         unknowns = [*part.nodes[node], *turns, *span.force, *part.pulls, end, *problem.pose]
         changes = [*part.nodes[node][: geometry.oriented], end, *problem.pose]
         data = [*finger.acting(span.piece), finger.length / numbers.size, *finger.across]
@@ -158,22 +163,35 @@ class GraspMotion:
         problem = self.problem
         numbers = problem.numbers
         unknowns = [*problem.contacts[support.name], *problem.pose]
-        data = [*support.arm, *support.normal, *support.across, *numbers.center, *self._rolls(support).ravel()]
+        arm, normal = self._lever(support)
+        data = [*arm, *normal, *support.across, *numbers.center, *self._rolls(support).ravel()]
         rows, moments = ([0, 1], [5]) if self._planar else ([0, 1, 2], [3, 4, 5])
-        kind, held = kinds.rest_kind(problem.geometry), problem.contacts[support.name][rows]
+        kind, held = kinds.support_slip_kind(problem.geometry), problem.contacts[support.name][rows]
         # The object pushes the support, which pushes back.
         give, data = -self._give * numbers.force / numbers.size, [*data, *numbers.axes]
         return ContactMotion(kind, np.array(unknowns), problem.pose, np.array(data), rows, moments, held, give)
+
+    @property
+    def _axes(self) -> Array:
+        """Axes of the object as columns (3, 3)."""
+        numbers = self.problem.numbers
+        return np.array(self.problem.geometry.turn(numbers.pose, numbers.axes), dtype=float)
+
+    def _lever(self, support: SupportNumbers) -> tuple[Array, Array]:
+        """Place of a support's contact from the center of mass (3,) [object size], and outward normal (3,)."""
+        numbers = self.problem.numbers
+        place, normal = support.touched(numbers, numbers.pose)
+        return place - np.array(self.problem.geometry.place(numbers.pose)) - self._axes @ numbers.center, normal
 
     def _rolls(self, support: SupportNumbers) -> Array:
         """Way of a support's contact per turn of the object (3, 3) [object size]."""
         numbers, d = self.problem.numbers, self.problem.geometry.dimensions
         if self._shared(support):
             return np.zeros((3, 3))
-        axes: Array = np.array(self.problem.geometry.turn(numbers.pose, numbers.axes), dtype=float)
-        local = numbers.center + axes.T @ support.arm + 1e-3 * axes.T @ support.normal
+        axes, (arm, normal) = self._axes, self._lever(support)
+        local = numbers.center + axes.T @ arm + 1e-3 * axes.T @ normal
         near = numbers.table.body.near(local[None, :d] * numbers.size)
-        beside = np.eye(3) - np.outer(support.normal, support.normal)
+        beside = np.eye(3) - np.outer(normal, normal)
         if self._planar:
             beside = beside - np.diag([0.0, 0.0, 1.0])
             curved = float(near.curvature[0]) * numbers.size * beside

@@ -16,17 +16,24 @@ from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places,
 from continuum_grasp.grasp.rods.guess import FingerGuess, Held, filled
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
 from continuum_grasp.grasp.rods.problem import STAGES, GraspRods, NearPair, StagePlace
+from continuum_grasp.grasp.rods.supports import SupportNumbers, rested
 from continuum_grasp.nlp import Attempt, Budget, Settings, Solver
 
 STARTS = 6
 """Starts that are solved."""
 ROUNDS = 3
 """Most solves in which rows are added between nodes."""
-FINER = 3
+FINER = 5
 """Most solves with finer tables at the contacts."""
+SHRINKS = 0.2
+"""Factor on the step of a table at a contact that still misses the object [1]."""
+RESTS = 6
+"""Most solves in which supports touch the object anew."""
+RESTED = 1e-8
+"""Distance by which contacts with supports may move without being taken anew [object size]."""
 BORNE = 1e-6
 """Sum of forces and moments that nothing bears, up to which a grasp holds [F0]."""
-TIED = 1e-6
+TIED = 1e-4
 """Share of the aim up to which two grasps are the same."""
 FINE = 0.1
 """Step of the tables at contacts, per half thickness of the thinnest finger."""
@@ -88,7 +95,11 @@ class RodStart(ABC):
     @property
     def joints(self) -> list[tuple[float, ...]]:
         """Approximate places of the middle contacts of each finger [L]."""
-        return [guess.middles for guess in self.guesses]
+        return [guess.joints for guess in self.guesses]
+
+    def supports_at(self, pose: Array) -> list[SupportNumbers]:
+        """The supports of the scene as they touch the object at a pose."""
+        return self.numbers.supports
 
     def x_of(self, problem: GraspRods) -> Array:
         """Unknowns of the start."""
@@ -160,8 +171,26 @@ class StartedSearch(ABC):
         self._try(self.starts, most)
         if self.best is None:
             self._try(self.further, most)
+        while (best := self.best) is not None and self._improved(best):
+            pass
         while (best := self.best) is not None and not best.fine and not self.budget.over:
             self.tried[self.tried.index(best)] = self.solved(best.start, beside=best)
+
+    def beside(self, grasp: RodGrasp) -> Iterator[RodStart]:
+        """Starts with other contacts than a grasp, next to it."""
+        yield from ()
+
+    def _improved(self, best: RodGrasp) -> bool:
+        """Whether a start next to the best grasp leads to a better one, by more than a share of its aim."""
+        known = {grasp.start.on for grasp in self.tried if isinstance(grasp.start, type(best.start))}
+        for start in self.beside(best):
+            if self.budget.over or start.on in known:
+                continue
+            grasp = self.solved(start, fine=False)
+            self.tried.append(grasp)
+            if grasp.holds and grasp.attempt.objective < best.attempt.objective - TIED * abs(best.attempt.objective):
+                return True
+        return False
 
     def agree(self, share: float) -> bool:
         """Whether the most promising starts and those of other places lead to the same aim, within a share."""
@@ -209,11 +238,13 @@ class StartedSearch(ABC):
         if beside is not None:
             times = beside.problem.geometry.finer if fine and not beside.fine else 1
             places, near = finer_places(beside.problem.places, times), finer_pairs(beside.problem.near, times)
-        numbers, rounds, finer = start.numbers, 0, 0
+        numbers, rounds, finer, rests, stays = start.numbers, 0, 0, 0, False
         while True:
             problem = GraspRods(numbers, joints=start.joints, stages=self.stages, places=places, near=near, fine=fine)
             if widen is not None:
                 widen(problem)
+            if stays and known is not None:
+                problem.stay(known.attempt.x[known.problem.placed])
             if widen is None and known is not None and problem.is_same(known.problem):
                 attempt = known.attempt
             else:
@@ -222,7 +253,11 @@ class StartedSearch(ABC):
             crossing = Crossing(problem, attempt.x)
             grasp = RodGrasp(problem, attempt, start, crossing.depth > CROSSED)
             if not attempt.converged or problem.unborne(attempt.x) > BORNE:
-                return grasp
+                if not finer or stays or known is None or not problem.moves:
+                    return grasp
+                # Facets of a drawing have optima of their own: object and bases stay where smoother tables had them.
+                stays = True
+                continue
             if grasp.crosses:
                 if rounds == ROUNDS:
                     return grasp
@@ -230,6 +265,11 @@ class StartedSearch(ABC):
                 sample = Crossing(problem, start.x_of(problem))
                 near = list(dict.fromkeys([*near, *sample.near, *crossing.near]))
                 known, rounds = None, rounds + 1
+                continue
+            pose = attempt.x[problem.pose]
+            supports = rested(numbers, start.supports_at(pose), pose, RESTED)
+            if supports is not None and rests < RESTS:
+                numbers, known, rests = replace(numbers, supports=supports), grasp, rests + 1
                 continue
             deep = [place for place in deep_places(problem, attempt.x) if place not in places]
             if deep and rounds < ROUNDS:
@@ -239,5 +279,7 @@ class StartedSearch(ABC):
             if not fine or finer == FINER or not table_misses(problem, attempt.x):
                 return grasp
             thin = min(float(finger.half(0.0)) * finger.length for finger in numbers.fingers)
-            table = numbers.table.refined(touched_places(problem, attempt.x), FINE * thin / numbers.size)
+            # Where curvature jumps, a table is as wrong as its step is wide.
+            step = FINE * SHRINKS**finer * thin / numbers.size
+            table = numbers.table.refined(touched_places(problem, attempt.x), step)
             numbers, known, finer = replace(numbers, table=table), grasp, finer + 1
