@@ -12,7 +12,7 @@ The objective is c' x + x' diag(s) x / 2 with costs c and s.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -231,6 +231,13 @@ class BlockProblem(Constraints):
         blocks.unknowns.append(parts[0])
         blocks.rows.append(parts[1])
         blocks.data.append(parts[2])
+
+    def of_kind(self, name: str) -> Iterator[tuple[BlockKind, Indices, Indices, Array]]:
+        """Blocks of a kind by its name: the kind, places of unknowns and rows, and data."""
+        if name in self._blocks:
+            blocks = self._blocks[name]
+            for at, rows, data in zip(blocks.unknowns, blocks.rows, blocks.data, strict=True):
+                yield blocks.kind, at, rows, data
 
     def include(self, name: str, part: BlockProblem) -> IncludedProblem:
         """Add all that another problem consists of: unknowns, rows, blocks, and costs."""

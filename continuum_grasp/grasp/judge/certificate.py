@@ -15,12 +15,13 @@ import numpy as np
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.judge.clearance import Gap, SampledRod, apart, apart_from_itself
+from continuum_grasp.grasp.judge.drives import drive_findings
 from continuum_grasp.grasp.judge.findings import CROSSING, EXACT, FOLLOWED, Finding, Requirement, greatest
 from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, HeldSupport
 from continuum_grasp.grasp.judge.obstacles import ExactObject, Obstacle
 from continuum_grasp.grasp.judge.space_rod import TOLERANCE, RodLoad, SpaceRod
 from continuum_grasp.grasp.judge.stage import GraspStage
-from continuum_grasp.scene import FingerSetup, GraspScene, HandScene, MotorDrive
+from continuum_grasp.scene import FingerSetup, GraspScene, HandScene
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,10 +105,9 @@ def _strangers(stage: GraspStage, held: HeldRods) -> int:
 
 
 def _not_certified(stage: GraspStage) -> int:
-    """Count of what a scene asks for that the certificate does not know: all histories of friction, one pulley."""
+    """Count of what a scene asks for that the certificate does not know: all histories of friction."""
     setups = stage.setups.values()
-    histories = stage.scene.friction_states == "any" and any(setup.friction_states for setup in setups)
-    return histories + sum(setup.drive is not None and setup.drive.pulley for setup in setups)
+    return int(stage.scene.friction_states == "any" and any(setup.friction_states for setup in setups))
 
 
 def _support_of(stage: GraspStage, contact: str) -> str:
@@ -212,7 +212,7 @@ class _Grasp:
             here = used in ("both", side)
             over += [tension - (setup.max_tension if here else 0.0), tendons.min_tension * here - tension]
         yield Finding(Requirement.TENSION, name, greatest(over), EXACT * setup.max_tension, "N")
-        yield from _torque(setup, finger)
+        yield from drive_findings(setup, rod, finger.tensions)
         strain = setup.finger.strain_limit
         depth = setup.finger.profile.half_depth
         if strain is not None and depth is not None:
@@ -308,10 +308,3 @@ class _Grasp:
 def _above(obstacle: Obstacle, line: SampledRod, start: float, before: float) -> Gap:
     """Gap between a finger and an obstacle: of its skin from a position on, and before of its center line."""
     return lambda s, points: obstacle.distance(points) - np.where(s < start, before, line.rod.half(s))
-
-
-def _torque(setup: FingerSetup, finger: HeldFinger) -> Iterator[Finding]:
-    """Torque with which each motor reaches its tension, its dry friction included."""
-    if setup.drive is not None and isinstance(motor := setup.drive.drive, MotorDrive):
-        torque = float(finger.tensions.max()) * motor.winch_radius + motor.coulomb_friction
-        yield Finding(Requirement.TORQUE, finger.name, torque - motor.torque_max, EXACT * motor.torque_max, "N m")

@@ -35,6 +35,7 @@ class Requirement(Enum):
     PRESSING = "normal force"
     FRICTION = "friction cone"
     TENSION = "tension of a tendon"
+    DRIVE = "tendons on one pulley"
     TORQUE = "torque of a motor"
     STRAIN = "bending strain"
     DEPTH = "depth in the object"

@@ -38,7 +38,7 @@ def _set_nodes(before: GraspRods, x: Array, problem: GraspRods, index: int, y: A
                 state[geometry.moments] = x[coarse.turns[coarse.touching.index(node)]]
             for between in range(first + 1, first + times):
                 unknowns = [*state, *np.zeros(len(state)), *y[span.force], *y[part.pulls], *y[span.ends]]
-                data = [*finger.acting(span.piece), *span.shares(between)]
+                data = [*finger.acting(span.piece, part.along(between)), *span.shares(between)]
                 # The row is where the stage leads less where it ends.
                 state = stage.value(np.array(unknowns), np.array(data), np.zeros(0))
                 y[part.nodes[between]] = state

@@ -52,6 +52,18 @@ def held_tensions(first: GraspRods, other: GraspRods, factor: float = 1.0) -> It
         yield HeldValue(b, a, ratio, ratio * least - own_least)
 
 
+def held_by_drives(first: GraspRods, other: GraspRods, factor: float = 1.0) -> Iterator[HeldValue]:
+    """What the drives of a copy hold: tensions and loads, times a factor, or lengths of cable."""
+    tensions = {value.first: value for value in held_tensions(first, other, factor)}
+    for index, (part, drives) in enumerate(zip(first.parts, first.drives, strict=True)):
+        if not drives:
+            yield from (tensions[at] for at in part.pulls.tolist())
+        for drive, same in zip(drives, other.drives[index], strict=True):
+            for at, own in zip(drive.held.tolist(), same.held.tolist(), strict=True):
+                given = HeldValue(own, at, 1.0 if drive.numbers.locks else factor)
+                yield tensions.get(at, given)
+
+
 def _tensions(problem: GraspRods) -> Iterator[tuple[int, float, float]]:
     """Places of the pulls, and unit and least value of each."""
     for part, finger in zip(problem.parts, problem.numbers.fingers, strict=True):

@@ -1,8 +1,9 @@
 """Errors of a grasp's scene: copies of the grasp whose object lies elsewhere, has another size, friction or mass.
 
 An error is a row of numbers: offsets of the object's place [m] and turns [rad], and shares [1] of its size, of all
-friction coefficients, of its mass, and of all tensions. An object that touches supports stays against them where it
-lies; others yield to the fingers, and tips that come straight onto them stay where they land.
+friction coefficients, of its mass, and of all tensions. Where friction states must not matter, these follow: of each
+stage of a finger a direction from -1 to 1 of each of its frictions. An object that touches supports stays against them
+where it lies; others yield to the fingers, and tips that come straight onto them stay where they land.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.held import YIELDS
 from continuum_grasp.grasp.robust.errors import InError, scaled
 from continuum_grasp.grasp.rods import kinds
-from continuum_grasp.grasp.rods.copies import HeldValue, RodCopy, held_tensions
+from continuum_grasp.grasp.rods.copies import HeldValue, RodCopy, held_by_drives
+from continuum_grasp.grasp.rods.histories import HistoryColumns
 from continuum_grasp.grasp.rods.numbers import GraspAims, SceneNumbers, SupportNumbers
 from continuum_grasp.grasp.rods.planar_numbers import planar_supports
 from continuum_grasp.grasp.rods.problem import GraspRods, StagePlace
@@ -60,6 +62,7 @@ class ErrorSpace(ABC):
         self.columns = (*self.axes, *zip(SHARES, SHARES, strict=True))
         self.bounds = np.array([bounds.get(key, 0.0) for _, key in self.columns])
         numbers = grasp.problem.numbers
+        self.histories = HistoryColumns.of(scene, grasp.problem)
         d = numbers.geometry.dimensions
         self.unit = np.concatenate([np.full(d, numbers.size), np.ones(numbers.geometry.pose - d)])
         self.pose = self.unit * grasp.attempt.x[grasp.problem.pose]
@@ -72,26 +75,47 @@ class ErrorSpace(ABC):
 
     @property
     def corners(self) -> Array:
-        """All corners (n, columns) of the bounds that differ, with the least friction: more only widens the cones."""
+        """All corners (n, columns) of the bounds that differ, with the least friction: more only widens the cones.
+
+        Each with all friction states alike in each finger.
+        """
         sides = [(-b, b) if b else (0.0,) for b in self.bounds.tolist()]
         friction = len(self.axes) + SHARES.index("friction")
         sides[friction] = sides[friction][:1]
-        return self.distinct(np.array(list(product(*sides))))
+        return self.distinct(self._with(np.array(list(product(*sides))), self.histories.extremes))
 
     @property
     def alone(self) -> dict[str, Array]:
         """Per bound, its ends with no other error (n, columns)."""
         keys = [key for _, key in self.columns]
-        units = np.diag(self.bounds)
+        units = self._with(np.diag(self.bounds), self.histories.extremes[:1])
         return {
-            key: np.concatenate([units[[key == own for own in keys]], -units[[key == own for own in keys]]])
+            key: np.concatenate([sign * units[[key == own for own in keys]] for sign in (1.0, -1.0)])
             for key, bound in self.known.items()
             if bound
         }
 
     def drawn(self, count: int, seed: int) -> Array:
         """Errors drawn evenly within the bounds (count, columns)."""
-        return np.random.default_rng(seed).uniform(-1.0, 1.0, (count, self.bounds.size)) * self.bounds
+        random = np.random.default_rng(seed)
+        errors = random.uniform(-1.0, 1.0, (count, self.bounds.size)) * self.bounds
+        # Half of all states at their bounds.
+        states = random.uniform(-2.0, 2.0, (count, self.histories.size))
+        return np.concatenate([errors, np.clip(states, -1.0, 1.0)], axis=1)
+
+    @staticmethod
+    def _with(errors: Array, states: Array) -> Array:
+        """Each error with each of the states."""
+        return np.concatenate([np.repeat(errors, len(states), axis=0), np.tile(states, (len(errors), 1))], axis=1)
+
+    def states(self, error: Array) -> Array:
+        """Friction states of an error."""
+        return error[len(self.columns) :]
+
+    @property
+    def scales(self) -> Array:
+        """Greatest errors, one of states."""
+        return np.concatenate([np.maximum(self.bounds, 1e-12), np.ones(self.histories.size)])
 
     def distinct(self, errors: Array) -> Array:
         """Errors without those that supports make equal to another, such as offsets across a palm."""
@@ -136,7 +160,10 @@ class ErrorSpace(ABC):
         weight[3:] /= growth
         return replace(
             numbers,
-            fingers=[replace(finger, friction=friction * finger.friction) for finger in numbers.fingers],
+            fingers=[
+                replace(finger, friction=friction * finger.friction, history=history)
+                for finger, history in zip(numbers.fingers, self.histories.of_fingers(self.states(error)), strict=True)
+            ],
             supports=placed.supports,
             table=replace(numbers.table, unit=growth * numbers.table.unit, patches={}),
             size=growth * numbers.size,
@@ -171,8 +198,9 @@ class ErrorSpace(ABC):
             places=(*first.places, *places),
             near=first.near,
             fine=first.fine,
+            reached=False,
         )
-        held = [*held_tensions(first, problem, 1.0 + self.share(error, "tension")), *self._held_pose(problem)]
+        held = [*held_by_drives(first, problem, 1.0 + self.share(error, "tension")), *self._held_pose(problem)]
         for k, finger in enumerate(numbers.fingers):
             if self.yields and finger.tip and not finger.middles:
                 held += _landed(

@@ -55,6 +55,10 @@ class Geometry(StageEquations):
         """Direction of the finger (dimensions,)."""
 
     @abstractmethod
+    def across(self, state: Values) -> Values:
+        """Direction across the finger in the plane of bending (dimensions,)."""
+
+    @abstractmethod
     def bent(self, base: Array, x: float, y: float, angle: float, moment: float) -> Array:
         """State (state,) of a finger that bends about one axis, by what its base (oriented,) sees."""
 

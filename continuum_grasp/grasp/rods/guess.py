@@ -41,6 +41,7 @@ def filled(problem: GraspRods, guesses: Sequence[FingerGuess], supports: Held) -
         guess.fill(problem, index, x)
     for name, held in supports.items():
         x[problem.contacts[name][: len(held)]] = held
+    problem.wind(x)
     problem.bear(x)
     return x
 
@@ -102,7 +103,7 @@ class ShotFinger(FingerGuess):
             x[span.force] = force
             for node in range(span.first + 1, span.first + span.stages + 1):
                 unknowns = [*state, *np.zeros(len(state)), *force, *x[part.pulls], *x[span.ends]]
-                data = [*finger.acting(span.piece), *span.shares(node)]
+                data = [*finger.acting(span.piece, part.along(node)), *span.shares(node)]
                 # The row is where the stage leads less where it ends.
                 state = stage.value(np.array(unknowns), np.array(data), np.zeros(0))
                 x[part.nodes[node]] = state
@@ -131,7 +132,7 @@ def bent_moment(finger: FingerNumbers, s: float, curvature: float) -> float:
     numbers = section.numbers(section.piece_at(s))
     place = section.form.at(s, numbers)
     own = [value for of_law in place.own for value in of_law]
-    resisted = section.form.resisting(curvature - place.rest, place.rest, own, numbers, finger.history)
+    resisted = section.form.resisting(curvature - place.rest, place.rest, own, numbers, finger.history[0])
     return float(place.stiffness * resisted)
 
 

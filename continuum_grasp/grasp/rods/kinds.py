@@ -162,7 +162,8 @@ def enter_kind(form: SectionForm) -> BlockKind:
 @cache
 def contact_kind(geometry: Geometry, *, tip: bool) -> BlockKind:
     """Rows of a contact: the gap, its direction along the finger, the force and the moment beyond it, or at the tip,
-    and the balance of the object (6). Forces have the weight of everything before; ``load`` is that of all at the tip.
+    and the balance of the object (6). Forces have the weight of everything before; ``load`` is that of all at the tip,
+    ``arms`` are those of the weight of a body there.
     """
     parts = _Parts(geometry)
     d, moments = geometry.dimensions, len(geometry.moments)
@@ -175,6 +176,7 @@ def contact_kind(geometry: Geometry, *, tip: bool) -> BlockKind:
     load, center = parts.datum("load", d), parts.datum("center", 3)
     across, thickness = parts.datum("across", 3), parts.datum("thickness", THICKNESS)
     state = ca.vertsplit(at)
+    weighing = _tip_couple(parts, geometry, state) if tip else [0.0] * moments
     sight = _Sight(parts, geometry, state[:d], pose, ratio, 3)
     half, n = half_thickness(thickness, s), sight.normal
     # Directions of the finger and of the surface are the same but for the finger's taper.
@@ -183,12 +185,20 @@ def contact_kind(geometry: Geometry, *, tip: bool) -> BlockKind:
     couple = [part - half * other for part, other in zip(twist, cross(n, on_finger), strict=True)]
     rows = [sight.gap - half, direction]
     rows += [after[k] - force[k] + on_finger[k] + (load[k] if tip else 0.0) for k in range(d)]
-    turning = zip(turns, (state[k] for k in geometry.moments), geometry.moment(couple), strict=True)
-    rows += [last - first + own for last, first, own in turning]
+    turning = zip(turns, (state[k] for k in geometry.moments), geometry.moment(couple), weighing, strict=True)
+    rows += [last - first + own + other for last, first, own, other in turning]
     com = turned(sight.turn, ca.vertsplit(center))
     lever = [sight.place[k] - ratio * half * n[k] - sight.center[k] - com[k] for k in range(3)]
     rows += _on_object([unit * part for part in on_finger], lever, [unit * ratio * part for part in twist])
     return parts.kind("tip" if tip else "middle", rows, sight.lookup)
+
+
+def _tip_couple(parts: _Parts, geometry: Geometry, state: Sequence[Any]) -> list[Any]:
+    """Moment of the weight of a body fastened to the tip, by its mass times where its center is."""
+    arms, gravity = parts.datum("arms", 2), parts.datum("tip gravity", geometry.dimensions)
+    axes = zip(geometry.across(state), geometry.tangent(state), strict=True)
+    arm = geometry.in_space([arms[0] * across + arms[1] * along for across, along in axes])
+    return geometry.moment(cross(arm, geometry.in_space(ca.vertsplit(gravity))))
 
 
 def _on_object(force: Sequence[Any], lever: Sequence[Any], twist: Sequence[Any]) -> list[Any]:
@@ -209,12 +219,13 @@ def support_kind() -> BlockKind:
 
 @cache
 def free_tip_kind(geometry: Geometry) -> BlockKind:
-    """Rows: at a tip that touches nothing, the force is that of its load and the moment is zero."""
+    """Rows: at a tip that touches nothing, force and moment are those of the weight there."""
     parts = _Parts(geometry)
     d = geometry.dimensions
-    moments, force = parts.unknown("moments", len(geometry.moments)), parts.unknown("force", d)
+    at, force = ca.vertsplit(parts.unknown("at", geometry.state)), parts.unknown("force", d)
     load = parts.datum("load", d)
-    return parts.kind("free_tip", [*(load[k] - force[k] for k in range(d)), *ca.vertsplit(ca.vertcat(moments))])
+    moments = zip((at[k] for k in geometry.moments), _tip_couple(parts, geometry, at), strict=True)
+    return parts.kind("free_tip", [*(load[k] - force[k] for k in range(d)), *(own - other for own, other in moments)])
 
 
 @cache

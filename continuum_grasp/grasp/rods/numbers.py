@@ -9,6 +9,7 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.body.table import DistanceTable
+from continuum_grasp.grasp.rods.drives import DriveNumbers, drives_of
 from continuum_grasp.grasp.rods.geometry import Geometry
 from continuum_grasp.grasp.rods.rod import half_thickness
 from continuum_grasp.model import Section, SectionPull
@@ -41,7 +42,7 @@ class FingerNumbers:
     base: Array  # place and direction (`Geometry.oriented`,)
     across: Array  # (3,) axis of bending at the base
     gravity: Array  # (dimensions,) [m/s2]
-    history: Array  # of its friction
+    history: Array  # of its friction: a row for each of as many cells of the same number of stages
     pulls: Array  # (pulls,) greatest ones
     arm: float  # of torsional friction, per friction
     friction: float  # coefficient, less the reserve
@@ -50,6 +51,7 @@ class FingerNumbers:
     middles: tuple[str, ...]
     tip: str | None
     walls: tuple[WallNumbers, ...]
+    drives: tuple[DriveNumbers, ...] = ()
 
     @property
     def length(self) -> float:
@@ -72,6 +74,11 @@ class FingerNumbers:
         return self.section.mass * self.gravity
 
     @property
+    def at_tip(self) -> Array:
+        """Numbers of the body fastened to the tip: mass times where its center is (2,), and gravity (dimensions,)."""
+        return np.array([*self.section.tip_arms, *self.gravity])
+
+    @property
     def name(self) -> str:
         """Name of the finger."""
         return self.setup.name
@@ -81,9 +88,14 @@ class FingerNumbers:
         """Names of its contacts, from the base on."""
         return [*self.middles, *([self.tip] if self.tip else [])]
 
-    def acting(self, piece: int) -> Array:
-        """Numbers of what acts on a piece, without its force and pulls."""
-        return np.array([*self.gravity, *self.history, *self.section.numbers(piece), *self.sides])
+    def history_at(self, along: float) -> Array:
+        """History in the stage that begins at a share of all stages."""
+        # 1e-6: rounding of the share
+        return np.asarray(self.history[int(along * len(self.history) + 1e-6)])
+
+    def acting(self, piece: int, along: float = 0.0) -> Array:
+        """Numbers of what acts in the stage that begins at a share of all stages, without its force and pulls."""
+        return np.array([*self.gravity, *self.history_at(along), *self.section.numbers(piece), *self.sides])
 
     def thickness(self, piece: int) -> Array:
         """Numbers of the half thickness on a piece (`THICKNESS`,)."""
@@ -116,13 +128,14 @@ class FingerNumbers:
             setup=setup,
             section=section,
             gravity=acceleration,
-            history=section.pulled,
+            history=section.pulled[None],
             pulls=np.array([_greatest(setup, pull) for pull in section.pulls]),
             friction=setup.held_friction,
             places=(first / section.length, last / section.length),
             curvature_limit=min(finger.curvature_limit * section.length, UNIFORM),
             middles=tuple(name for name in setup.middle_names if name in on),
             tip=setup.tip_name if setup.tip_name in on else None,
+            drives=drives_of(setup, section),
             **placed,
         )
 

@@ -21,6 +21,11 @@ class Planar(PlaneRod, Geometry):
         lib = library(state[2])
         return [-lib.sin(state[2]), lib.cos(state[2])]
 
+    def across(self, state: Values) -> Values:
+        """Direction across the finger (2,)."""
+        lib = library(state[2])
+        return [lib.cos(state[2]), lib.sin(state[2])]
+
     def bent(self, base: Array, x: float, y: float, angle: float, moment: float) -> Array:
         """State (4,) by what the base (3,) sees."""
         cosine, sine = np.cos(base[2]), np.sin(base[2])

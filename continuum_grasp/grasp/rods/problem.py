@@ -16,6 +16,7 @@ import numpy as np
 
 from continuum_grasp.base import Array, Indices
 from continuum_grasp.grasp.rods import kinds
+from continuum_grasp.grasp.rods.drives import WoundDrive
 from continuum_grasp.grasp.rods.numbers import UNIFORM, FingerNumbers, SceneNumbers
 from continuum_grasp.nlp import BlockProblem
 
@@ -78,6 +79,15 @@ class FingerPlaces:
     touching: list[int]  # node of each contact
     turns: list[Indices]  # moments beyond each middle contact
     pulls: Indices
+    own: int  # states of the rod itself, which come before those of its tendons
+
+    def sliding(self, node: int) -> Indices:
+        """States of the tendons at a node."""
+        return self.nodes[node][self.own :]
+
+    def along(self, node: int) -> float:
+        """Share of all stages that come before the stage that ends at a node; zero for the base."""
+        return max(node - 1, 0) / (len(self.nodes) - 1)
 
     def span_of(self, node: int) -> StageSpan:
         """StageSpan of the stage before a node; the first one for the base."""
@@ -100,6 +110,8 @@ class GraspRods(BlockProblem):
         Nodes and chords of fingers that keep apart.
     fine : bool
         Whether there are as many stages as in a grasp that the search returns.
+    reached : bool
+        Whether drives reach the grasp; else they hold what they have, and tendons that are let out may pull.
     """
 
     def __init__(
@@ -111,11 +123,12 @@ class GraspRods(BlockProblem):
         places: Sequence[StagePlace] = (),
         near: Sequence[NearPair] = (),
         fine: bool = False,
+        reached: bool = True,
     ) -> None:
         super().__init__("grasp", numbers.table.coefficients)
         self.numbers, self.geometry = numbers, numbers.geometry
         self.places, self.near, self._joints = tuple(places), tuple(near), joints
-        self.fine, self.stages = fine, stages
+        self.fine, self.stages, self._reached = fine, stages, reached
         # A finer problem has a multiple of the stages of each span.
         self._times = self.geometry.finer if fine else 1
         self.pose = self.unknown("pose", *numbers.pose_bounds)
@@ -125,6 +138,7 @@ class GraspRods(BlockProblem):
         self.balance = np.concatenate([self._balanced(k, name) for k, name in enumerate(_BALANCE)])
         self.contacts: dict[str, Indices] = {}
         self.parts = [self._finger(k, finger, stages) for k, finger in enumerate(numbers.fingers)]
+        self.drives = [self._drives(*pair) for pair in zip(numbers.fingers, self.parts, strict=True)]
         for support in numbers.supports:
             held = self._held(support.name, support.friction, support.most, 1.0, bears_moment=False)
             self.add(kinds.support_kind(), held, self.balance, [*support.arm, *support.normal, *support.across])
@@ -185,13 +199,12 @@ class GraspRods(BlockProblem):
                 if node - 1 in middles:
                     begin[geometry.moments] = part.turns[middles.index(node - 1)]
                 unknowns = [*begin, *part.nodes[node], *span.force, *part.pulls, *span.ends]
-                data = [*finger.acting(span.piece), *span.shares(node)]
+                data = [*finger.acting(span.piece, part.along(node)), *span.shares(node)]
                 self.add(stage, unknowns, self.rows(f"rod, {finger.name}", key, "L", len(begin)), data)
         losses = sum(name.startswith("loss") for name in form.sliding_names)
         if losses:
-            sliding = part.nodes[0][geometry.state :]
             row = self.rows(f"tendons, {finger.name}", key, "1", losses)
-            self.add(kinds.enter_kind(form), sliding, row, [*finger.history, *finger.section.numbers(0)])
+            self.add(kinds.enter_kind(form), part.sliding(0), row, [*finger.history[0], *finger.section.numbers(0)])
         for k, name in enumerate(finger.contacts):
             node = part.touching[k]
             span, is_tip = part.span_of(node), name == finger.tip
@@ -203,15 +216,20 @@ class GraspRods(BlockProblem):
             at = part.nodes[node][: geometry.state]
             unknowns = [*at, *span.force, *after, span.ends[1], *held, *self.pose]
             data = [finger.length / numbers.size, unit, finger.arm, *finger.load, *numbers.center, *finger.across]
-            data += [*finger.thickness(span.piece), *numbers.axes, *numbers.table.data_at(name)]
+            data += [*finger.thickness(span.piece), *(finger.at_tip if is_tip else ())]
+            data += [*numbers.axes, *numbers.table.data_at(name)]
             rows = [*gap, *direction.ravel(), *own, *self.balance]
             self.add(kinds.contact_kind(geometry, tip=is_tip), unknowns, rows, data)
         if finger.tip is None:
             end = self.rows(f"tip, {finger.name}", key, "E I / L2", d + len(geometry.moments))
-            unknowns = [*part.nodes[-1][geometry.moments], *part.spans[-1].force]
-            self.add(kinds.free_tip_kind(geometry), unknowns, end, finger.load)
+            unknowns = [*part.nodes[-1][: geometry.state], *part.spans[-1].force]
+            self.add(kinds.free_tip_kind(geometry), unknowns, end, [*finger.load, *finger.at_tip])
         self._limits(index, finger, part)
         return part
+
+    def _drives(self, finger: FingerNumbers, part: FingerPlaces) -> list[WoundDrive]:
+        """What winds up the tendons of a finger."""
+        return [WoundDrive(self, finger, part, k, reached=self._reached) for k in range(len(finger.drives))]
 
     def _places(self, index: int, finger: FingerNumbers, stages: int) -> FingerPlaces:
         """Unknowns of a finger."""
@@ -264,7 +282,7 @@ class GraspRods(BlockProblem):
         for k in range(1, node + 1):
             limits = np.concatenate([everywhere, at_tip if k == node else anywhere])
             nodes.append(self.unknown(f"node {k}, {name}", -limits, limits))
-        return FingerPlaces(nodes, spans, touching, turns, pulls)
+        return FingerPlaces(nodes, spans, touching, turns, pulls, geometry.state)
 
     def _limits(self, index: int, finger: FingerNumbers, part: FingerPlaces) -> None:
         """Rows at nodes: clear of the object where they do not touch it, clear of walls, and strain."""
@@ -293,7 +311,7 @@ class GraspRods(BlockProblem):
             span = part.span_of(node)
             row = self.rows(f"strain, {finger.name}", key, "1 / L", 1, 1.0, -limit, limit)
             unknowns = [*part.nodes[node], *span.force, *part.pulls, *span.ends]
-            data = [*finger.acting(span.piece), (node - span.first) / span.stages]
+            data = [*finger.acting(span.piece, part.along(node)), (node - span.first) / span.stages]
             self.add(kinds.bend_kind(geometry, form), unknowns, row, data)
 
     def _marks(self, index: int, finger: FingerNumbers, part: FingerPlaces) -> list[float]:
@@ -350,6 +368,12 @@ class GraspRods(BlockProblem):
             if f"unborne, {name}" in self.at:
                 # The row is last less first.
                 x[self.at[f"unborne, {name}"]] = max(off[k], 0.0), max(-off[k], 0.0)
+
+    def wind(self, x: Array) -> None:
+        """Set the states of all drives to what the other unknowns ask for."""
+        for of_finger in self.drives:
+            for drive in of_finger:
+                drive.wind(x)
 
     def tension(self, x: Array) -> float:
         """Sum of all tensions [N]."""

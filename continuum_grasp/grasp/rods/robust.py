@@ -12,7 +12,7 @@ doi:10.1007/BF00934096:
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -121,6 +121,29 @@ class RodResponder:
             self._known.append(response)
         return response
 
+    def descended(self, responses: Sequence[RodResponse]) -> Iterator[RodResponse]:
+        """From each response on to the friction states that lower its margin, until none does."""
+        if not self.errors.histories.size:
+            return
+        known = {response.error.tobytes() for response in responses}
+        for response in responses:
+            last = response
+            while np.isfinite(last.margin) and (error := self._worse(last)).tobytes() not in known:
+                known.add(error.tobytes())
+                new = self.to(error)
+                yield new
+                if not new.margin < last.margin:
+                    break
+                last = new
+
+    def _worse(self, response: RodResponse) -> Array:
+        """An error with the friction states at which the margin is least, to first order."""
+        errors, error = self.errors, response.error.copy()
+        attempt = response.attempt
+        states = errors.states(error)
+        states[:] = errors.histories.worse(states, response.copy.problem, attempt.x, attempt.multipliers.constraints)
+        return error
+
     @staticmethod
     def _holds(copy: RodCopy, attempt: Attempt) -> bool:
         return _margin(copy, attempt) >= HOLDS
@@ -129,7 +152,7 @@ class RodResponder:
         """The known response to the nearest error, per bounds."""
         if not self._known:
             return None
-        away = (np.array([response.error for response in self._known]) - error) / np.maximum(self.errors.bounds, 1e-12)
+        away = (np.array([response.error for response in self._known]) - error) / self.errors.scales
         return self._known[int((away**2).sum(axis=1).argmin())]
 
 
@@ -208,11 +231,13 @@ class RobustSearch:
     def next_to(self, grasp: RodGrasp) -> RobustGrasp:
         """The robust grasp next to a grasp; the last one where none is found."""
         errors = error_space(self._search.scene, grasp, self._bounds)
-        corners, chosen = errors.corners, list[int]()
-        robust = RobustGrasp(grasp, errors, corners[:0])
+        corners, chosen = list(errors.corners), list[int]()
+        robust = RobustGrasp(grasp, errors, np.zeros((0, len(corners[0]))))
         for _ in range(EXCHANGES):
             responder = RodResponder(replace_grasp(errors, robust.grasp), self._search.stages, self._search.budget)
             responses = tuple(responder.to(corner) for corner in corners)
+            responses += tuple(responder.descended(responses))
+            corners = [response.error for response in responses]
             robust = replace(robust, errors=responder.errors, responses=responses)
             order = np.argsort([_rank(response) for response in responses], kind="stable").tolist()
             failing = [k for k in order if not responses[k].holds and k not in chosen][:MOST]
@@ -220,7 +245,7 @@ class RobustSearch:
                 return robust
             chosen += failing
             known = [responses[k].attempt.x for k in chosen]
-            solved = self._solved(errors, corners[chosen], known, robust.grasp)
+            solved = self._solved(errors, np.array([corners[k] for k in chosen]), known, robust.grasp)
             if solved is None:
                 return robust
             robust = solved

@@ -27,6 +27,10 @@ class Spatial(Geometry):
         """Direction of the finger (3,)."""
         return columns(state[3:7])[1]
 
+    def across(self, state: Values) -> Values:
+        """Direction across the finger in the plane of bending (3,)."""
+        return columns(state[3:7])[0]
+
     def bending(self, state: Values) -> Value:
         """Moment about the axis of bending of the section."""
         return dot(columns(state[3:7])[2], state[7:10])

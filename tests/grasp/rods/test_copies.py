@@ -21,7 +21,6 @@ from continuum_grasp.grasp.rods.robust import RobustSearch, RodResponder, error_
 from continuum_grasp.grasp.rods.search import RodSearch
 from continuum_grasp.grasp.rods.solving import rods_solver
 from continuum_grasp.nlp import Budget
-from tests.marks import few
 
 MUG = {"position": 0.002, "radius": 0.05, "friction": 0.2, "mass": 0.1}
 
