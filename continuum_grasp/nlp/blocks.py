@@ -29,6 +29,9 @@ from continuum_grasp.nlp.sums import entries_at, scattered
 
 ORDER = 4
 """Coefficients of a cubic spline per axis that act in a cell."""
+LONG = 500
+"""Instructions of second derivatives from which on functions of a kind are compiled: an interpreter takes 10 to 14
+times as long for thousands of them, and hardly longer for a few (`benchmarks.bench_rods`, with and without ``CC=``)."""
 _STORED = 64
 """Structures whose problems are stored in a process."""
 _problems: dict[tuple[object, ...], NLP] = {}
@@ -78,9 +81,6 @@ class BlockKind:
     rows : casadi.SX
         Expression of these, and of ``lookup.found``.
     lookup : Lookup, optional
-    compiled : bool
-        Whether its functions are compiled, once per machine, if there is a compiler. An interpreter takes 10 to 14
-        times as long for rows of thousands of operations.
     """
 
     def __init__(
@@ -90,8 +90,6 @@ class BlockKind:
         data: ca.SX,
         rows: ca.SX,
         lookup: Lookup | None = None,
-        *,
-        compiled: bool = False,
     ) -> None:
         self.name = name
         self.unknowns = int(unknowns.numel())
@@ -113,13 +111,13 @@ class BlockKind:
             read = [lookup.at, lookup.first, lookup.counts, lookup.given]
             self.read = ca.Function(f"{name}_read", [unknowns, data], read, {"cse": True})
             self.series = lookup.series
-        if compiled:
+        if self.curvature.n_instructions() > LONG:
             self._compile()
 
     def _compile(self) -> None:
-        """Take compiled functions, where there is a compiler; once per machine, as kinds are few."""
+        """Take compiled functions if they are there; else have them compiled once per machine, as kinds are few."""
         names = ["values", "slopes", "curvature", *(["read", "series"] if self.axes else [])]
-        functions = CSource([getattr(self, name) for name in names]).loaded(f"{self.name} of grasps")
+        functions = CSource([getattr(self, name) for name in names]).loaded_or_begun(f"{self.name} of grasps")
         for name, function in zip(names, functions or [], strict=False):
             setattr(self, name, function)
 
@@ -131,8 +129,8 @@ class BlockKind:
         moved[self.first] += by
         return moved
 
-    def found(self, unknowns: ca.MX, data: ca.MX, table: ca.MX, count: int) -> ca.MX:
-        """Values that the lookups of blocks find, a column each."""
+    def found(self, unknowns: ca.MX, data: ca.MX, numbers: ca.MX, table: int, count: int) -> ca.MX:
+        """Values that the lookups of blocks find, a column each; the table starts at a place among the numbers."""
         if not self.axes:
             return ca.MX(0, count)
         at, first, counts, given = self.read.map(count)(unknowns, data)
@@ -143,7 +141,8 @@ class BlockKind:
             along = ca.repmat(cell[axis, :] - 1.0, ORDER**self.axes, 1) + ca.repmat(_offsets(self.axes)[axis], 1, count)
             place = place + along * stride
             stride = stride * ca.repmat(counts[axis, :], ORDER**self.axes, 1)
-        coefficients = ca.reshape(table[ca.vec(place)], ORDER**self.axes, count)
+        # From the numbers themselves: a part of them would be a copy of the table in each call.
+        coefficients = ca.reshape(numbers[ca.vec(place) + table], ORDER**self.axes, count)
         return self.series.map(count)(given, cell, coefficients)
 
     def value(self, unknowns: Array, data: Array, table: Array) -> Array:
@@ -343,7 +342,8 @@ class _Sum:
         ends = np.cumsum([0, *sizes, table, size, size]).tolist()
         self.x, self.p = ca.MX.sym("x", size), ca.MX.sym("p", ends[-1])
         self._f_force, self._forces = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", count)
-        *owned, self._table, self._linear, self._square = (self.p[a:b] for a, b in itertools.pairwise(ends))
+        *owned, _, self._linear, self._square = (self.p[a:b] for a, b in itertools.pairwise(ends))
+        self._table = ends[-4]
         self._given = [self._given_to(b, data) for b, data in zip(blocks, owned, strict=True)]
         self._blocks = blocks
 
@@ -352,7 +352,7 @@ class _Sum:
         kind, count = blocks.kind, len(blocks.data)
         unknowns = ca.reshape(self.x[np.concatenate(blocks.unknowns).tolist()], kind.unknowns, count)
         data = ca.reshape(data, kind.data, count)
-        return unknowns, data, kind.found(unknowns, data, self._table, count)
+        return unknowns, data, kind.found(unknowns, data, self.p, self._table, count)
 
     @cached_property
     def nlp(self) -> NLP:

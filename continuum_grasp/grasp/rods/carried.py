@@ -36,12 +36,13 @@ def _set_nodes(before: GraspRods, x: Array, problem: GraspRods, index: int, y: A
             y[part.nodes[first]] = state
             if k == 0 and node in coarse.touching:
                 state[geometry.moments] = x[coarse.turns[coarse.touching.index(node)]]
-            for between in range(first + 1, first + times):
-                unknowns = [*state, *np.zeros(len(state)), *y[span.force], *y[part.pulls], *y[span.ends]]
-                data = [*finger.acting(span.piece, part.along(between)), *span.shares(between)]
-                # The row is where the stage leads less where it ends.
-                state = stage.value(np.array(unknowns), np.array(data), np.zeros(0))
-                y[part.nodes[between]] = state
+            if times > 1:
+                acting = [*y[span.force], *y[part.pulls], *y[span.ends]]
+                data = [
+                    [*finger.acting(span.piece, part.along(n)), *span.shares(n)]
+                    for n in range(first + 1, first + times)
+                ]
+                y[np.array(part.nodes[first + 1 : first + times])] = kinds.led(stage, state, np.array(acting), data)
     y[part.nodes[-1]] = x[coarse.nodes[-1]]
 
 

@@ -38,8 +38,6 @@ class Geometry(StageEquations):
     """Steps of the fourth-order rule of Runge and Kutta in a stage."""
     finer: int
     """Factor on the stages of a search for the grasp that it returns: directions are exact to 5e-7 rad then."""
-    compiled: bool
-    """Whether kinds of blocks are so large that they are compiled."""
     pose: int
     """Numbers of an object's pose, the place first."""
     axes: int

@@ -72,9 +72,10 @@ class ShotFinger(FingerGuess):
         )
         resisted = bent_moment(finger, 0.0, self.bend)
         base = geometry.bent(finger.base, 0.0, 0.0, 0.0, resisted - load)
-        for slides in (self._still(form), None):
-            state = np.concatenate([base, self._still(form) if slides is not None else -self._slid(form, x, part)])
-            self._shoot(problem, finger, part, x, state)
+        still = self._still(form)
+        self._shoot(problem, finger, part, x, np.concatenate([base, still]))
+        if still.size:
+            self._shoot(problem, finger, part, x, np.concatenate([base, -self._slid(form, x, part)]))
 
     @staticmethod
     def _still(form: SectionForm) -> Array:
@@ -83,7 +84,7 @@ class ShotFinger(FingerGuess):
 
     def _slid(self, form: SectionForm, x: Array, part: FingerPlaces) -> Array:
         """Slides at the tip of tendons that do not slide at the base."""
-        end = x[part.nodes[-1]][-len(form.sliding_names) :] if form.sliding_names else np.zeros(0)
+        end = x[part.nodes[-1]][-len(form.sliding_names) :]
         return np.array([value * name.startswith("slide") for value, name in zip(end, form.sliding_names, strict=True)])
 
     def _ends(self, finger: FingerNumbers) -> list[tuple[float, float]]:
@@ -101,12 +102,14 @@ class ShotFinger(FingerGuess):
         out = self.lift * problem.numbers.force / finger.force
         for span in part.spans:
             x[span.force] = force
-            for node in range(span.first + 1, span.first + span.stages + 1):
-                unknowns = [*state, *np.zeros(len(state)), *force, *x[part.pulls], *x[span.ends]]
-                data = [*finger.acting(span.piece, part.along(node)), *span.shares(node)]
-                # The row is where the stage leads less where it ends.
-                state = stage.value(np.array(unknowns), np.array(data), np.zeros(0))
-                x[part.nodes[node]] = state
+            node = span.first + span.stages
+            acting = [*force, *x[part.pulls], *x[span.ends]]
+            data = [
+                [*finger.acting(span.piece, part.along(k)), *span.shares(k)] for k in range(span.first + 1, node + 1)
+            ]
+            states = kinds.led(stage, state, np.array(acting), np.array(data))
+            x[np.array(part.nodes[span.first + 1 : node + 1])] = states
+            state = states[-1]
             if node not in part.touching:
                 continue
             k = part.touching.index(node)

@@ -15,7 +15,10 @@ from functools import cache
 from typing import Any
 
 import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
 
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.rods.geometry import Geometry, cross, dot, exerted, transposed, turned
 from continuum_grasp.grasp.rods.rod import THICKNESS, between, half_thickness, taper
@@ -62,8 +65,7 @@ class _Parts:
         """The kind of these symbols."""
         name = name if self._geometry is None else f"{name}_{self._geometry.name}"
         data = ca.vertcat(*self._data) if self._data else ca.SX(0, 1)
-        compiled = self._geometry is not None and self._geometry.compiled
-        return BlockKind(name, ca.vertcat(*self._unknowns), data, ca.vertcat(*rows), lookup, compiled=compiled)
+        return BlockKind(name, ca.vertcat(*self._unknowns), data, ca.vertcat(*rows), lookup)
 
 
 class _Sight:
@@ -145,6 +147,27 @@ def stage_kind(geometry: Geometry, form: SectionForm) -> BlockKind:
     places = ends[0] + u0 * span, ends[0] + u1 * span
     reached = stage_end(form, geometry, ca.vertsplit(begin), *places, acting, geometry.steps)
     return parts.kind(f"stage_{form.key}", [a - b for a, b in zip(reached, ca.vertsplit(end), strict=True)])
+
+
+def led(stage: BlockKind, state: Array, acting: Array, data: ArrayLike) -> Array:
+    """States (n, states) at the ends of stages of a kind one after the other, from the one at the begin of the first.
+
+    ``acting`` are the unknowns of a stage beyond its states, ``data`` (n, stage.data) those of each.
+    """
+    given = np.asarray(data, dtype=float)
+    return np.array(_leading(stage, len(given))(state, acting, given.T)).T
+
+
+@cache
+def _leading(stage: BlockKind, count: int) -> ca.Function:
+    """States at the ends of so many stages."""
+    acting, data = ca.MX.sym("acting", stage.unknowns - 2 * stage.count), ca.MX.sym("data", stage.data)
+    state = ca.MX.sym("state", stage.count)
+    # The row is where the stage leads less where it ends.
+    end = stage.values(ca.vertcat(state, ca.MX.zeros(stage.count), acting), data, ca.MX(0, 1))
+    one = ca.Function("led", [state, acting, data], [end])
+    given = ca.MX.sym("given", stage.data, count)
+    return ca.Function("leading", [state, acting, given], [one.mapaccum(count)(state, acting, given)])
 
 
 @cache

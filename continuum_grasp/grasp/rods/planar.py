@@ -14,7 +14,7 @@ class Planar(PlaneRod, Geometry):
 
     name = "plane"
     dimensions, oriented, sides, pose, axes = 2, 3, 0, 3, 0
-    steps, finer, compiled = 4, 1, False
+    steps, finer = 4, 1
 
     def tangent(self, state: Values) -> Values:
         """Direction of the finger (2,)."""

@@ -361,6 +361,10 @@ class GraspRods(BlockProblem):
 
     # -- values ------------------------------------------------------------------------------------------------
 
+    def is_same(self, other: GraspRods) -> bool:
+        """Whether another problem of the same scene has the same stages, and as many rows."""
+        return self.numbers is other.numbers and (self.size, self.count) == (other.size, other.count)
+
     def bear(self, x: Array) -> None:
         """Set what nothing bears to what the other unknowns leave of the balance."""
         off = self.row_values(x, self.balance) + self.numbers.weight

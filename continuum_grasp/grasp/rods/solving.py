@@ -214,8 +214,11 @@ class StartedSearch(ABC):
             problem = GraspRods(numbers, joints=start.joints, stages=self.stages, places=places, near=near, fine=fine)
             if widen is not None:
                 widen(problem)
-            first = start.x_of(problem) if known is None else carried(known.problem, known.attempt.x, problem)
-            attempt = self._solver.solve(problem.nlp, problem.start(first), self.budget)
+            if widen is None and known is not None and problem.is_same(known.problem):
+                attempt = known.attempt
+            else:
+                first = start.x_of(problem) if known is None else carried(known.problem, known.attempt.x, problem)
+                attempt = self._solver.solve(problem.nlp, problem.start(first), self.budget)
             crossing = Crossing(problem, attempt.x)
             grasp = RodGrasp(problem, attempt, start, crossing.depth > CROSSED)
             if not attempt.converged or problem.unborne(attempt.x) > BORNE:
