@@ -11,8 +11,8 @@ from .problem import NLP as NLP
 from .problem import Block as Block
 from .problem import Constraints as Constraints
 from .problem import Violation as Violation
+from .slopes import SolutionSlopes as SolutionSlopes
 from .solver import Settings as Settings
 from .solver import Solver as Solver
-from .slopes import SolutionSlopes as SolutionSlopes
 from .sums import Summand as Summand
 from .sums import summed as summed

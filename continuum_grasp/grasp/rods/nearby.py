@@ -168,7 +168,7 @@ class RodsAtScene:
         return problem
 
     def _quantities(self, scene: Any, problem: GraspRods, x: Array) -> dict[str, float]:
-        """Quantities next to this grasp: greatest and least ones are those of the tendon or contact that has them here."""
+        """Quantities next to this grasp: greatest and least ones belong to the tendon or contact that has them here."""
         if self.chosen:
             return {"payload": _mass(scene) * (1.0 - float(x[problem.at["less mass"]][0]))}
         tensions, forces, margins = _parts(scene, problem, x)
