@@ -85,6 +85,15 @@ def certify_rods(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: fl
         return RodCertificate((*findings, *grasp.findings()), tuple(line.rod for line in grasp.lines))
 
 
+def rods_of(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: float = TOLERANCE) -> tuple[SpaceRod, ...]:
+    """Shapes of the fingers of a grasp, whatever its findings are.
+
+    The arguments are those of `certify_rods`.
+    """
+    with np.errstate(all="ignore"):
+        return tuple(line.rod for line in _Grasp(GraspStage.of(scene), held, tolerance).lines)
+
+
 def _strangers(stage: GraspStage, held: HeldRods) -> int:
     """Count of fingers and contacts that are missing, unknown, there twice, or there although they are off."""
     wrong = abs(len(held.fingers) - len(stage.setups))
@@ -97,7 +106,7 @@ def _strangers(stage: GraspStage, held: HeldRods) -> int:
         wrong += len(on - setup.switches.keys())
         wrong += sum(switch == ("off" if name in on else "on") for name, switch in setup.switches.items())
         wrong += sum(not 0.0 <= contact.place <= setup.finger.rod.length for contact in finger.contacts)
-    present = Counter(_support_of(stage, contact.name) for contact in held.supports)
+    present = Counter(support_of(stage, contact.name) for contact in held.supports)
     wrong += present[""]
     wrong += sum(each.touch == ("off" if present[each.name] else "on") for each in stage.obstacles)
     return wrong
@@ -110,7 +119,7 @@ def _not_certified(stage: GraspStage) -> int:
     return histories + sum(setup.drive is not None and setup.drive.pulley for setup in setups)
 
 
-def _support_of(stage: GraspStage, contact: str) -> str:
+def support_of(stage: GraspStage, contact: str) -> str:
     """Name of the support of a contact such as ``palm``, ``palm.1`` or ``palm_1``; empty of strangers."""
     names = {obstacle.name for obstacle in stage.obstacles}
     return next((name for name in (contact, contact[:-2]) if name in names), "")
@@ -272,7 +281,7 @@ class _Grasp:
         return touch, float(normal @ here.axes[0, :, 1]) - half.slope(contact.place)
 
     def _support_touch(self, contact: HeldSupport) -> _Touch:
-        name = _support_of(self.stage, contact.name)
+        name = support_of(self.stage, contact.name)
         obstacle = next(each for each in self.stage.obstacles if each.name == name)
         normal, off = obstacle.touched(contact, self.body)
         most = self.stage.scene.contacts.normal_force_max
