@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -45,6 +46,19 @@ class RodCertificate:
     def worst(self) -> Finding:
         """The finding that takes the greatest share of its limit."""
         return max(self.findings, key=lambda finding: finding.share)
+
+    def headline(self) -> str:
+        """Number of checks that passed."""
+        return f"{len(self.findings) - len(self.failed)} of {len(self.findings)} checks passed"
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Number of checks, and those that failed."""
+        return {"checks": len(self.findings), "failed": [str(finding) for finding in self.failed]}
+
+    def data(self) -> dict[str, Any]:
+        """The findings as plain data."""
+        return {"passed": self.passed, "checks": [finding.data() for finding in self.findings]}
 
     def of(self, wanted: Requirement, subject: str = "") -> Finding:
         """The finding of a property and a finger, contact or support; the object's without.

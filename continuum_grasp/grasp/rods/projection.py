@@ -26,14 +26,12 @@ from continuum_grasp.grasp.judge.obstacles import ExactObject
 from continuum_grasp.grasp.judge.space_rod import SpaceRod
 from continuum_grasp.grasp.judge.stage import GraspStage
 from continuum_grasp.grasp.shape import FingerShape
+from continuum_grasp.grasp.values import CLOSE, ElementError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import FAMILIES, ONE_TURN, Fidelity, FingerSetup, GraspScene, HandScene, MomentLoad
 
 Asked = TypeVar("Asked", GraspScene, HandScene)
 """A scene in the plane, or of a hand."""
-CLOSE = 0.03
-"""Change of a normal force, per greatest one, up to which elements stand for a rod [1]; less than the error with which
-friction and stiffness are known."""
 MOST_ELEMENTS = 64
 """Most elements of a finger, as many as a scene may state."""
 _NEWTON = 40
@@ -48,26 +46,6 @@ _FINE = 400
 """Parts of a segment over which bending waves are counted."""
 _REACH = 1.25
 """Bending range of the model, per greatest bend of the rod on an element: elements of few bend further."""
-
-
-@dataclass(frozen=True)
-class ElementError:
-    """Difference of a finger's elements from its rod.
-
-    Attributes
-    ----------
-    elements : int
-        Number of elements.
-    normal_force : float
-        Greatest change of a normal force, per greatest normal force of the grasp [1]; NaN if the elements have no
-        equilibrium near the rod.
-    displacement : float
-        Greatest distance of the backbones, per length [1].
-    """
-
-    elements: int
-    normal_force: float
-    displacement: float
 
 
 class ElementFinger:
