@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -20,8 +21,16 @@ from continuum_grasp.grasp.judge.drives import drive_findings
 from continuum_grasp.grasp.judge.findings import CROSSING, EXACT, FOLLOWED, SHORT, Finding, Requirement, greatest
 from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, HeldSupport
 from continuum_grasp.grasp.judge.obstacles import ExactObject, Obstacle
-from continuum_grasp.grasp.judge.pushed import GIVE, IDLE, PressedContact, PushedFinger, PushedGrasp, PushedPart
-from continuum_grasp.grasp.judge.pushed import PushedSupport, rolls
+from continuum_grasp.grasp.judge.pushed import (
+    GIVE,
+    IDLE,
+    PressedContact,
+    PushedFinger,
+    PushedGrasp,
+    PushedPart,
+    PushedSupport,
+    rolls,
+)
 from continuum_grasp.grasp.judge.space_rod import TOLERANCE, RodLoad, SpaceRod
 from continuum_grasp.grasp.judge.stage import GraspStage
 from continuum_grasp.scene import FingerSetup, GraspScene, HandScene
@@ -63,6 +72,19 @@ class RodCertificate:
     def worst(self) -> Finding:
         """The finding that takes the greatest share of its limit."""
         return max(self.findings, key=lambda finding: finding.share)
+
+    def headline(self) -> str:
+        """Number of checks that passed."""
+        return f"{len(self.findings) - len(self.failed)} of {len(self.findings)} checks passed"
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Number of checks, and those that failed."""
+        return {"checks": len(self.findings), "failed": [str(finding) for finding in self.failed]}
+
+    def data(self) -> dict[str, Any]:
+        """The findings as plain data."""
+        return {"passed": self.passed, "checks": [finding.data() for finding in self.findings]}
 
     def of(self, wanted: Requirement, subject: str = "") -> Finding:
         """The finding of a property and a finger, contact or support; the object's without.
@@ -109,6 +131,15 @@ def certify_rods(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: fl
         return replace(certificate, findings=(*findings, missing))
 
 
+def rods_of(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: float = TOLERANCE) -> tuple[SpaceRod, ...]:
+    """Shapes of the fingers of a grasp, whatever its findings are.
+
+    The arguments are those of `certify_rods`.
+    """
+    with np.errstate(all="ignore"):
+        return tuple(line.rod for line in _Grasp(GraspStage.of(scene), held, tolerance).lines)
+
+
 def _strangers(stage: GraspStage, held: HeldRods) -> int:
     """Count of fingers and contacts that are missing, unknown, there twice, or there although they are off."""
     wrong = abs(len(held.fingers) - len(stage.setups))
@@ -121,7 +152,7 @@ def _strangers(stage: GraspStage, held: HeldRods) -> int:
         wrong += len(on - setup.switches.keys())
         wrong += sum(switch == ("off" if name in on else "on") for name, switch in setup.switches.items())
         wrong += sum(not 0.0 <= contact.place <= setup.finger.rod.length for contact in finger.contacts)
-    present = Counter(_support_of(stage, contact.name) for contact in held.supports)
+    present = Counter(support_of(stage, contact.name) for contact in held.supports)
     wrong += present[""]
     wrong += sum(each.touch == ("off" if present[each.name] else "on") for each in stage.obstacles)
     return wrong
@@ -133,7 +164,7 @@ def _not_certified(stage: GraspStage) -> int:
     return int(stage.scene.friction_states == "any" and any(setup.friction_states for setup in setups))
 
 
-def _support_of(stage: GraspStage, contact: str) -> str:
+def support_of(stage: GraspStage, contact: str) -> str:
     """Name of the support of a contact such as ``palm``, ``palm.1`` or ``palm_1``; empty of strangers."""
     names = {obstacle.name for obstacle in stage.obstacles}
     return next((name for name in (contact, contact[:-2]) if name in names), "")
@@ -348,7 +379,7 @@ class _Grasp:
         return touch, float(normal @ here.axes[0, :, 1]) - half.slope(contact.place)
 
     def _support_touch(self, contact: HeldSupport) -> _Touch:
-        name = _support_of(self.stage, contact.name)
+        name = support_of(self.stage, contact.name)
         obstacle = next(each for each in self.stage.obstacles if each.name == name)
         normal, off = obstacle.touched(contact, self.body)
         most = self.stage.scene.contacts.normal_force_max

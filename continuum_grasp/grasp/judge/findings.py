@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import Enum
+from typing import Any
 
 import numpy as np
 
@@ -80,6 +81,10 @@ class Finding:
         if np.isnan(self.value) or (self.limit == 0.0 and not self.passed):
             return np.inf
         return self.value / self.limit if self.limit else 0.0
+
+    def data(self) -> dict[str, Any]:
+        """The finding as plain data."""
+        return {**asdict(self), "requirement": self.requirement.value, "passed": self.passed}
 
     def __str__(self) -> str:
         of = f", {self.subject}" if self.subject else ""

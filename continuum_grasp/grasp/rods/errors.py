@@ -23,10 +23,11 @@ from continuum_grasp.grasp.robust.errors import InError, scaled
 from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.copies import HeldValue, RodCopy, held_by_drives
 from continuum_grasp.grasp.rods.histories import HistoryColumns
-from continuum_grasp.grasp.rods.numbers import GraspAims, SceneNumbers, SupportNumbers
+from continuum_grasp.grasp.rods.numbers import GraspAims, SceneNumbers
 from continuum_grasp.grasp.rods.planar_numbers import planar_supports
 from continuum_grasp.grasp.rods.problem import GraspRods, StagePlace
 from continuum_grasp.grasp.rods.solving import RodGrasp
+from continuum_grasp.grasp.rods.supports import SupportNumbers
 from continuum_grasp.scene import GraspScene, HandScene
 
 SHARES = ("radius", "friction", "mass", "tension")

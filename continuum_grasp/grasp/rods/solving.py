@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.base import Array
+from continuum_grasp.base import Array, amount_text
 from continuum_grasp.grasp.rods.carried import carried, finer_pairs, finer_places
 from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places, table_misses, touched_places
 from continuum_grasp.grasp.rods.guess import FingerGuess, Held, filled
@@ -126,6 +126,11 @@ class RodGrasp:
         return self.problem.tension(self.attempt.x)
 
     @property
+    def unborne(self) -> float:
+        """Sum of the forces and moments that nothing bears [N]; moments count per size of the object."""
+        return self.problem.unborne(self.attempt.x) * self.problem.numbers.force
+
+    @property
     def holds(self) -> bool:
         """Whether the grasp holds the object."""
         return self.attempt.converged and self.problem.unborne(self.attempt.x) < BORNE and not self.crosses
@@ -134,6 +139,8 @@ class RodGrasp:
 class StartedSearch(ABC):
     """Finds grasps as exact rods, from starts of any kind."""
 
+    scene: Any
+    """The scene whose grasps are sought."""
     apart: float
     """Distance of places from which on starts are different [m]."""
     iterations: int = 120
@@ -207,6 +214,14 @@ class StartedSearch(ABC):
             if start.imbalance > self.likely and self.best is not None:
                 continue
             self.tried.append(self.solved(start, fine=False))
+            self.budget.tell(self.standing)
+
+    @property
+    def standing(self) -> str:
+        """The best so far, and what was tried."""
+        best = self.best
+        held = "no grasp yet" if best is None else f"{amount_text(best.tension, 'N', '.4g')} so far"
+        return f"{held}; {len(self.tried)} starts tried"
 
     def _chosen(self, starts: Sequence[RodStart], most: int) -> Iterator[RodStart]:
         """The most promising starts; of different places of contacts where there are as many."""
