@@ -350,8 +350,8 @@ class _Grasp:
         # Any fixed direction will do that is not along the normal; in a plane, the one out of it.
         across = np.eye(3)[2 if planar else np.abs(touch.normal).argmin()]
         contact = self._pressed(touch, across)
-        name = _support_of(self.stage, contact.name)
-        same = sum(_support_of(self.stage, each.name) == name for each in self.held.supports)
+        name = support_of(self.stage, contact.name)
+        same = sum(support_of(self.stage, each.name) == name for each in self.held.supports)
         obstacle = next(each for each in self.stage.obstacles if each.name == name)
         way = rolls(self.body, contact, self.stage.size, obstacle.curvature, planar=planar)
         return PushedSupport(contact, center, way if same == 1 else np.zeros((3, 3)), self.stage.axes, give)
