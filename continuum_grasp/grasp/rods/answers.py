@@ -7,6 +7,7 @@ same blocks, and what must hold for them.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.motion import GraspMotion
 from continuum_grasp.grasp.rods.problem import APEX, GraspRods
 from continuum_grasp.grasp.rods.tangent import GraspTangent
+from continuum_grasp.scene import GraspScene, HandScene, ObjectiveWeights
 
 _SPARES = np.logspace(-10.0, 4.0, 141)
 """Multipliers that are tried for a start, per greatest change of a load."""
@@ -35,8 +37,9 @@ class GraspAnswers(ABC):
         """Add the answers to loads (K, 6) on the object, per unit of the amount [F0, F0 size]."""
         self.problem, self.motion, self.loads = problem, motion, loads
         self._size, self._count = problem.size, problem.count
-        self._still = problem.unknown("still", 0.0, 0.0)
+        self._still = problem.unknown(f"still, {self.key}", 0.0, 0.0)
         self.changes = [self._answer(k, load) for k, load in enumerate(loads)]
+        problem.fillings.append(self.fill)
 
     @property
     @abstractmethod
@@ -48,16 +51,16 @@ class GraspAnswers(ABC):
         problem, motion = self.problem, self.motion
         changes = np.full(self._size, int(self._still[0]))
         free = np.full(len(motion.changing), np.inf)
-        changes[motion.changing] = problem.unknown(f"answer {k}", -free, free)
+        changes[motion.changing] = problem.unknown(f"answer {k}, {self.key}", -free, free)
         rows = np.full(self._count, -1)
-        rows[motion.rows] = problem.rows(f"answer {k}", self.key, "1", len(motion.rows)).ravel()
+        rows[motion.rows] = problem.rows(f"answer {k}, {self.key}", self.key, "1", len(motion.rows)).ravel()
         problem.add_tangents(changes, rows)
         give = kinds.share_kind()
         for row, force, compliance in motion.gaps:
             problem.add(give, changes[force], rows[row], [compliance])
         for contact in motion.of_contacts:
             own = np.full(contact.kind.count, problem.free_row)
-            own[contact.rows] = problem.rows(f"stick {k}", self.key, "1", len(contact.rows)).ravel()
+            own[contact.rows] = problem.rows(f"stick {k}, {self.key}", self.key, "1", len(contact.rows)).ravel()
             own[contact.balance] = rows[problem.balance[contact.balance]]
             problem.add(contact.kind, [*contact.unknowns, *changes[contact.changes]], own, contact.data)
             for row, force in zip(own[contact.rows], contact.forces, strict=True):
@@ -68,16 +71,28 @@ class GraspAnswers(ABC):
         return changes
 
     def fill(self, x: Array) -> None:
-        """Set the answers to those of the grasp in the unknowns."""
-        try:
-            tangent = GraspTangent(self.problem, x)
-        except (ValueError, RuntimeError):
-            # Nothing presses, or the grasp is singular: answers start at zero.
-            return
-        answers = tangent.to_loads(self.loads)
-        for changes, column in zip(self.changes, answers.T, strict=True):
-            x[changes[tangent.motion.changing]] = float(x[self.amount][0]) * column
+        """Set the answers to those of the grasp in the unknowns, and the amount to what the grasp bears."""
+        tangent = tangent_of(self.problem, x)
+        x[self.amount] = self.borne(x, tangent)
+        if tangent is not None:
+            answers = tangent.to_loads(self.loads)
+            for changes, column in zip(self.changes, answers.T, strict=True):
+                x[changes[tangent.motion.changing]] = float(x[self.amount][0]) * column
         x[self._still] = 0.0
+
+    @abstractmethod
+    def borne(self, x: Array, tangent: GraspTangent | None) -> float:
+        """Amount of the loads with which the problem starts."""
+
+
+def tangent_of(problem: GraspRods, x: Array) -> GraspTangent | None:
+    """Tangent of a grasp; None where nothing presses, or where nothing holds some motion."""
+    try:
+        tangent = GraspTangent(problem, x)
+        tangent.response  # noqa: B018
+    except (ValueError, RuntimeError):
+        return None
+    return tangent
 
 
 class BornePush(GraspAnswers):
@@ -120,19 +135,17 @@ class BornePush(GraspAnswers):
         problem.add(kinds.pushed_kind(count), unknowns, bounds, [problem.numbers.friction(name)])
 
     def fill(self, x: Array) -> None:
-        """Set the push to what the grasp bears, or the least one, and the answers with it."""
-        x[self.amount] = max(self._least, 0.5 * self._borne(x))
+        """Set the push, the answers, and multipliers for them."""
         super().fill(x)
         for name, at in self._spare.items():
             held = self.problem.contacts[name]
             slope = np.array([x[changes[held]] for changes in self.changes]).T
             x[at] = _spare(x[held], slope, self.problem.numbers.friction(name))
 
-    def _borne(self, x: Array) -> float:
-        try:
-            return GraspTangent(self.problem, x).push / self.problem.numbers.force
-        except (ValueError, RuntimeError):
-            return 0.0
+    def borne(self, x: Array, tangent: GraspTangent | None) -> float:
+        """Half of what the grasp bears, or the least push."""
+        push = 0.0 if tangent is None else 0.5 * tangent.push
+        return max(self._least, push / self.problem.numbers.force)
 
 
 def _spare(load: Array, slope: Array, friction: float) -> Array:
@@ -184,3 +197,25 @@ class ResistedDisturbances(GraspAnswers):
                 for at, most in zip(part.pulls, finger.pulls, strict=True):
                     row = problem.rows(f"disturbed {k}, {finger.name}", self.key, "1", 1, 1.0, 0.0, most)
                     problem.add(kinds.sum_kind(), [at, changes[at]], row, [])
+
+    def borne(self, x: Array, tangent: GraspTangent | None) -> float:
+        """None: the grasp bears it, whatever it is."""
+        return 0.0
+
+
+def asked_of(scene: GraspScene | HandScene) -> Callable[[GraspRods], None] | None:
+    """Variant of the problem that a scene asks for: a push, disturbances; None where it asks for neither."""
+    weights = scene.weights if isinstance(scene, GraspScene) else ObjectiveWeights(least_tension=1.0)
+    least, most = scene.contacts.push or 0.0, scene.contacts.normal_force_max
+    pushed, disturbed = weights.greatest_push / most, weights.greatest_disturbance
+    if not (least or pushed or disturbed):
+        return None
+
+    def vary(problem: GraspRods) -> None:
+        if least or pushed:
+            BornePush(problem, least, pushed)
+        if disturbed:
+            wrenches = np.array([[*wrench[:2], 0.0, 0.0, 0.0, wrench[2]] for wrench in scene.wrenches])
+            ResistedDisturbances(problem, wrenches, disturbed, retensioned=scene.disturbances.tendons == "retensioned")
+
+    return vary

@@ -15,7 +15,7 @@ def carried(before: GraspRods, x: Array, problem: GraspRods) -> Array:
     """Unknowns of a problem with as many stages as another, or a multiple, by those of the other."""
     y = np.zeros(problem.size)
     for name, at in problem.at.items():
-        if name in before.at and not name.startswith("node "):
+        if name in before.at and len(before.at[name]) == len(at) and not name.startswith("node "):
             y[at] = x[before.at[name]]
     for index in range(len(problem.parts)):
         _set_nodes(before, x, problem, index, y)

@@ -145,10 +145,13 @@ def _greatest(setup: FingerSetup, pull: SectionPull) -> float:
 
 @dataclass(frozen=True, eq=False)
 class GraspAims:
-    """Aims of a grasp as costs: of the tension, per sum of the greatest ones, and of the friction margin."""
+    """Aims of a grasp as costs: of the tension, per sum of the greatest ones, of the friction margin, and of the
+    greatest normal force, per F0.
+    """
 
     tension: float = 1.0
     margin: float = 0.0
+    normal: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +177,10 @@ class SceneNumbers:
     deviation: float = 0.0  # of the object's surface from the one that it stands for [m]
     least_normal: float = 0.0  # force of a contact of a finger [F0]
     reserve: float = 0.0  # share of all friction that stays free
+
+    def unit(self, contact: str) -> float:
+        """Unit of the force of a contact by name [F0]."""
+        return next((finger.force for finger in self.fingers if contact in finger.contacts), self.force) / self.force
 
     def friction(self, contact: str) -> float:
         """Friction coefficient of a contact by name, with the reserve."""

@@ -59,7 +59,11 @@ def planar_numbers(
         weight=np.array([*(scene.object.mass * np.array(scene.gravity) / force), 0.0, 0.0, 0.0]),
         balances=tuple(scene.balances),
         spatial=scene.spatial,
-        aims=GraspAims(aims.least_tension, aims.greatest_friction_margin),
+        aims=GraspAims(
+            aims.least_tension,
+            aims.greatest_friction_margin,
+            aims.least_normal_force * force / scene.contacts.normal_force_max,
+        ),
         pairs=scene.pairs,
         penetration=scene.solver.penetration_tolerance,
         reserve=scene.contacts.reserve,

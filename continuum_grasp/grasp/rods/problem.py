@@ -9,7 +9,7 @@ that nothing bears, at a cost, so that every start has a feasible point nearby. 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -155,8 +155,21 @@ class GraspRods(BlockProblem):
                 self.cost(at, max(aims.tension, 1e-5) * pull.unit / total)
         for held in self.contacts.values():
             self.cost(held, 0.0, 2e-8)
+        if aims.normal:
+            self._aim_at_normal_forces(aims.normal)
+        self.fillings: list[Callable[[Array], None]] = []
+        """Functions that set the unknowns of variants by all others."""
 
     # -- parts -------------------------------------------------------------------------------------------------
+
+    def _aim_at_normal_forces(self, weight: float) -> None:
+        """Add the greatest normal force of all contacts [F0] to the objective, by its weight per F0."""
+        greatest = self.unknown("greatest normal force", 0.0, np.inf)
+        self.cost(greatest, weight)
+        for name, held in self.contacts.items():
+            row = self.rows(f"normal force, {name}", "contacts.normal_force_max", "F0", 1, 1.0, 0.0, np.inf)
+            self.add(kinds.share_kind(), greatest, row, [1.0])
+            self.add(kinds.share_kind(), held[0], row, [-self.numbers.unit(name)])
 
     def _balanced(self, k: int, name: str) -> Indices:
         """A row of the balance of the object, and what nothing bears of it."""
@@ -409,6 +422,14 @@ class GraspRods(BlockProblem):
     def is_same(self, other: GraspRods) -> bool:
         """Whether another problem of the same scene has the same stages, and as many rows."""
         return self.numbers is other.numbers and (self.size, self.count) == (other.size, other.count)
+
+    def fill(self, x: Array) -> None:
+        """Set what follows from the other unknowns: what nothing bears, the greatest normal force, variants."""
+        if "greatest normal force" in self.at:
+            forces = [self.numbers.unit(name) * x[held[0]] for name, held in self.contacts.items()]
+            x[self.at["greatest normal force"]] = max(forces, default=0.0)
+        for filling in self.fillings:
+            filling(x)
 
     def bear(self, x: Array) -> None:
         """Set what nothing bears to what the other unknowns leave of the balance."""

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Array, amount_text
+from continuum_grasp.grasp.rods.answers import asked_of
 from continuum_grasp.grasp.rods.carried import carried, finer_pairs, finer_places
 from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places, table_misses, touched_places
 from continuum_grasp.grasp.rods.guess import FingerGuess, Held, filled
@@ -18,6 +19,7 @@ from continuum_grasp.grasp.rods.numbers import SceneNumbers
 from continuum_grasp.grasp.rods.problem import STAGES, GraspRods, NearPair, StagePlace
 from continuum_grasp.grasp.rods.supports import SupportNumbers, rested
 from continuum_grasp.nlp import Attempt, Budget, Settings, Solver
+from continuum_grasp.scene import GraspScene, HandScene
 
 STARTS = 6
 """Starts that are solved."""
@@ -139,7 +141,7 @@ class RodGrasp:
 class StartedSearch(ABC):
     """Finds grasps as exact rods, from starts of any kind."""
 
-    scene: Any
+    scene: GraspScene | HandScene
     """The scene whose grasps are sought."""
     apart: float
     """Distance of places from which on starts are different [m]."""
@@ -165,6 +167,11 @@ class StartedSearch(ABC):
         return []
 
     @property
+    def asked(self) -> Callable[[GraspRods], None] | None:
+        """Variant of the problem that the scene asks for; None where it asks for none."""
+        return asked_of(self.scene)
+
+    @property
     def best(self) -> RodGrasp | None:
         """The grasp with the least aim."""
         held = [grasp for grasp in self.tried if grasp.holds]
@@ -180,8 +187,12 @@ class StartedSearch(ABC):
             self._try(self.further, most)
         while (best := self.best) is not None and self._improved(best):
             pass
+        if self.asked is not None:
+            # From the first grasps, without what a scene asks for beyond them.
+            first = sorted((g for g in self.tried if g.holds), key=lambda g: g.attempt.objective)
+            self.tried = [self.solved(g.start, self.asked, g, fine=False) for g in first if not self.budget.over]
         while (best := self.best) is not None and not best.fine and not self.budget.over:
-            self.tried[self.tried.index(best)] = self.solved(best.start, beside=best)
+            self.tried[self.tried.index(best)] = self.solved(best.start, self.asked, best)
 
     def beside(self, grasp: RodGrasp) -> Iterator[RodStart]:
         """Starts with other contacts than a grasp, next to it."""
@@ -264,6 +275,7 @@ class StartedSearch(ABC):
                 attempt = known.attempt
             else:
                 first = start.x_of(problem) if known is None else carried(known.problem, known.attempt.x, problem)
+                problem.fill(first)
                 attempt = self._solver.solve(problem.nlp, problem.start(first), self.budget)
             crossing = Crossing(problem, attempt.x)
             grasp = RodGrasp(problem, attempt, start, crossing.depth > CROSSED)

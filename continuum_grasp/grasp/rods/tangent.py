@@ -167,17 +167,12 @@ class GraspTangent:
         problem = self.problem
         forces = {name: np.zeros((4, changes.shape[1])) for name in problem.contacts}
         for name, at in problem.contacts.items():
-            unit = self._unit(name)
+            unit = problem.numbers.force * problem.numbers.unit(name)
             for k, place in enumerate(at.tolist()):
                 if place in self._columns:
                     forces[name][k] = unit * changes[self._columns[place]]
         shift, turn = self._moved(changes)
         return GraspResponse(problem.numbers.size * shift, turn, forces)
-
-    def _unit(self, contact: str) -> float:
-        """Unit of the force of a contact [N]."""
-        fingers = self.problem.numbers.fingers
-        return next((f.force for f in fingers if contact in f.contacts), self.problem.numbers.force)
 
     def _moved(self, changes: Array) -> tuple[Array, Array]:
         """Shift (3, K) of the center of mass [object size] and turn (3, K) of the object."""
@@ -288,7 +283,7 @@ class GraspTangent:
         found, problem = dict[str, float](), self.problem
         _, high = problem.limits
         for name in self.motion.contacts:
-            at, unit = problem.contacts[name], self._unit(name)
+            at, unit = problem.contacts[name], problem.numbers.force * problem.numbers.unit(name)
             slope = self.response.forces[name][:, : self.motion.directions]
             friction, most = problem.numbers.friction(name), high[at[0]] * unit
             found[name] = bears(unit * self.x[at], slope, np.eye(4)[0], friction, most)
