@@ -220,8 +220,7 @@ class GraspResult(AnyGrasp):
         """Warnings before this grasp is relied on."""
         if not self.verified or self.certificate is None:
             return ()
-        of_elements = isinstance(self.certificate, Certificate)
-        return tuple([*(self._warnings_of_elements() if of_elements else ()), *self._general_warnings()])
+        return (*self._warnings_of_elements(), *self._general_warnings())
 
     def _warnings_of_elements(self) -> list[str]:
         """Warnings about elements with which a grasp was sought, and about its stability."""
@@ -394,3 +393,16 @@ def flawed(result: GraspResult, flaw: str) -> GraspResult:
     if message == result.message:  # it has flaws already
         message = message.replace(": ", f" and {flaw}: ", 1)
     return replace(result, status=GraspStatus.FEASIBLE, message=message)
+
+
+def with_outline(result: GraspResult) -> GraspResult:
+    """The result with the error of its object's outline; what that changes is not computed."""
+    body = result.scene.object
+    off = body.deviation
+    if off == 0.0:
+        return result
+    corners, finer = (sum(len(part.outline()) for part in each.parts) for each in (body, body.redrawn()))
+    missing = "what that changes was not computed"
+    return replace(
+        result, outline=OutlineError(off, body.size, corners, finer, missing=missing, noise=body.outline_error)
+    )

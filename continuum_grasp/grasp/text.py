@@ -49,9 +49,9 @@ def parts(result: GraspResult, quality: bool = True) -> list[TextPart]:
         every += [_quality(result), _disturbances(result)] if quality and result.solved else []
         every += [_certificate(result.certificate)] if isinstance(result.certificate, Certificate) else []
         every += [_findings(result.certificate)] if isinstance(result.certificate, RodCertificate) else []
+        every += [_elements(result)] if result.element_errors else []
         said = result.statistics.get("fine_model")
         every += [TextPart("The same grasp in a fine model", ("", ""), [("fine model", said)])] if said else []
-    every += [_elements(result)] if result.element_errors else []
     every += [] if result.outline is None else [_outline(result.outline)]
     every += [_trials(result.robustness)] if result.robustness is not None else []
     return [part for part in every if part.rows]

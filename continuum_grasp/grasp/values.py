@@ -329,8 +329,8 @@ class ElementError:
 def error_warning(finger: str, error: ElementError) -> str:
     """Warn of elements that do not stand for the rod of a finger."""
     return (
-        f"{error.elements} elements of {finger} do not stand for its rod ({error.words}): what is computed with them is "
-        "off by as much; leave out fidelity.elements, or raise it"
+        f"{error.elements} elements of {finger} do not stand for its rod ({error.words}): what is computed with them "
+        "is off by as much; leave out fidelity.elements, or raise it"
     )
 
 

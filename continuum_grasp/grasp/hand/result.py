@@ -15,7 +15,7 @@ import numpy as np
 from continuum_grasp.base import Array, InputError, Summarized, amount_text, check_arguments
 from continuum_grasp.grasp.grasp_result import AnyGrasp
 from continuum_grasp.grasp.judge.certificate import RodCertificate, certify_rods
-from continuum_grasp.grasp.stored import OF_FINGERS, SHAPE
+from continuum_grasp.grasp.stored import BASE_MOMENT, OF_FINGERS, SHAPE
 from continuum_grasp.grasp.values import ElementError, GraspStatus, Reason, error_warning
 from continuum_grasp.results import Dimension, File, Picture, Stored, plain, yaml_text
 from continuum_grasp.scene import HandScene
@@ -41,6 +41,7 @@ STORED = (
     Stored("contact_moments", "(contact,)", "N m", "about the normals, on the fingers; only with torsional friction"),
     Stored("{finger}.family", "()", "text", "arc, clothoid or matched_clothoid"),
     *SHAPE,
+    replace(BASE_MOMENT, shape="(xyz,)", meaning="moment in the base; of exact rods alone"),
     Stored("{finger}.base", "(base,)", "", "pose of the base in the plane of the finger: x, y [m] and angle [rad]"),
     Stored("{finger}.backbone", "({finger} place, section)", "", "shape of the finger in its plane"),
 )

@@ -15,7 +15,7 @@ from continuum_grasp.grasp.hand.result import HandResult
 from continuum_grasp.grasp.judge.certificate import RodCertificate, rods_of
 from continuum_grasp.grasp.judge.held import HeldRods
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.result import GraspResult, with_outline
 from continuum_grasp.grasp.rods.arrays import RodArrays
 from continuum_grasp.grasp.rods.hand_search import HandRodSearch
 from continuum_grasp.grasp.rods.limits import LeastRepairs, reason_of
@@ -72,14 +72,19 @@ def _result(scene: GraspScene | HandScene, budget: Budget) -> GraspResult | Hand
     ended = _EndedSearch(scene, search, time.monotonic())
     try:
         search.run(_MORE[scene.solver.effort])
-        return ended.judged(verdict_of(search))
+        return _outlined(ended.judged(verdict_of(search)))
     except KeyboardInterrupt:
         ended.interrupted = True
         verdict = verdict_of(search, interrupted=True)
         if verdict.status not in (GraspStatus.OPTIMAL, GraspStatus.FEASIBLE):
             tried = f"{len(search.tried)} starts tried to the end"
             raise Interrupted(f"interrupted before a grasp was found ({tried})") from None
-        return ended.solved(verdict)
+        return _outlined(ended.solved(verdict))
+
+
+def _outlined(result: GraspResult | HandResult) -> GraspResult | HandResult:
+    """The result with the error of the object's outline, where it has one."""
+    return with_outline(result) if isinstance(result, GraspResult) else result
 
 
 @dataclass(eq=False)

@@ -43,7 +43,8 @@ def _finger(grasp: RodGrasp, index: int) -> HeldFinger:
     base = x[part.nodes[0]]
     position = finger.length * np.array(geometry.in_space([base[k] for k in range(geometry.dimensions)]))
     moment = finger.moment * _moment(base[geometry.moments])
-    tensions = finger.tensions(x[part.pulls])
+    # The solver leaves bounds by 1e-8.
+    tensions = finger.tensions(np.clip(x[part.pulls], 0.0, finger.pulls))
     return HeldFinger(
         finger.name, position, _axes(geometry.tangent(base), finger.across), tensions, tuple(contacts), moment
     )

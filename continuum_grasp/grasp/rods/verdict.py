@@ -89,7 +89,8 @@ def _doubts(search: StartedSearch, best: RodGrasp, refused: bool, interrupted: b
     elif search.budget.cut:
         yield Doubt.CUT
     held = [grasp for grasp in search.tried if grasp.holds]
-    if sum(_near(grasp, best, SAME_AIM) for grasp in held) < 2:
+    # Where all starts are tried, none of another place leads to a better grasp.
+    if len(search.tried) < len(search.starts) and sum(_near(grasp, best, SAME_AIM) for grasp in held) < 2:
         yield Doubt.LONE_START
     if len(search.scene.setups) > 2 and not search.agree(AGREE):
         yield Doubt.CHOICES_DIFFER
