@@ -24,9 +24,9 @@ from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places
 from continuum_grasp.grasp.rods.copies import RodCopies, RodCopy
 from continuum_grasp.grasp.rods.errors import ErrorSpace, PlanarErrors, SpatialErrors
 from continuum_grasp.grasp.rods.numbers import GraspAims
-from continuum_grasp.grasp.rods.problem import StagePlace
+from continuum_grasp.grasp.rods.problem import GraspRods, StagePlace
 from continuum_grasp.grasp.rods.solving import ROUNDS, TUNING, RodGrasp, StartedSearch, rods_solver
-from continuum_grasp.nlp import Attempt, Budget, Settings, Solver, SolverStatus
+from continuum_grasp.nlp import ActiveSet, Attempt, Budget, Settings, Solver, SolverStatus
 from continuum_grasp.scene import HandScene
 
 HOLDS = -1e-6
@@ -99,6 +99,7 @@ class RodResponder:
             tuning={"ipopt": {**TUNING, "near": NEAR}},
         ).solver()
         self._known: list[RodResponse] = []
+        self._acting: dict[RodResponse, ActiveSet] = {}
 
     def to(self, error: Array) -> RodResponse:
         """The response to an error."""
@@ -107,10 +108,7 @@ class RodResponder:
         problem = copy.problem
         problem.bound(problem.margin, low=-SLIPS)
         near = self._nearest(error)
-        attempt = None
-        if near is not None:
-            start = replace(problem.start(near.attempt.x), multipliers=near.attempt.multipliers)
-            attempt = self._warm.solve(problem.nlp, start, self._budget)
+        attempt = None if near is None else self._next_to(near, problem)
         if attempt is None or not self._holds(copy, attempt):
             first = np.concatenate([self._x, np.zeros(problem.size - self._x.size)])
             again = self._cold.solve(problem.nlp, problem.start(first), self._budget)
@@ -120,6 +118,16 @@ class RodResponder:
         if attempt.converged and np.isfinite(response.margin):
             self._known.append(response)
         return response
+
+    def _next_to(self, near: RodResponse, problem: GraspRods) -> Attempt:
+        """Solve from a known response: with the limits that act there, or in full."""
+        start = problem.start(near.attempt.x)
+        if near not in self._acting:
+            self._acting[near] = ActiveSet(problem.nlp, near.copy.problem.start(near.attempt.x), near.attempt)
+        found = self._acting[near].near(start)
+        if found is not None:
+            return found
+        return self._warm.solve(problem.nlp, replace(start, multipliers=near.attempt.multipliers), self._budget)
 
     def descended(self, responses: Sequence[RodResponse]) -> Iterator[RodResponse]:
         """From each response on to the friction states that lower its margin, until none does."""
