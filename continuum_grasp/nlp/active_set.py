@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
@@ -34,6 +34,26 @@ _FAR = 10.0
 _REGULAR = 1e-11
 """Added to the diagonal [units of the problem]: directions that do not matter have no curvature."""
 Solve = Callable[[Array], Array]
+
+
+class DenseCall:
+    """A function of CasADi on memory of its own: it takes 70 ns for each number of an array that it is given."""
+
+    def __init__(self, function: ca.Function) -> None:
+        self._buffer, self._run = function.buffer()
+        self._given = [np.zeros(function.nnz_in(k)) for k in range(function.n_in())]
+        self._found = [np.zeros(function.nnz_out(k)) for k in range(function.n_out())]
+        for k, values in enumerate(self._given):
+            self._buffer.set_arg(k, memoryview(values))
+        for k, values in enumerate(self._found):
+            self._buffer.set_res(k, memoryview(values))
+
+    def __call__(self, *given: Array) -> list[Array]:
+        """Entries of all results, by dense arguments."""
+        for own, values in zip(self._given, given, strict=True):
+            own[:] = values
+        self._run()
+        return [values.copy() for values in self._found]
 
 
 class ActiveSet:
@@ -61,6 +81,11 @@ class ActiveSet:
         self._free = np.flatnonzero(~self._fixed & ~acts)
         self._bound = np.setdiff1d(np.arange(bounds.size), self._free)
 
+    @cached_property
+    def key(self) -> bytes:
+        """The limits that act; equal for solutions of a problem with the same ones."""
+        return self._rows.tobytes() + self._free.tobytes()
+
     def near(self, start: Start) -> Attempt | None:
         """The solution of a problem nearby; None where the same limits do not act or it is too far."""
         known, free, rows, bound = self._attempt, self._free, self._rows, self._bound
@@ -68,7 +93,7 @@ class ActiveSet:
         forces[rows] = known.multipliers.constraints[rows]
         x[bound] = np.where(known.multipliers.bounds < 0.0, start.low, start.high)[bound]
         limits = np.where(forces < 0.0, start.lower, start.upper)
-        p, before, first, solve = ca.DM(start.p), np.inf, np.inf, self._solve
+        p, before, first, solve = start.p, np.inf, np.inf, self._solve
         for step in range(_STEPS):
             g, slope, jacobian = self._values(x, p, forces)
             residual = np.concatenate([slope[free], (g - limits)[rows]])
@@ -85,11 +110,13 @@ class ActiveSet:
             forces[rows] += change[free.size :]
         return None
 
-    def _values(self, x: Array, p: Any, forces: Array) -> tuple[Array, Array, Any]:
-        """Rows, gradient of the Lagrange function without bounds, and slopes of the rows."""
-        g, jacobian = self._nlp.functions["jac_g"](x, p)
-        _, gradient = self._nlp.functions["grad_f"](x, p)
-        return np.array(g).ravel(), np.array(gradient + ca.mtimes(jacobian.T, forces)).ravel(), jacobian
+    def _values(self, x: Array, p: Array, forces: Array) -> tuple[Array, Array, Array]:
+        """Rows, gradient of the Lagrange function without bounds, and entries of the slopes of the rows."""
+        g, entries = self._functions["jac_g"](x, p)
+        _, gradient = self._functions["grad_f"](x, p)
+        row, column = self._slopes
+        pulls = np.bincount(column, entries * forces[row], minlength=x.size)
+        return g, gradient + pulls, entries
 
     def _attempted(self, start: Start, x: Array, g: Array, forces: Array, slope: Array) -> Attempt | None:
         """The solution, if it satisfies all other limits and multipliers have their signs."""
@@ -101,19 +128,19 @@ class ActiveSet:
         if turned or violation > self._tolerance:
             return None
         solution = {"x": x, "g": g, "multipliers": Multipliers(bounds, forces), "violation": violation}
-        objective = float(self._nlp.functions["grad_f"](x, start.p)[0])
+        objective = float(self._functions["grad_f"](x, start.p)[0][0])
         return replace(self._attempt, status=SolverStatus.SOLVED, objective=objective, iterations=0, **solution)
 
     @cached_property
     def _solve(self) -> Solve:
         """Solve with the matrix of the known solution."""
-        x, p, forces = self._attempt.x, ca.DM(self._start.p), self._attempt.multipliers.constraints
-        return self._solved(x, p, forces, self._nlp.functions["jac_g"](x, p)[1])
+        x, p, forces = self._attempt.x, self._start.p, self._attempt.multipliers.constraints
+        return self._solved(x, p, forces, self._functions["jac_g"](x, p)[1])
 
-    def _solved(self, x: Array, p: Any, forces: Array, jacobian: Any) -> Solve:
+    def _solved(self, x: Array, p: Array, forces: Array, jacobian: Array) -> Solve:
         """Solve with the matrix of the conditions at a point."""
-        upper = self._nlp.functions["hess_lag"](x, p, 1.0, forces)
-        entries = np.concatenate([_entries(upper), _entries(jacobian)])[self._taken]
+        (upper,) = self._functions["hess_lag"](x, p, np.ones(1), forces)
+        entries = np.concatenate([upper, jacobian])[self._taken]
         size = self._free.size + self._rows.size
         diagonal = np.full(size, _REGULAR)
         diagonal[self._free.size :] *= -1.0
@@ -123,12 +150,19 @@ class ActiveSet:
         factors = splu(csc_matrix(matrix, shape=(size, size)))
         return lambda right: np.asarray(factors.solve(right))
 
+    @property
+    def _functions(self) -> dict[str, DenseCall]:
+        return _called(self._nlp)
+
+    @cached_property
+    def _slopes(self) -> tuple[Indices, Indices]:
+        """Rows and columns of the entries of the slopes of the rows."""
+        return _triplet(self._nlp.functions["jac_g"].sparsity_out(1))
+
     @cached_property
     def _pattern(self) -> tuple[Indices, Indices, Indices]:
         """Entries of Hessian and Jacobian that are in the matrix, and their rows and columns there."""
-        hessian = self._nlp.functions["hess_lag"].sparsity_out(0)
-        jacobian = self._nlp.functions["jac_g"].sparsity_out(1)
-        (a, b), (c, d) = ((np.array(s.row(), int), np.array(s.get_col(), int)) for s in (hessian, jacobian))
+        (a, b), (c, d) = _triplet(self._nlp.functions["hess_lag"].sparsity_out(0)), self._slopes
         at, below = np.full(self._fixed.size, -1), np.full(self._equal.size, -1)
         at[self._free] = np.arange(self._free.size)
         below[self._rows] = self._free.size + np.arange(self._rows.size)
@@ -147,8 +181,14 @@ class ActiveSet:
         return self._pattern[1:]
 
 
-def _entries(matrix: Any) -> Array:
-    return np.array(ca.DM(matrix).nonzeros())
+@lru_cache(maxsize=16)
+def _called(nlp: NLP) -> dict[str, DenseCall]:
+    """The functions of a problem, on memory of their own."""
+    return {name: DenseCall(nlp.functions[name]) for name in ("grad_f", "jac_g", "hess_lag")}
+
+
+def _triplet(sparsity: Any) -> tuple[Indices, Indices]:
+    return np.array(sparsity.row(), int), np.array(sparsity.get_col(), int)
 
 
 def _left(forces: Array, values: Array, low: Array, high: Array) -> Array:
