@@ -1,3 +1,4 @@
+from .active_set import ActiveSet as ActiveSet
 from .attempt import Attempt as Attempt
 from .attempt import Budget as Budget
 from .attempt import Multipliers as Multipliers

@@ -244,13 +244,13 @@ class BlockProblem(Constraints):
     def add(self, kind: BlockKind, unknowns: ArrayLike, rows: ArrayLike, data: ArrayLike) -> None:
         """Add a block of a kind by the places of its unknowns and rows, and its data."""
         blocks = self._blocks.setdefault(kind.name, _Blocks(kind, [], [], []))
-        sizes = kind.unknowns, kind.count, kind.data
-        parts = np.ravel(np.asarray(unknowns, int)), np.ravel(np.asarray(rows, int)), np.ravel(np.asarray(data, float))
-        if tuple(part.size for part in parts) != sizes:
-            raise ValueError(f"{kind.name}: {[part.size for part in parts]} unknowns, rows and data for {sizes}")
-        blocks.unknowns.append(parts[0])
-        blocks.rows.append(parts[1])
-        blocks.data.append(parts[2])
+        at, own, numbers = np.array(unknowns, int).ravel(), np.array(rows, int).ravel(), np.array(data, float).ravel()
+        if (at.size, own.size, numbers.size) != (kind.unknowns, kind.count, kind.data):
+            sizes = kind.unknowns, kind.count, kind.data
+            raise ValueError(f"{kind.name}: {[at.size, own.size, numbers.size]} unknowns, rows and data for {sizes}")
+        blocks.unknowns.append(at)
+        blocks.rows.append(own)
+        blocks.data.append(numbers)
 
     def of_kind(self, name: str) -> Iterator[tuple[BlockKind, Indices, Indices, Array]]:
         """Blocks of a kind by its name: the kind, places of unknowns and rows, and data."""

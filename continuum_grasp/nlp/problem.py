@@ -239,9 +239,9 @@ class Constraints:
         upper: ArrayLike = 0.0,
     ) -> Indices:
         """Add a block at ``count`` places: its row numbers (count, size of the scale)."""
-        amounts = np.atleast_1d(np.asarray(scale, dtype=float))
+        amounts = np.array(scale, dtype=float, ndmin=1)
         rows = np.arange(self.count, self.count + count * amounts.size).reshape(count, amounts.size)
-        low, high = (np.array(np.broadcast_to(b, rows.shape), dtype=float) for b in (lower, upper))
+        low, high = np.full(rows.shape, lower, dtype=float), np.full(rows.shape, upper, dtype=float)
         self.blocks.append(Block(name, key, unit, rows, low, high, amounts))
         self.count += rows.size
         return rows

@@ -24,9 +24,9 @@ from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places
 from continuum_grasp.grasp.rods.copies import RodCopies, RodCopy
 from continuum_grasp.grasp.rods.errors import ErrorSpace, PlanarErrors, SpatialErrors
 from continuum_grasp.grasp.rods.numbers import GraspAims
-from continuum_grasp.grasp.rods.problem import StagePlace
+from continuum_grasp.grasp.rods.problem import GraspRods, StagePlace
 from continuum_grasp.grasp.rods.solving import ROUNDS, TUNING, RodGrasp, StartedSearch, rods_solver
-from continuum_grasp.nlp import Attempt, Budget, Settings, Solver, SolverStatus
+from continuum_grasp.nlp import ActiveSet, Attempt, Budget, Settings, Solver, SolverStatus
 from continuum_grasp.scene import HandScene
 
 HOLDS = -1e-6
@@ -41,6 +41,9 @@ UNDECIDED = 1e-6
 NEAR = 1e-6
 """First barrier parameter of a solve next to a known one: 6 iterations, 9 with 1e-4 and as many with 1e-8, of which
 some take 16 (`mug_uncertain`, 40 errors)."""
+SETS = 4
+"""Most sets of limits with which a response is sought next to known ones, before a solver runs: one takes a tenth of its
+time (`mug_uncertain`)."""
 BRANCHES = 3
 """Grasps of the scene next to which a robust one is sought."""
 
@@ -99,6 +102,7 @@ class RodResponder:
             tuning={"ipopt": {**TUNING, "near": NEAR}},
         ).solver()
         self._known: list[RodResponse] = []
+        self._acting: dict[RodResponse, ActiveSet] = {}
 
     def to(self, error: Array) -> RodResponse:
         """The response to an error."""
@@ -106,11 +110,7 @@ class RodResponder:
         copy.hold(self._x)
         problem = copy.problem
         problem.bound(problem.margin, low=-SLIPS)
-        near = self._nearest(error)
-        attempt = None
-        if near is not None:
-            start = replace(problem.start(near.attempt.x), multipliers=near.attempt.multipliers)
-            attempt = self._warm.solve(problem.nlp, start, self._budget)
+        attempt = self._next_to_known(error, problem)
         if attempt is None or not self._holds(copy, attempt):
             first = np.concatenate([self._x, np.zeros(problem.size - self._x.size)])
             again = self._cold.solve(problem.nlp, problem.start(first), self._budget)
@@ -120,6 +120,33 @@ class RodResponder:
         if attempt.converged and np.isfinite(response.margin):
             self._known.append(response)
         return response
+
+    def _next_to_known(self, error: Array, problem: GraspRods) -> Attempt | None:
+        """Solve from known responses: with the limits that act at the nearest ones, or in full from the nearest one."""
+        order = self._by_distance(error)
+        tried = set[bytes]()
+        for k in order:
+            acting = self._acting_at(self._known[k])
+            if acting.key in tried:
+                continue
+            tried.add(acting.key)
+            found = acting.near(problem.start(self._known[k].attempt.x))
+            if found is not None or len(tried) == SETS:
+                break
+        else:
+            found = None
+        if found is not None or not order:
+            return found
+        known = self._known[order[0]].attempt
+        start = replace(problem.start(known.x), multipliers=known.multipliers)
+        return self._warm.solve(problem.nlp, start, self._budget)
+
+    def _acting_at(self, response: RodResponse) -> ActiveSet:
+        """Limits that act at a known response."""
+        if response not in self._acting:
+            problem, attempt = response.copy.problem, response.attempt
+            self._acting[response] = ActiveSet(problem.nlp, problem.start(attempt.x), attempt)
+        return self._acting[response]
 
     def descended(self, responses: Sequence[RodResponse]) -> Iterator[RodResponse]:
         """From each response on to the friction states that lower its margin, until none does."""
@@ -148,12 +175,13 @@ class RodResponder:
     def _holds(copy: RodCopy, attempt: Attempt) -> bool:
         return _margin(copy, attempt) >= HOLDS
 
-    def _nearest(self, error: Array) -> RodResponse | None:
-        """The known response to the nearest error, per bounds."""
+    def _by_distance(self, error: Array) -> list[int]:
+        """Known responses by the distance of their errors, per bounds."""
         if not self._known:
-            return None
+            return []
         away = (np.array([response.error for response in self._known]) - error) / self.errors.scales
-        return self._known[int((away**2).sum(axis=1).argmin())]
+        order: list[int] = (away**2).sum(axis=1).argsort(kind="stable").tolist()
+        return order
 
 
 def _margin(copy: RodCopy, attempt: Attempt) -> float:
