@@ -9,13 +9,11 @@ from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.judge.certificate import RodCertificate, certify_rods
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.search import RodSearch
-from continuum_grasp.grasp.rods.solving import RodGrasp
+from continuum_grasp.grasp.rods.solving import AGREE, RodGrasp
 from continuum_grasp.grasp.values import GraspStatus
 
 SAME_AIM = 1e-4
 """Share of an aim up to which two starts lead to the same grasp."""
-AGREE = 0.01
-"""Share of an aim by which the two choices of starts of three fingers may differ."""
 
 
 @dataclass(frozen=True, eq=False)
