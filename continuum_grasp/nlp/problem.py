@@ -241,7 +241,7 @@ class Constraints:
         """Add a block at ``count`` places: its row numbers (count, size of the scale)."""
         amounts = np.atleast_1d(np.asarray(scale, dtype=float))
         rows = np.arange(self.count, self.count + count * amounts.size).reshape(count, amounts.size)
-        low, high = (np.array(np.broadcast_to(b, rows.shape), dtype=float) for b in (lower, upper))
+        low, high = (np.full(rows.shape, bound, dtype=float) for bound in (lower, upper))
         self.blocks.append(Block(name, key, unit, rows, low, high, amounts))
         self.count += rows.size
         return rows
