@@ -234,10 +234,11 @@ class BlockProblem(Constraints):
 
     def unknown(self, name: str, low: ArrayLike, high: ArrayLike) -> Indices:
         """Add unknowns between bounds (size,); their places."""
-        lows, highs = np.broadcast_arrays(np.atleast_1d(np.asarray(low, float)), np.asarray(high, float))
-        at = np.arange(len(self._low), len(self._low) + lows.size)
-        self._low += lows.tolist()
-        self._high += highs.tolist()
+        lows, highs = np.asarray(low, float), np.asarray(high, float)
+        size = max(lows.size, highs.size)
+        at = np.arange(len(self._low), len(self._low) + size)
+        self._low += np.full(size, lows).tolist()
+        self._high += np.full(size, highs).tolist()
         self.at[name] = at
         return at
 

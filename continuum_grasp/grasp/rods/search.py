@@ -13,6 +13,7 @@ from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.finger_map import Place, SceneMaps, places_of
 from continuum_grasp.grasp.finger_map.balance import WEIGHTS, ObjectBalance, Settled
 from continuum_grasp.grasp.finger_map.fill import FingerMap
+from continuum_grasp.grasp.finger_map.rod import ROUGH
 from continuum_grasp.grasp.rods.contact_sets import contact_sets, nearest_stations, neighboring_stations
 from continuum_grasp.grasp.rods.guess import ContinuedFinger, ShotFinger, filled
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
@@ -126,7 +127,8 @@ class Case:
 
     def _start(self, settled: Settled, row: int) -> SettledStart:
         aims, x = self.search.scene.weights, settled.x[row]
-        aim = max(aims.least_tension, 1e-5) * float(settled.tension[row]) / self.balance.greatest
+        least = sum(2.0 * finger.least_tension for finger in self.balance.fingers)
+        aim = max(aims.least_tension, 1e-5) * (float(settled.tension[row]) - least) / self.balance.greatest
         if aims.greatest_friction_margin:
             traced = self.balance.traced(x[None], slopes=False)
             normal, along = (part[0] for part in self.balance.forces(x[None], traced))
@@ -246,8 +248,11 @@ class RodSearch(StartedSearch):
     def __init__(self, scene: GraspScene, budget: Budget, stages: int = STAGES) -> None:
         super().__init__(budget, stages)
         self.scene = scene
-        self.maps = SceneMaps(scene)
+        self.maps = SceneMaps(scene, sampling=ROUGH)
         self.apart = 0.25 * scene.object.size
+        if not scene.weights.greatest_friction_margin:
+            # Combinations are settled to the least tension: of 70 random scenes none that promised 5 % more was best.
+            self.promised = 0.1
 
     @cached_property
     def table(self) -> DistanceTable:

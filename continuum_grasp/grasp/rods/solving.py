@@ -37,6 +37,8 @@ BORNE = 1e-6
 """Sum of forces and moments that nothing bears, up to which a grasp holds [F0]."""
 TIED = 1e-4
 """Share of the aim up to which two grasps are the same."""
+AGREE = 0.01
+"""Share of an aim by which the two choices of starts of three fingers may differ."""
 FINE = 0.1
 """Step of the tables at contacts, per half thickness of the thinnest finger."""
 _NEAR_BOUNDS = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
@@ -145,8 +147,10 @@ class StartedSearch(ABC):
     """The scene whose grasps are sought."""
     apart: float
     """Distance of places from which on starts are different [m]."""
-    iterations: int = 120
-    """Most iterations of a solve."""
+    iterations: int = 80
+    """Most iterations of a solve: of 60 random scenes that hold, the best grasps take 5 to 40."""
+    promised: float = np.inf
+    """Share by which the aim that a start promises may be above the best one, once several starts agree."""
     likely: float = np.inf
     """Imbalance of starts beyond which they are left out if there is a grasp already."""
 
@@ -154,6 +158,7 @@ class StartedSearch(ABC):
         self.budget, self.stages = budget, stages
         self.tried: list[RodGrasp] = []
         self._promising: list[RodStart] = []
+        self._refined: list[float] = []
         self._solver = rods_solver(self.iterations)
 
     @cached_property
@@ -173,9 +178,9 @@ class StartedSearch(ABC):
 
     @property
     def best(self) -> RodGrasp | None:
-        """The grasp with the least aim."""
+        """The grasp with the least aim; among fine ones, if there are any."""
         held = [grasp for grasp in self.tried if grasp.holds]
-        return min(held, key=lambda grasp: grasp.attempt.objective, default=None)
+        return min([g for g in held if g.fine] or held, key=lambda grasp: grasp.attempt.objective, default=None)
 
     def run(self, most: int = STARTS) -> None:
         """Solve from the most promising starts; from further ones if none of these leads to a grasp.
@@ -191,8 +196,21 @@ class StartedSearch(ABC):
             # From the first grasps, without what a scene asks for beyond them.
             first = sorted((g for g in self.tried if g.holds), key=lambda g: g.attempt.objective)
             self.tried = [self.solved(g.start, self.asked, g, fine=False) for g in first if not self.budget.over]
-        while (best := self.best) is not None and not best.fine and not self.budget.over:
-            self.tried[self.tried.index(best)] = self.solved(best.start, self.asked, best)
+        while (rough := self._rough) is not None and not self.budget.over:
+            grasp = self.solved(rough.start, self.asked, rough)
+            self.tried[self.tried.index(rough)] = grasp
+            if grasp.holds:
+                self._refined.append(rough.attempt.objective)
+
+    @property
+    def _rough(self) -> RodGrasp | None:
+        """The grasp with the least aim that is not fine, if it may be better than all fine ones."""
+        rough = [g for g in self.tried if g.holds and not g.fine and not any(_tied(g, aim) for aim in self._refined)]
+        least = min(rough, key=lambda grasp: grasp.attempt.objective, default=None)
+        best = self.best
+        if least is None or best is None or (best.fine and best.attempt.objective <= least.attempt.objective):
+            return None
+        return least
 
     def beside(self, grasp: RodGrasp) -> Iterator[RodStart]:
         """Starts with other contacts than a grasp, next to it."""
@@ -224,6 +242,8 @@ class StartedSearch(ABC):
                 return
             if start.imbalance > self.likely and self.best is not None:
                 continue
+            if self._promises_less(start):
+                continue
             self.tried.append(self.solved(start, fine=False))
             self.budget.tell(self.standing)
 
@@ -233,6 +253,18 @@ class StartedSearch(ABC):
         best = self.best
         held = "no grasp yet" if best is None else f"{amount_text(best.tension, 'N', '.4g')} so far"
         return f"{held}; {len(self.tried)} starts tried"
+
+    def _promises_less(self, start: RodStart) -> bool:
+        """Whether a start promises less than the best grasp, to which several starts led: of either choice of three
+        fingers.
+        """
+        best = self.best
+        if best is None or sum(_tied(grasp, best.attempt.objective) for grasp in self.tried if grasp.holds) < 2:
+            return False
+        aim = best.attempt.objective
+        # 1e-3: share of the greatest tensions that is as good as none
+        less = start.aim > aim + max(self.promised * abs(aim), 1e-3)
+        return less and (len(best.problem.parts) < 3 or self.agree(AGREE))
 
     def _chosen(self, starts: Sequence[RodStart], most: int) -> Iterator[RodStart]:
         """The most promising starts; of different places of contacts where there are as many."""
@@ -310,3 +342,8 @@ class StartedSearch(ABC):
             step = FINE * SHRINKS**finer * thin / numbers.size
             table = numbers.table.refined(touched_places(problem, attempt.x), step)
             numbers, known, finer = replace(numbers, table=table), grasp, finer + 1
+
+
+def _tied(grasp: RodGrasp, aim: float) -> bool:
+    """Whether the aim of a grasp is another one, but for a share."""
+    return abs(grasp.attempt.objective - aim) <= TIED * abs(aim)
