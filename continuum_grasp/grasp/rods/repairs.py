@@ -20,7 +20,7 @@ from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.rods.limits import LIMITS, AnyGraspScene, WidenedFriction, WidenedLimit, shown
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
 from continuum_grasp.grasp.rods.problem import GraspRods
-from continuum_grasp.grasp.rods.solving import RodGrasp, StartedSearch
+from continuum_grasp.grasp.rods.solving import RodGrasp, RodStart, StartedSearch
 from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene import GraspScene
 
@@ -74,7 +74,8 @@ class LeastRepairs:
 
     def __init__(self, search: StartedSearch) -> None:
         self._search, self._scene = search, search.scene
-        self._nearest = _different(search.tried)[:STARTS]
+        nearest = _different([grasp for grasp in search.tried if grasp.attempt.converged])[:STARTS]
+        self._nearest: Sequence[RodGrasp | RodStart] = nearest or search.starts[:STARTS]
 
     def found(self) -> list[LeastRepair]:
         """Repairs: contacts, a limit alone, or two limits where none alone is enough; unusual friction comes last."""
@@ -127,8 +128,10 @@ class LeastRepairs:
                     return repair
         return None
 
-    def _widened(self, near: RodGrasp, limits: Sequence[WidenedLimit], cost: float) -> RodGrasp:
-        """Solve next to a solution with limits widened at a cost; everything is borne where that is the aim alone."""
+    def _widened(self, near: RodGrasp | RodStart, limits: Sequence[WidenedLimit], cost: float) -> RodGrasp:
+        """Solve from a start, or next to a solution, with limits widened at a cost; everything is borne where that is the
+        aim alone.
+        """
 
         def loosen(numbers: SceneNumbers) -> SceneNumbers:
             for limit in limits:
@@ -141,7 +144,8 @@ class LeastRepairs:
             if cost == ALONE:
                 problem.bear_all()
 
-        return self._search.solved(near.start, widen=widen, loosen=loosen, beside=near)
+        start, beside = (near.start, near) if isinstance(near, RodGrasp) else (near, None)
+        return self._search.solved(start, widen=widen, loosen=loosen, beside=beside, fine=False)
 
     def _confirmed(self, widened: RodGrasp, limits: tuple[WidenedLimit, ...], spare: float) -> LeastRepair | None:
         """A grasp of the scene with limits changed by the amounts of a solution, and a share more."""
