@@ -461,6 +461,12 @@ class GraspRods(BlockProblem):
         """Leave object and bases at their poses in another problem, its `placed` unknowns."""
         self.bound(self.placed, low=places, high=places)
 
+    def bear_all(self) -> None:
+        """Ask for grasps alone: nothing may be left of the balance."""
+        for name, at in self.at.items():
+            if name.startswith("unborne"):
+                self.bound(at, high=0.0)
+
     def tension(self, x: Array) -> float:
         """Sum of all tensions [N]."""
         pairs = zip(self.parts, self.numbers.fingers, strict=True)

@@ -55,6 +55,8 @@ class Case:
             one.finger.base != other.finger.base for one, other in zip(scene.setups, self._scene.setups, strict=True)
         ):
             bases = tuple((*setup.finger.base.position, setup.finger.base.angle) for setup in scene.setups)
+        if scene.object.pose != self._scene.object.pose:
+            pose = scene.object.pose
         made = Case(self.search, self.on, (pose, bases))
         made._scene, made.balance = scene, self.balance
         return made
@@ -250,9 +252,20 @@ class RodSearch(StartedSearch):
         self.scene = scene
         self.maps = SceneMaps(scene, sampling=ROUGH)
         self.apart = 0.25 * scene.object.size
+        self._known = list[frozenset[str]]()
         if not scene.weights.greatest_friction_margin:
             # Combinations are settled to the least tension: of 70 random scenes none that promised 5 % more was best.
             self.promised = 0.1
+
+    def again(self, scene: GraspScene) -> RodSearch:
+        """A search of a changed scene."""
+        return RodSearch(scene, self.budget, self.stages)
+
+    def with_contacts(self, scene: GraspScene) -> RodSearch:
+        """A search of the scene with other contacts, but for the sets that were searched already."""
+        search = self.again(scene)
+        search.maps, search._known = self.maps, contact_sets(self.scene)
+        return search
 
     @cached_property
     def table(self) -> DistanceTable:
@@ -262,7 +275,7 @@ class RodSearch(StartedSearch):
     @cached_property
     def _cases(self) -> list[Case]:
         """Sets of contacts, and places of object and bases that are tried with them."""
-        modes = contact_sets(self.scene)
+        modes = [on for on in contact_sets(self.scene) if on not in self._known]
         return [Case(self, on, place) for on in modes for place in places_of(self.scene, on)[:PLACES]]
 
     def beside(self, grasp: RodGrasp) -> Iterator[RodStart]:

@@ -23,6 +23,8 @@ from continuum_grasp.scene import GraspScene, HandScene
 
 STARTS = 6
 """Starts that are solved."""
+NEARLY = 0.5
+"""Imbalance of a start, in a unit of its search, up to which it nearly balances the object."""
 ROUNDS = 3
 """Most solves in which rows are added between nodes."""
 FINER = 5
@@ -166,6 +168,37 @@ class StartedSearch(ABC):
     def starts(self) -> list[RodStart]:
         """All starts, the most promising first."""
 
+    @abstractmethod
+    def again(self, scene: Any) -> StartedSearch:
+        """A search of a changed scene."""
+
+    def with_contacts(self, scene: Any) -> StartedSearch:
+        """A search of the scene with other contacts."""
+        return self.again(scene)
+
+    def with_free_contacts(self) -> dict[str, Any]:
+        """Changes of keys of the scene that leave all contacts of fingers to the search; none where they are."""
+        changes = dict[str, Any]()
+        for setup in self.scene.setups:
+            own = setup.finger.contacts.stated()
+            where = {key: f"{setup.where}.contacts" if key in own else "contacts" for key in ("middle", "tip")}
+            if setup.tip != "auto":
+                changes[f"{where['tip']}.tip"] = "auto"
+            if not setup.stations and set(setup.middles) != {"auto"}:
+                count = len(setup.middles)
+                changes[f"{where['middle']}.middle"] = "auto" if count == 1 else ("auto",) * count
+        return changes
+
+    def needs_free(self, key: str, on: frozenset[str]) -> bool:
+        """Whether a key of contacts must leave them to the search for a set of contacts."""
+        for setup in self.scene.setups:
+            if not key.startswith(("contacts", setup.where)):
+                continue
+            names = (setup.tip_name,) if key.endswith("tip") else setup.middle_names
+            if any((name in on) != (setup.switches[name] == "on") for name in names):
+                return True
+        return False
+
     @property
     def further(self) -> list[RodStart]:
         """Starts where none of the others leads to a grasp."""
@@ -228,6 +261,13 @@ class StartedSearch(ABC):
                 return True
         return False
 
+    def try_some(self, most: int) -> None:
+        """Solve from the most promising starts that nearly balance the object, one after the other up to a grasp."""
+        likely = [start for start in self.starts if start.imbalance < NEARLY]
+        for start in self._chosen(likely, most):
+            if self.best is None and not self.budget.over:
+                self.tried.append(self.solved(start))
+
     def agree(self, share: float) -> bool:
         """Whether the most promising starts and those of other places lead to the same aim, within a share."""
         ends = []
@@ -283,11 +323,13 @@ class StartedSearch(ABC):
         self,
         start: RodStart,
         widen: Callable[[GraspRods], None] | None = None,
+        loosen: Callable[[SceneNumbers], SceneNumbers] = lambda numbers: numbers,
         beside: RodGrasp | None = None,
         *,
         fine: bool = True,
     ) -> RodGrasp:
-        """Solve from a start, or from a grasp with other limits ``beside`` it, with a limit widened if one is given.
+        """Solve from a start, or from a grasp with other limits ``beside`` it, with numbers of the scene
+        loosened and limits widened if these are given.
 
         Solve again with rows where a finger is in the object between nodes, or crosses another, and, if the grasp is to
         be ``fine``, with finer tables where contacts are not as exact as the object.
@@ -296,7 +338,7 @@ class StartedSearch(ABC):
         if beside is not None:
             times = beside.problem.geometry.finer if fine and not beside.fine else 1
             places, near = finer_places(beside.problem.places, times), finer_pairs(beside.problem.near, times)
-        numbers, rounds, finer, rests, stays = start.numbers, 0, 0, 0, False
+        numbers, rounds, finer, rests, stays = loosen(start.numbers), 0, 0, 0, False
         while True:
             problem = GraspRods(numbers, joints=start.joints, stages=self.stages, places=places, near=near, fine=fine)
             if widen is not None:
