@@ -18,9 +18,9 @@ from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.result import GraspResult, with_outline
 from continuum_grasp.grasp.rods.arrays import RodArrays
 from continuum_grasp.grasp.rods.hand_search import HandRodSearch
-from continuum_grasp.grasp.rods.limits import LeastRepairs, reason_of
 from continuum_grasp.grasp.rods.projection import on_elements
 from continuum_grasp.grasp.rods.record import held_rods
+from continuum_grasp.grasp.rods.repairs import LeastRepairs, reason_of
 from continuum_grasp.grasp.rods.search import RodSearch
 from continuum_grasp.grasp.rods.sensitivity import sensitivities_of
 from continuum_grasp.grasp.rods.solving import BORNE, STARTS, RodGrasp, StartedSearch
@@ -178,7 +178,7 @@ class _EndedSearch:
         if verdict.best is None or Doubt.UNBORNE not in verdict.doubts or not isinstance(self.search, RodSearch):
             return []
         self.search.budget.tell("no grasp found; looking for a change that allows one")
-        found = list(LeastRepairs(self.search).found())
+        found = LeastRepairs(self.search).found()
         reasons = [reason_of(self.search.scene, repair) for repair in found]
         if reasons:
             changed = self.search.scene.changed(found[0].changes)

@@ -19,7 +19,6 @@ from continuum_grasp.grasp.rods.numbers import SceneNumbers
 from continuum_grasp.grasp.rods.problem import STAGES, GraspRods, NearPair, StagePlace
 from continuum_grasp.grasp.rods.supports import SupportNumbers, rested
 from continuum_grasp.nlp import Attempt, Budget, Settings, Solver
-from continuum_grasp.scene import GraspScene, HandScene
 
 STARTS = 6
 """Starts that are solved."""
@@ -145,7 +144,7 @@ class RodGrasp:
 class StartedSearch(ABC):
     """Finds grasps as exact rods, from starts of any kind."""
 
-    scene: GraspScene | HandScene
+    scene: Any
     """The scene whose grasps are sought."""
     apart: float
     """Distance of places from which on starts are different [m]."""
@@ -228,9 +227,10 @@ class StartedSearch(ABC):
         if self.asked is not None:
             # From the first grasps, without what a scene asks for beyond them.
             first = sorted((g for g in self.tried if g.holds), key=lambda g: g.attempt.objective)
-            self.tried = [self.solved(g.start, self.asked, g, fine=False) for g in first if not self.budget.over]
+            rows = (g for g in first if not self.budget.over)
+            self.tried = [self.solved(g.start, widen=self.asked, beside=g, fine=False) for g in rows]
         while (rough := self._rough) is not None and not self.budget.over:
-            grasp = self.solved(rough.start, self.asked, rough)
+            grasp = self.solved(rough.start, widen=self.asked, beside=rough)
             self.tried[self.tried.index(rough)] = grasp
             if grasp.holds:
                 self._refined.append(rough.attempt.objective)
@@ -322,10 +322,10 @@ class StartedSearch(ABC):
     def solved(
         self,
         start: RodStart,
+        *,
         widen: Callable[[GraspRods], None] | None = None,
         loosen: Callable[[SceneNumbers], SceneNumbers] = lambda numbers: numbers,
         beside: RodGrasp | None = None,
-        *,
         fine: bool = True,
     ) -> RodGrasp:
         """Solve from a start, or from a grasp with other limits ``beside`` it, with numbers of the scene
