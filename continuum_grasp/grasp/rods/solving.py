@@ -18,7 +18,7 @@ from continuum_grasp.grasp.rods.guess import FingerGuess, Held, filled
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
 from continuum_grasp.grasp.rods.problem import STAGES, GraspRods, NearPair, StagePlace
 from continuum_grasp.grasp.rods.supports import SupportNumbers, rested
-from continuum_grasp.nlp import Attempt, Budget, Settings, Solver
+from continuum_grasp.nlp import Attempt, Budget, Settings, Solver, SolverStatus
 
 STARTS = 6
 """Starts that are solved."""
@@ -36,6 +36,9 @@ RESTED = 1e-8
 """Distance by which contacts with supports may move without being taken anew [object size]."""
 BORNE = 1e-6
 """Sum of forces and moments that nothing bears, up to which a grasp holds [F0]."""
+NEARLY = 0.01
+"""Sum of forces and moments that nothing bears at the iteration limit, from which a solve is resumed [F0]: without it,
+`gear` of the shipped scenes has no grasp."""
 TIED = 1e-4
 """Share of the aim up to which two grasps are the same."""
 AGREE = 0.01
@@ -350,7 +353,7 @@ class StartedSearch(ABC):
             else:
                 first = start.x_of(problem) if known is None else carried(known.problem, known.attempt.x, problem)
                 problem.fill(first)
-                attempt = self._solver.solve(problem.nlp, problem.start(first), self.budget)
+                attempt = self._attempt(problem, first)
             crossing = Crossing(problem, attempt.x)
             grasp = RodGrasp(problem, attempt, start, crossing.depth > CROSSED)
             if not attempt.converged or problem.unborne(attempt.x) > BORNE:
@@ -384,6 +387,16 @@ class StartedSearch(ABC):
             step = FINE * SHRINKS**finer * thin / numbers.size
             table = numbers.table.refined(touched_places(problem, attempt.x), step)
             numbers, known, finer = replace(numbers, table=table), grasp, finer + 1
+
+    def _attempt(self, problem: GraspRods, x: Array) -> Attempt:
+        """Solve from unknowns; once more from where the solver stopped, if that is almost a grasp.
+
+        A new run has a new barrier and knows nothing of the points that the former run refused.
+        """
+        attempt = self._solver.solve(problem.nlp, problem.start(x), self.budget)
+        if attempt.status is not SolverStatus.ITERATION_LIMIT or problem.unborne(attempt.x) > NEARLY:
+            return attempt
+        return self._solver.solve(problem.nlp, problem.start(attempt.x), self.budget)
 
 
 def _tied(grasp: RodGrasp, aim: float) -> bool:
