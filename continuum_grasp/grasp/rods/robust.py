@@ -42,8 +42,8 @@ NEAR = 1e-6
 """First barrier parameter of a solve next to a known one: 6 iterations, 9 with 1e-4 and as many with 1e-8, of which
 some take 16 (`mug_uncertain`, 40 errors)."""
 SETS = 4
-"""Most sets of limits with which a response is sought next to known ones, before a solver runs: one takes a tenth of its
-time (`mug_uncertain`)."""
+"""Most sets of limits with which a response is sought next to known ones, before a solver runs: one set takes a tenth
+of the solver's time (`mug_uncertain`)."""
 BRANCHES = 3
 """Grasps of the scene next to which a robust one is sought."""
 
