@@ -294,7 +294,8 @@ class SpatialErrors(ErrorSpace):
         changes["contacts"] = scene.contacts.replaced(friction=friction * scene.contacts.friction)
         if scene.table is not None and scene.table.friction is not None:
             changes["table"] = scene.table.replaced(friction=friction * scene.table.friction)
-        return scene.model_copy(update=changes)
+        changed: HandScene = scene.model_copy(update=changes)
+        return changed
 
     def placed(self, error: Array) -> PlacedObject:
         from scipy.spatial.transform import Rotation

@@ -123,6 +123,8 @@ class RodGrasp:
 class StartedSearch(ABC):
     """Finds grasps as exact rods, from starts of any kind."""
 
+    scene: Any
+    """Scene whose grasps are sought."""
     apart: float
     """Distance of places from which on starts are different [m]."""
     iterations: int = 120

@@ -66,3 +66,21 @@ def test_the_payload_is_where_grasps_end():
     assert payload > grasp.scene.object.mass
     assert RodsFollower.searched(grasp.scene.changed({"object.mass": 0.999 * payload}))
     assert not RodsFollower.searched(grasp.scene.changed({"object.mass": 1.01 * payload}))
+
+
+@pytest.mark.deep
+def test_neighbors_that_agree_lead_to_what_a_full_search_finds():
+    """Of two diameters and two friction coefficients; the last scene has two neighbors, and needs no map of fingers."""
+
+    def scene(diameter, friction):
+        changes = {"object.diameter": diameter, "object.position[0]": diameter / 2.0, "contacts.friction": friction}
+        return cg.load(MUG).changed(changes)
+
+    neighbors = [RodsFollower.searched(scene(*at))[0] for at in ((0.078, 0.55), (0.08, 0.5))]
+    here = scene(0.08, 0.55)
+    iterations = []
+    found = RodsFollower.searched(here, iterations.append, neighbors)
+    assert found[0].quantities["tension"] == pytest.approx(
+        RodsFollower.searched(here)[0].quantities["tension"], rel=1e-5
+    )
+    assert len(found) == len(iterations) == 2
