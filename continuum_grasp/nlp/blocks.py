@@ -92,6 +92,7 @@ class BlockKind:
         lookup: Lookup | None = None,
     ) -> None:
         self.name = name
+        self._symbols, self._lookup = (unknowns, data, rows), lookup
         self.unknowns = int(unknowns.numel())
         self.data = int(data.numel())
         self.count = int(rows.numel())
@@ -113,6 +114,15 @@ class BlockKind:
             self.series = lookup.series
         if self.curvature.n_instructions() > LONG:
             self._compile()
+
+    @cached_property
+    def tangent(self) -> BlockKind:
+        """Changes of the rows to first order: a kind of the unknowns, followed by as many changes of them."""
+        unknowns, data, rows = self._symbols
+        changes = ca.SX.sym("changes", self.unknowns)
+        both = ca.vertcat(unknowns, changes)
+        changed = ca.jtimes(rows, unknowns, changes)
+        return BlockKind(f"{self.name}_tangent", both, data, changed, self._lookup)
 
     def _compile(self) -> None:
         """Take compiled functions if they are there; else have them compiled once per machine, as kinds are few."""
@@ -147,14 +157,25 @@ class BlockKind:
 
     def value(self, unknowns: Array, data: Array, table: Array) -> Array:
         """Rows (count,) of one block by values."""
-        found = np.zeros(0)
-        if self.axes:
-            at, first, counts, given = (np.array(part).ravel() for part in self.read(unknowns, data))
-            cell = _cell(at, counts, np)
-            grid = table[int(first[0]) :][: int(counts.prod())].reshape(counts.astype(int))
-            near = grid[tuple(slice(int(c) - 1, int(c) - 1 + ORDER) for c in cell)]
-            found = self.series(given, cell, near.ravel())
-        return np.array(self.values(unknowns, data, found)).ravel()
+        return np.array(self.values(unknowns, data, self._found(unknowns, data, table))).ravel()
+
+    def slope(self, unknowns: Array, data: Array, table: Array) -> Array:
+        """Derivatives (count, unknowns) of the rows of one block by values."""
+        slopes = np.zeros((self.count, self.unknowns))
+        entries = self.slopes(unknowns, data, self._found(unknowns, data, table))[1]
+        i, j = self.jacobian_pattern.get_triplet()
+        slopes[i, j] = np.array(entries).ravel()
+        return slopes
+
+    def _found(self, unknowns: Array, data: Array, table: Array) -> Any:
+        """Values that the lookup of one block finds."""
+        if not self.axes:
+            return np.zeros(0)
+        at, first, counts, given = (np.array(part).ravel() for part in self.read(unknowns, data))
+        cell = _cell(at, counts, np)
+        grid = table[int(first[0]) :][: int(counts.prod())].reshape(counts.astype(int))
+        near = grid[tuple(slice(int(c) - 1, int(c) - 1 + ORDER) for c in cell)]
+        return self.series(given, cell, near.ravel())
 
 
 def _cell(at: Any, counts: Any, lib: Any) -> Any:
@@ -213,10 +234,11 @@ class BlockProblem(Constraints):
 
     def unknown(self, name: str, low: ArrayLike, high: ArrayLike) -> Indices:
         """Add unknowns between bounds (size,); their places."""
-        lows, highs = np.broadcast_arrays(np.atleast_1d(np.asarray(low, float)), np.asarray(high, float))
-        at = np.arange(len(self._low), len(self._low) + lows.size)
-        self._low += lows.tolist()
-        self._high += highs.tolist()
+        lows, highs = np.asarray(low, float), np.asarray(high, float)
+        size = max(lows.size, highs.size)
+        at = np.arange(len(self._low), len(self._low) + size)
+        self._low += np.full(size, lows).tolist()
+        self._high += np.full(size, highs).tolist()
         self.at[name] = at
         return at
 
@@ -276,6 +298,27 @@ class BlockProblem(Constraints):
             if values is not None:
                 for place, value in zip(places, np.broadcast_to(np.asarray(values, float), len(places)), strict=True):
                     bounds[place] = float(value)
+
+    @cached_property
+    def free_row(self) -> int:
+        """A row without bounds, for rows of blocks that do not matter."""
+        return int(self.rows("free", self.name, "1", 1, 1.0, -np.inf, np.inf).item())
+
+    def add_tangents(self, changes: Indices, rows: Indices) -> None:
+        """Add the changes of rows to first order.
+
+        Parameters
+        ----------
+        changes : ndarray of int, shape (size before,)
+            Place of the unknown that is the change of each unknown.
+        rows : ndarray of int, shape (count before,)
+            Place of the row that is the change of each row; -1 of rows whose changes do not matter.
+        """
+        places = np.where(rows < 0, self.free_row, rows)
+        for blocks in list(self._blocks.values()):
+            for at, own, data in zip(blocks.unknowns, blocks.rows, blocks.data, strict=True):
+                if own.max() < len(rows) and (rows[own] >= 0).any():
+                    self.add(blocks.kind.tangent, [*at, *changes[at]], places[own], data)
 
     # -- solving -----------------------------------------------------------------------------------------------
 

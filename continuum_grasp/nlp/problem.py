@@ -241,7 +241,7 @@ class Constraints:
         """Add a block at ``count`` places: its row numbers (count, size of the scale)."""
         amounts = np.array(scale, dtype=float, ndmin=1)
         rows = np.arange(self.count, self.count + count * amounts.size).reshape(count, amounts.size)
-        low, high = np.full(rows.shape, lower, dtype=float), np.full(rows.shape, upper, dtype=float)
+        low, high = (np.full(rows.shape, bound, dtype=float) for bound in (lower, upper))
         self.blocks.append(Block(name, key, unit, rows, low, high, amounts))
         self.count += rows.size
         return rows

@@ -23,10 +23,11 @@ from continuum_grasp.grasp.robust.errors import InError, scaled
 from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.copies import HeldValue, RodCopy, held_by_drives
 from continuum_grasp.grasp.rods.histories import HistoryColumns
-from continuum_grasp.grasp.rods.numbers import GraspAims, SceneNumbers, SupportNumbers
+from continuum_grasp.grasp.rods.numbers import GraspAims, SceneNumbers
 from continuum_grasp.grasp.rods.planar_numbers import planar_supports
 from continuum_grasp.grasp.rods.problem import GraspRods, StagePlace
 from continuum_grasp.grasp.rods.solving import RodGrasp
+from continuum_grasp.grasp.rods.supports import SupportNumbers
 from continuum_grasp.scene import GraspScene, HandScene
 
 SHARES = ("radius", "friction", "mass", "tension")
@@ -303,19 +304,17 @@ class SpatialErrors(ErrorSpace):
         numbers = self.grasp.problem.numbers
         growth = self.share(error, "radius")
         shift, turn = error[:3].copy(), error[3:6].copy()
-        for support in numbers.supports:
+        contacts = [support.touched(numbers, numbers.pose) for support in numbers.supports]
+        for _, normal in contacts:
             # An object against a support moves along it and turns about its normal; it grows away from it.
-            shift -= support.normal * (support.normal @ shift)
-            turn = support.normal * (support.normal @ turn)
-        lifted = {tuple(np.round(support.normal, 9)): support for support in numbers.supports}
-        for support in lifted.values():
-            shift -= support.normal * (support.normal @ support.arm) * growth * numbers.size
+            shift -= normal * (normal @ shift)
+            turn = normal * (normal @ turn)
+        place = np.array(numbers.geometry.place(numbers.pose))
+        raised = {tuple(np.round(normal, 9).tolist()): float(normal @ (point - place)) for point, normal in contacts}
+        for normal, height in raised.items():
+            shift -= np.array(normal) * height * growth * numbers.size
         rotation = Rotation.from_rotvec(turn).as_matrix()
-        supports = [
-            replace(
-                support, friction=support.friction * (1.0 + self.share(error, "friction")), arm=rotation @ support.arm
-            )
-            for support in numbers.supports
-        ]
+        friction = 1.0 + self.share(error, "friction")
+        supports = [replace(support, friction=support.friction * friction) for support in numbers.supports]
         pose = self.pose + np.concatenate([shift, np.zeros(3)])
         return PlacedObject(pose, (rotation @ numbers.axes.reshape(3, 3)).ravel(), supports)

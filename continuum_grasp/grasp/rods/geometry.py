@@ -65,6 +65,14 @@ class Geometry(StageEquations):
         """Axes of the object as columns."""
 
     @abstractmethod
+    def section_turn(self, state: Values, change: Values) -> list[Any]:
+        """Small turn (3,) of a section by the change (oriented,) of its place and direction."""
+
+    @abstractmethod
+    def object_turn(self, pose: Values, change: Values) -> list[Any]:
+        """Small turn (3,) of the object by the change (pose,) of its pose."""
+
+    @abstractmethod
     def cuts(self, p: Array, q: Array) -> Array:
         """Whether the chords of a line (n, dimensions) cut those of another (m, dimensions): (n - 1, m - 1)."""
 

@@ -269,6 +269,6 @@ class RodsFollower:
 
     def _solved(self, scene: Any, start: NearStart, beside: RodGrasp, *, chosen: bool) -> RodsAtScene | None:
         widen = _unlimited if chosen else None
-        grasp = self.search.solved(start, widen, beside, fine=beside.fine)
+        grasp = self.search.solved(start, widen=widen, beside=beside, fine=beside.fine)
         self.spent(grasp.attempt.iterations)
         return RodsAtScene(scene, grasp, self, chosen) if grasp.holds else None
