@@ -44,6 +44,9 @@ some take 16 (`mug_uncertain`, 40 errors)."""
 SETS = 4
 """Most sets of limits with which a response is sought next to known ones, before a solver runs: one set takes a tenth
 of the solver's time (`mug_uncertain`)."""
+FRUITLESS = 12
+"""Errors in a row at which a response that does not hold, next to known ones, is sought from the grasp too, and none
+better is found: then it is sought next to known ones alone."""
 DRAWS = 200
 """Most errors with which a grasp is tried that was not sought for them."""
 BRANCHES = 3
@@ -105,6 +108,7 @@ class RodResponder:
         ).solver()
         self._known: list[RodResponse] = []
         self._acting: dict[RodResponse, ActiveSet] = {}
+        self._fruitless = 0
 
     def to(self, error: Array) -> RodResponse:
         """The response to an error."""
@@ -113,11 +117,12 @@ class RodResponder:
         problem = copy.problem
         problem.bound(problem.margin, low=-SLIPS)
         attempt = self._next_to_known(error, problem)
-        if attempt is None or not self._holds(copy, attempt):
+        if attempt is None or (not self._holds(copy, attempt) and self._fruitless < FRUITLESS):
             first = np.concatenate([self._x, np.zeros(problem.size - self._x.size)])
             again = self._cold.solve(problem.nlp, problem.start(first), self._budget)
-            if attempt is None or _margin(copy, again) > _margin(copy, attempt) or not attempt.converged:
-                attempt = again
+            better = attempt is None or not _margin(copy, attempt) >= _margin(copy, again) - NEAR
+            self._fruitless = 0 if better else self._fruitless + 1
+            attempt = again if better or attempt is None else attempt
         response = RodResponse(error, copy, attempt, _margin(copy, attempt))
         if attempt.converged and np.isfinite(response.margin):
             self._known.append(response)
