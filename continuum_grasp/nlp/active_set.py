@@ -40,13 +40,15 @@ class DenseCall:
     """A function of CasADi on memory of its own: it takes 70 ns for each number of an array that it is given."""
 
     def __init__(self, function: ca.Function) -> None:
-        self._buffer, self._run = function.buffer()
+        buffer: Any
+        buffer, self._run = function.buffer()
+        self._buffer = buffer
         self._given = [np.zeros(function.nnz_in(k)) for k in range(function.n_in())]
         self._found = [np.zeros(function.nnz_out(k)) for k in range(function.n_out())]
         for k, values in enumerate(self._given):
-            self._buffer.set_arg(k, memoryview(values))
+            buffer.set_arg(k, values.data)
         for k, values in enumerate(self._found):
-            self._buffer.set_res(k, memoryview(values))
+            buffer.set_res(k, values.data)
 
     def __call__(self, *given: Array) -> list[Array]:
         """Entries of all results, by dense arguments."""
@@ -127,9 +129,16 @@ class ActiveSet:
         violation = start.violation(x, g)
         if turned or violation > self._tolerance:
             return None
-        solution = {"x": x, "g": g, "multipliers": Multipliers(bounds, forces), "violation": violation}
-        objective = float(self._functions["grad_f"](x, start.p)[0][0])
-        return replace(self._attempt, status=SolverStatus.SOLVED, objective=objective, iterations=0, **solution)
+        return replace(
+            self._attempt,
+            status=SolverStatus.SOLVED,
+            x=x,
+            g=g,
+            objective=float(self._functions["grad_f"](x, start.p)[0][0]),
+            multipliers=Multipliers(bounds, forces),
+            iterations=0,
+            violation=violation,
+        )
 
     @cached_property
     def _solve(self) -> Solve:

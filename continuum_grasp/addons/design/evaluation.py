@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -202,7 +203,7 @@ class DesignProblem:
         key = signs, case
         if key not in self._grasps:
             nominal = self._grasps.get((self.scenarios[0], case))
-            held = {} if nominal is None else nominal.held
+            held: Any = {} if nominal is None else nominal.held
             self._grasps[key] = self.kind(case, self.wanted, self.effort, held)
         return self._grasps[key]
 

@@ -172,7 +172,7 @@ class _Box:
 def _lowest(best: Evaluation, near: Sequence[Evaluation], half: float) -> Array:
     """Coordinates of the least cost by the planes of designs, within a box around the best one."""
     at, n = best.coordinates, best.coordinates.size
-    rows, limits = list[Array](), list[float]()
+    rows, limits = list[Array](), list[Any]()
     for each in near:
         away = at - each.coordinates
         for cost in each.costs:

@@ -32,6 +32,9 @@ from continuum_grasp.scene import GraspScene, HandScene
 
 SHARES = ("radius", "friction", "mass", "tension")
 """Errors that are shares, in the order of their columns, which come last."""
+_STAYS = 1e-6
+"""Cost of the square of what an object moves as it yields [object size, rad], so that one that fingers do not hold
+about an axis, such as a ball, does not turn: far below the cost of any margin."""
 _UNAIMED = GraspAims(0.0, 0.0)
 
 
@@ -201,6 +204,10 @@ class ErrorSpace(ABC):
             fine=first.fine,
             reached=False,
         )
+        if self.yields:
+            problem.cost(problem.pose, 0.0, _STAYS)
+            for at, value in zip(problem.pose, numbers.pose, strict=True):
+                problem.cost(at, -_STAYS * value)
         held = [*held_by_drives(first, problem, 1.0 + self.share(error, "tension")), *self._held_pose(problem)]
         for k, finger in enumerate(numbers.fingers):
             if self.yields and finger.tip and not finger.middles:
@@ -288,7 +295,8 @@ class SpatialErrors(ErrorSpace):
         changes["contacts"] = scene.contacts.replaced(friction=friction * scene.contacts.friction)
         if scene.table is not None and scene.table.friction is not None:
             changes["table"] = scene.table.replaced(friction=friction * scene.table.friction)
-        return scene.model_copy(update=changes)
+        changed: HandScene = scene.model_copy(update=changes)
+        return changed
 
     def placed(self, error: Array) -> PlacedObject:
         from scipy.spatial.transform import Rotation

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -20,6 +20,7 @@ from continuum_grasp.grasp.rods.planar_numbers import planar_numbers
 from continuum_grasp.grasp.rods.problem import GraspRods
 from continuum_grasp.grasp.rods.search import RodSearch
 from continuum_grasp.grasp.rods.solving import RodGrasp, RodStart, StartedSearch
+from continuum_grasp.grasp.values import SAME
 from continuum_grasp.nlp import Attempt, Budget, SolutionSlopes, Start
 from continuum_grasp.scene import GraspScene, HandScene
 
@@ -187,6 +188,12 @@ class RodsAtScene:
         return int(tensions.argmax()), int(forces.argmax()), int(margins.argmin())
 
 
+def _agree(found: Sequence[RodsAtScene]) -> bool:
+    """Whether several grasps have the same aim."""
+    aims = [each.objective for each in found]
+    return len(aims) > 1 and max(aims) - min(aims) <= SAME * abs(min(aims))
+
+
 def _mass(scene: Any) -> float:
     """Mass of a scene's object [kg]."""
     return float(scene.object.weighed if isinstance(scene, HandScene) else scene.object.mass)
@@ -221,14 +228,26 @@ class RodsFollower:
     spent: Callable[[int], None] = lambda iterations: None
 
     @classmethod
-    def searched(cls, scene: Any, spent: Callable[[int], None] = lambda iterations: None) -> list[RodsAtScene]:
-        """Grasps that a full search finds, the best one first and the others by their aim."""
+    def searched(
+        cls,
+        scene: Any,
+        spent: Callable[[int], None] = lambda iterations: None,
+        beside: Sequence[RodsAtScene] = (),
+    ) -> list[RodsAtScene]:
+        """Grasps of a scene, the best one first and the others by their aim.
+
+        They are followed from grasps of scenes ``beside`` it, and found by a full search unless several of these lead
+        to the same one.
+        """
         kind = HandRodSearch if isinstance(scene, HandScene) else RodSearch
         search = kind(scene, Budget.of(scene.solver))
-        search.run()
         follower = cls(search, spent)
+        near = [found for before in beside if (found := follower.at(scene, before)) is not None]
+        if not _agree(near):
+            search.run()
         held = sorted((g for g in search.tried if g.holds), key=lambda g: (not g.fine, g.attempt.objective))
-        return [RodsAtScene(scene, grasp, follower) for grasp in held]
+        others = [RodsAtScene(scene, grasp, follower) for grasp in held]
+        return sorted([*near, *others], key=lambda each: (not each.grasp.fine, each.objective))
 
     def at(self, scene: Any, before: RodsAtScene, guess: Array | None = None) -> RodsAtScene | None:
         """A grasp at a scene nearby, from a guess or from its own unknowns; None where it is lost."""

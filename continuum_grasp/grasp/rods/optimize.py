@@ -21,6 +21,7 @@ from continuum_grasp.grasp.rods.hand_search import HandRodSearch
 from continuum_grasp.grasp.rods.projection import on_elements
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.repairs import LeastRepairs, reason_of
+from continuum_grasp.grasp.rods.robust_result import SoughtRobust
 from continuum_grasp.grasp.rods.search import RodSearch
 from continuum_grasp.grasp.rods.sensitivity import sensitivities_of
 from continuum_grasp.grasp.rods.solving import BORNE, STARTS, RodGrasp, StartedSearch
@@ -99,9 +100,14 @@ class _EndedSearch:
 
     def judged(self, verdict: RodVerdict) -> GraspResult | HandResult:
         """The result of a verdict."""
-        if verdict.status in (GraspStatus.OPTIMAL, GraspStatus.FEASIBLE):
+        if verdict.status not in (GraspStatus.OPTIMAL, GraspStatus.FEASIBLE):
+            return self._without(verdict)
+        if isinstance(self.scene, HandScene) or self.scene.robust is None:
             return self.solved(verdict)
-        return self._without(verdict)
+        self.search.budget.tell("grasp found; looking for one that holds for all errors")
+        sought = SoughtRobust(self.search)
+        result = self.solved(sought.verdict(verdict))
+        return sought.result(result) if isinstance(result, GraspResult) else result
 
     # -- with a grasp ------------------------------------------------------------------------------------------
 
