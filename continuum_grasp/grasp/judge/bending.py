@@ -1,4 +1,4 @@
-"""Bending of a finger's sections under a moment: stiffness, tendons, and friction of a finger that was pulled.
+"""Bending of a finger's sections under a moment: stiffness, tendons, and friction by how a finger came to rest.
 
     B (x + sum clip(k_j x, M_j) / B_0) = M + m,  x = k3 - k0,  m = sum arm T exp(-side l) shape
     l' = mu |k3| (3 d - d^3) / 2,  d = clip(offset w / presliding),  l(0) = 0,    w' = -shape x,  w(L) = 0
@@ -6,7 +6,8 @@
 m is the moment of the tendons. By the capstan equation the tension falls by exp(-l) from the base on where a tendon
 slides toward it, and rises where one on the other side slides away. w is the length, per offset in the base, that the
 bend beyond s draws in. Branches of dry friction k_j, M_j hold in the base, and go with the bending stiffness. Sections
-are taken to be bent one way from rest on, as pulling does.
+are taken to be bent one way from rest on, as pulling does. Of another history the directions z from -1 to 1 are given, in
+equal cells along the finger: d = z, and each branch has the moment z M_j.
 """
 
 from __future__ import annotations
@@ -38,7 +39,9 @@ Bends = Callable[[float, float, float, float], SectionState]
 class SectionBending:
     """The sections of a finger at tensions (T,) [N]."""
 
-    def __init__(self, setup: FingerSetup, tensions: Array) -> None:
+    def __init__(self, setup: FingerSetup, tensions: Array, history: Array | None = None) -> None:
+        """Take tensions (T,) [N], and directions of friction (cells, frictions), of tendons first; None: pulled."""
+        self._history = history
         self._profile = setup.finger.profile
         self._channels = [
             (channel.shape, [(arm * channel.gain * float(t), float(np.sign(arm))) for arm, t in pulls])
@@ -58,8 +61,14 @@ class SectionBending:
 
     @property
     def slides(self) -> bool:
-        """Whether tendons have friction."""
-        return self._friction > 0.0
+        """Whether tendons have friction whose direction depends on the shape."""
+        return self._friction > 0.0 and self._history is None
+
+    @property
+    def ends(self) -> list[float]:
+        """Ends of the cells of a history [m]."""
+        cells = 0 if self._history is None else len(self._history)
+        return [self._profile.length * k / cells for k in range(1, cells)]
 
     @property
     def curves(self) -> list[Curve]:
@@ -74,6 +83,7 @@ class SectionBending:
         base = float(self._profile.bending_stiffness(0.0))
         channels = [(value_of(shape, middle), pulls) for shape, pulls in self._channels]
         friction, per_path, branches = self._friction, self._per_path, self._branches
+        way, held = self._directions(middle)
 
         def bends(s: float, moment: float, loss: float, path: float) -> SectionState:
             shaped = 0.0
@@ -82,17 +92,29 @@ class SectionBending:
                 for pull, side in pulls:
                     moment += shaped * (pull if loss == 0.0 else pull * float(np.exp(-side * loss)))
             elastic = moment / stiffness(s)
-            if branches:
+            if held is not None:
+                elastic -= held / base
+            elif branches:
                 elastic = _yielded(elastic, base, branches)
             curvature = rest(s) + elastic
             if not friction:
                 return SectionState(curvature, 0.0, 0.0)
+            if way is not None:
+                return SectionState(curvature, friction * abs(curvature) * way, -shaped * elastic)
             slid = min(max(per_path * path, -1.0), 1.0) if shaped else 0.0
             return SectionState(
                 curvature, friction * abs(curvature) * 0.5 * slid * (3.0 - slid * slid), -shaped * elastic
             )
 
         return bends
+
+    def _directions(self, middle: float) -> tuple[float | None, float | None]:
+        """Direction of the friction of tendons, and moment of dry friction in the base [N m], in a cell; None: pulled."""
+        if self._history is None:
+            return None, None
+        own = self._history[int(middle / self._profile.length * len(self._history))].tolist()
+        way = own.pop(0) if self._friction else 0.0
+        return way, sum(z * most for z, (_, most) in zip(own, self._branches, strict=True))
 
 
 def _yielded(elastic: float, stiffness: float, branches: list[tuple[float, float]]) -> float:
