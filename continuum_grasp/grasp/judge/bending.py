@@ -6,8 +6,8 @@
 m is the moment of the tendons. By the capstan equation the tension falls by exp(-l) from the base on where a tendon
 slides toward it, and rises where one on the other side slides away. w is the length, per offset in the base, that the
 bend beyond s draws in. Branches of dry friction k_j, M_j hold in the base, and go with the bending stiffness. Sections
-are taken to be bent one way from rest on, as pulling does. Of another history the directions z from -1 to 1 are given, in
-equal cells along the finger: d = z, and each branch has the moment z M_j.
+are taken to be bent one way from rest on, as pulling does. Of another history the directions z from -1 to 1 are given
+in cells along the finger: d = z, and each branch has the moment z M_j.
 """
 
 from __future__ import annotations
@@ -32,6 +32,15 @@ class SectionState(NamedTuple):
     """Change of the length drawn in [1/m]."""
 
 
+class FrictionCells(NamedTuple):
+    """Cells along a finger in which friction has one direction each."""
+
+    ends: Array
+    """Positions of their ends (cells,) [m]."""
+    directions: Array
+    """Directions from -1 to 1 (cells, frictions): of the tendons, then of branches of dry friction."""
+
+
 Bends = Callable[[float, float, float, float], SectionState]
 """State of a section by its position [m], its moment M [N m], l and w."""
 
@@ -39,8 +48,8 @@ Bends = Callable[[float, float, float, float], SectionState]
 class SectionBending:
     """The sections of a finger at tensions (T,) [N]."""
 
-    def __init__(self, setup: FingerSetup, tensions: Array, history: Array | None = None) -> None:
-        """Take tensions (T,) [N], and directions of friction (cells, frictions), of tendons first; None: pulled."""
+    def __init__(self, setup: FingerSetup, tensions: Array, history: FrictionCells | None = None) -> None:
+        """Take tensions (T,) [N], and a history of friction; None: pulled."""
         self._history = history
         self._profile = setup.finger.profile
         self._channels = [
@@ -67,8 +76,7 @@ class SectionBending:
     @property
     def ends(self) -> list[float]:
         """Ends of the cells of a history [m]."""
-        cells = 0 if self._history is None else len(self._history)
-        return [self._profile.length * k / cells for k in range(1, cells)]
+        return [] if self._history is None else self._history.ends.tolist()
 
     @property
     def curves(self) -> list[Curve]:
@@ -109,10 +117,11 @@ class SectionBending:
         return bends
 
     def _directions(self, middle: float) -> tuple[float | None, float | None]:
-        """Direction of the friction of tendons, and moment of dry friction in the base [N m], in a cell; None: pulled."""
+        """Direction of the friction of tendons, and moment of dry friction in the base [N m]; None: pulled."""
         if self._history is None:
             return None, None
-        own = self._history[int(middle / self._profile.length * len(self._history))].tolist()
+        cell = int(np.searchsorted(self._history.ends[:-1], middle))
+        own = self._history.directions[cell].tolist()
         way = own.pop(0) if self._friction else 0.0
         return way, sum(z * most for z, (_, most) in zip(own, self._branches, strict=True))
 

@@ -21,8 +21,8 @@ from continuum_grasp.grasp.judge.space_rod import SpaceRod
 from continuum_grasp.grasp.judge.stage import GraspStage
 from continuum_grasp.scene import FingerSetup
 
-CELLS = 12
-"""Cells of a finger in which friction has one direction each."""
+CELLS = 6
+"""Cells of a part of a finger between base, contacts and tip in which friction has one direction each."""
 _FRONTS = 3
 """Places along a finger from which on directions turn."""
 _MOST = 24
@@ -44,19 +44,24 @@ class HistoryTrials:
     def __init__(self, stage: GraspStage, held: HeldRods, rods: list[SpaceRod]) -> None:
         self.postures = HistoryPostures(stage, held, rods)
         self._frictions = [frictions_of(stage.setups[finger.name]) for finger in held.fingers]
+        self._cells = [
+            CELLS * (1 + sum(contact.place < setup.finger.rod.length for contact in finger.contacts))
+            for setup, finger in zip((stage.setups[finger.name] for finger in held.fingers), held.fingers, strict=True)
+        ]
         self.tried: list[tuple[list[Array], Posture]] = []
 
     @property
     def chosen(self) -> Iterator[list[Array]]:
         """Histories (cells, frictions) of all fingers, the more alike next to each other."""
+        sizes = list(zip(self._cells, self._frictions, strict=True))
         signs = [(1.0, -1.0) if count else (0.0,) for count in self._frictions]
         for each in product(*signs):
-            yield [np.full((CELLS, count), sign) for count, sign in zip(self._frictions, each, strict=True)]
-        for k, count in enumerate(self._frictions):
+            yield [np.full(size, sign) for size, sign in zip(sizes, each, strict=True)]
+        for k, (cells, count) in enumerate(sizes):
             for sign, front in product((1.0, -1.0), range(1, _FRONTS + 1)) if count else ():
-                turned = [np.ones((CELLS, other)) for other in self._frictions]
-                turned[k] = np.full((CELLS, count), sign)
-                turned[k][front * CELLS // (_FRONTS + 1) :] *= -1.0
+                turned = [np.ones(size) for size in sizes]
+                turned[k] *= sign
+                turned[k][front * cells // (_FRONTS + 1) :] *= -1.0
                 yield turned
 
     def run(self) -> None:
@@ -83,10 +88,10 @@ class HistoryTrials:
             for tried, _ in self.tried
         ]
         order = np.argsort(off, kind="stable").tolist()
-        starts = [self.tried[k][1].x for k in order if self.tried[k][1].violated < FOLLOWED]
+        known = [self.tried[k][1].x for k in order if self.tried[k][1].violated < FOLLOWED]
         found = list[Posture]()
-        for start in [*starts[: _STARTS - 1], self.postures.start]:
-            found.append(self.postures.found(histories, start, -FOLLOWED))
+        for start in [self.postures.start, *known[: _STARTS - 1]]:
+            found.append(self.postures.found(histories, start))
             if found[-1].violated < FOLLOWED and found[-1].reserve > -FOLLOWED:
                 break
         holding = [posture for posture in found if posture.violated < FOLLOWED]

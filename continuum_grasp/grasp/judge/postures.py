@@ -20,11 +20,14 @@ from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
 from continuum_grasp.base import Numbers as Array
+from continuum_grasp.grasp.judge.bending import FrictionCells
 from continuum_grasp.grasp.judge.drives import WoundCables
-from continuum_grasp.grasp.judge.findings import CROSSING, FOLLOWED
+from continuum_grasp.grasp.judge.findings import FOLLOWED
 from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods
+from continuum_grasp.grasp.judge.obstacles import ExactObject
 from continuum_grasp.grasp.judge.space_rod import RodLoad, SpaceRod
 from continuum_grasp.grasp.judge.stage import GraspStage
+from continuum_grasp.scene import FingerSetup
 
 YIELDS = 0.1
 """Distance by which an object that fingers alone hold may move: part of its size, and rad."""
@@ -34,6 +37,8 @@ _STEP = 1e-5
 """Step of differences in units of the unknowns [1]: a tenth of the root of the tolerance, as rods err alike."""
 _SAMPLES = np.linspace(0.0, 1.0, 33)[1:]
 """Places along a finger that keep clear of the object."""
+_BESIDE = np.array([-0.04, -0.02, -0.01, 0.01, 0.02, 0.04])
+"""Such places beside contacts [L]: there a finger that friction bends sharper than the object is in it."""
 _PENALTIES = 50.0, 5e4
 """First and greatest cost of what is violated, of which the reserve costs 1: tens of times as much where it stays."""
 _TRUST, _LEAST_TRUST = 0.3, 1e-8
@@ -89,6 +94,7 @@ class _Rows:
 
     @property
     def all(self) -> Array:
+        """All rows."""
         return np.concatenate([self.zero, self.positive, self.spare])
 
     def merit(self, penalty: float) -> float:
@@ -110,7 +116,9 @@ class HistoryPostures:
         self.yields = not held.supports
         self._setups = [stage.setups[finger.name] for finger in held.fingers]
         self._bases = [(finger.position, finger.axes) for finger in held.fingers]
-        self._flat = not np.any(stage.mass * stage.gravity[2]) and not np.isfinite(stage.section(self._setups[0]).torsion)
+        self._flat = not np.any(stage.mass * stage.gravity[2]) and not np.isfinite(
+            stage.section(self._setups[0]).torsion
+        )
         self._commands = [
             None if setup.drive is None else WoundCables(setup, setup.drive, rod, finger.tensions).held
             for setup, rod, finger in zip(self._setups, rods, held.fingers, strict=True)
@@ -235,7 +243,11 @@ class HistoryPostures:
 
     # -- rows --------------------------------------------------------------------------------------------------
 
-    def _touched(self, setup, rod, contact, body):  # type: ignore[no-untyped-def]
+    @staticmethod
+    def _touched(
+        setup: FingerSetup, rod: SpaceRod, contact: HeldContact, body: ExactObject
+    ) -> tuple[Array, Array, float, Array]:
+        """Point and normal of a contact, its gap [m], and the direction of the finger."""
         here = rod.at(np.array([contact.place]))
         (distance,), (normal,) = body.near(here.points)
         half = float(setup.finger.profile.half_thickness(contact.place))
@@ -263,7 +275,7 @@ class HistoryPostures:
             self.stage.finger_gravity,
             self.stage.section(setup),
             tolerance=_TOLERANCE,
-            history=history,
+            history=_cells(finger, length, history),
         )
         assert finger.moment is not None
         rod.integrate(finger.moment)
@@ -286,13 +298,15 @@ class HistoryPostures:
             )
         if self._follows(index):
             law, command = setup.drive, self._commands[index]
-            assert law is not None and command is not None
+            assert law is not None
+            assert command is not None
             # As tensions, of which a moment is the unit: cables are stiff.
             unit = (law.series + law.axial) * self.scale * length / setup.tendons.offset
             zero += list(WoundCables(setup, law, rod, finger.tensions).misfit(command) / unit)
-        s = _SAMPLES * length
+        beside = [contact.place / length + _BESIDE for contact in finger.contacts]
+        s = np.clip(np.concatenate([_SAMPLES, *beside]), 0.0, 1.0) * length
         clear = body.distance(rod.at(s).points) - profile.half_thickness(s) + self.stage.deviation
-        return np.array(zero), np.array([*positive, *(clear / length + CROSSING)]), touching
+        return np.array(zero), np.array([*positive, *(clear / length + FOLLOWED)]), touching
 
     def rows(self, held: HeldRods, of_fingers: list[FingerRows]) -> _Rows:
         """All rows, by those of the fingers."""
@@ -350,7 +364,7 @@ class HistoryPostures:
 
     # -- postures ----------------------------------------------------------------------------------------------
 
-    def found(self, histories: list[Array], start: Array, enough: float) -> Posture:
+    def found(self, histories: list[Array], start: Array, enough: float = np.inf) -> Posture:
         """The posture with the greatest reserve next to a start, for directions of friction of each finger.
 
         One that violates nothing and has ``enough`` of a reserve is as good. Slopes follow each step by Broyden's
@@ -419,6 +433,19 @@ class HistoryPostures:
             yield slope
 
 
+def _cells(finger: HeldFinger, length: float, history: Array) -> FrictionCells:
+    """Cells of a history (cells, frictions): as many in each part between base, contacts and tip.
+
+    At a contact the moment jumps with its friction, so that directions on both sides matter apart.
+    """
+    inner = [contact.place for contact in finger.contacts if contact.place < length]
+    marks = np.array([0.0, *sorted(inner), length])
+    each = len(history) // (len(marks) - 1)
+    shares = np.arange(1, each + 1) / each
+    ends = (marks[:-1, None] + shares * np.diff(marks)[:, None]).ravel()
+    return FrictionCells(ends, history)
+
+
 def _in_space(force: Array) -> Array:
     return np.append(force, np.zeros(3 - len(force)))
 
@@ -432,9 +459,7 @@ def _along(normal: Array, dimensions: int) -> list[Array]:
     return [first, np.cross(normal, first)]
 
 
-def _linear(
-    rows: _Rows, slopes: Array, within: tuple[Array, Array], penalty: float
-) -> tuple[Array, float, Array]:
+def _linear(rows: _Rows, slopes: Array, within: tuple[Array, Array], penalty: float) -> tuple[Array, float, Array]:
     """Step with the greatest merit to first order, what it gains, and slopes of the merit by all rows."""
     low, high = within
     a, b, c = rows.zero.size, rows.positive.size, rows.spare.size

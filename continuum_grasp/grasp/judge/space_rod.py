@@ -22,7 +22,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.judge.bending import SectionBending, value_of
+from continuum_grasp.grasp.judge.bending import FrictionCells, SectionBending, value_of
 from continuum_grasp.scene import FingerSetup
 
 TOLERANCE = 1e-10
@@ -91,11 +91,11 @@ class SpaceRod:
         section: SideStiffness,
         *,
         tolerance: float = TOLERANCE,
-        history: Array | None = None,
+        history: FrictionCells | None = None,
     ) -> None:
         """Integrate a finger from its base (position (3,) [m], axes (3, 3)) under loads and gravity (3,) [m/s2].
 
-        With a history of friction (cells, frictions), its directions are constant; else the finger was pulled.
+        With a history of friction, its directions are constant; else the finger was pulled.
         """
         self.setup = setup
         self.position, self.axes = base
