@@ -1,3 +1,4 @@
+from .active_set import ActiveSet as ActiveSet
 from .attempt import Attempt as Attempt
 from .attempt import Budget as Budget
 from .attempt import Multipliers as Multipliers
@@ -11,6 +12,7 @@ from .problem import NLP as NLP
 from .problem import Block as Block
 from .problem import Constraints as Constraints
 from .problem import Violation as Violation
+from .slopes import SolutionSlopes as SolutionSlopes
 from .solver import Settings as Settings
 from .solver import Solver as Solver
 from .sums import Summand as Summand

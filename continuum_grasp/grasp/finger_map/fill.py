@@ -24,11 +24,9 @@ LIGHT = 3.0
 """Normal force [E I / L^2] up to which its changes count, and not changes of its logarithm."""
 ENTERED = 0.005
 """Depth in obstacles [L] that samples may have: the finger's own elements bend otherwise than the exact rod."""
-LOWS, SEEDS, ONTO = 2500, 600, 40
-"""Most rods with a middle contact that are given forces; seeds that are brought onto the set at first, and in how many
-steps: of three fingers that wrap a jar, with 20 steps none leads to the part of the set with the least tension."""
-ENOUGH = 30
-"""Seeds that arrive after which no more are tried: of a thin set the nearest may all miss it."""
+ONTO = 40
+"""Steps in which seeds are brought onto the set: of three fingers that wrap a jar, with 20 steps none leads to the part
+of the set with the least tension."""
 CURVATURES, DIRECTIONS, FORCES = 25, 36, 10
 """Size of the grid of rods: curvatures at the base, directions and sizes of the force there."""
 ON_SET = 1e-3
@@ -108,7 +106,7 @@ class FingerMap:
     @staticmethod
     def of(finger: MapFinger) -> FingerMap:
         """Sample a finger's equilibria."""
-        return FingerMap._from(finger, _onto(finger, _seeds(finger), SEEDS, ENOUGH))
+        return FingerMap._from(finger, _onto(finger, _seeds(finger), finger.sampling.seeds, finger.sampling.enough))
 
     def followed_by(self, finger: MapFinger) -> FingerMap:
         """The map of few elements from the map of the exact rod."""
@@ -180,7 +178,8 @@ def _seeds(finger: MapFinger) -> Array:
         before = plain if contact == 0 else finger.exactly(contact)
         seeds = _with_middle(before, seeds, shape if contact == 0 else None)
         # of these, drawn evenly
-        seeds = seeds[np.linspace(0, len(seeds) - 1, min(len(seeds), LOWS)).astype(int)] if len(seeds) else seeds
+        lows = min(len(seeds), finger.sampling.lows)
+        seeds = seeds[np.linspace(0, len(seeds) - 1, lows).astype(int)] if len(seeds) else seeds
         finger_here = finger.exactly(contact + 1)
         seeds = _with_forces(finger_here, seeds)
         if not len(seeds):

@@ -23,14 +23,18 @@ from continuum_grasp.grasp.robust.errors import InError, scaled
 from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.copies import HeldValue, RodCopy, held_by_drives
 from continuum_grasp.grasp.rods.histories import HistoryColumns
-from continuum_grasp.grasp.rods.numbers import GraspAims, SceneNumbers, SupportNumbers
+from continuum_grasp.grasp.rods.numbers import GraspAims, SceneNumbers
 from continuum_grasp.grasp.rods.planar_numbers import planar_supports
 from continuum_grasp.grasp.rods.problem import GraspRods, StagePlace
 from continuum_grasp.grasp.rods.solving import RodGrasp
+from continuum_grasp.grasp.rods.supports import SupportNumbers
 from continuum_grasp.scene import GraspScene, HandScene
 
 SHARES = ("radius", "friction", "mass", "tension")
 """Errors that are shares, in the order of their columns, which come last."""
+_STAYS = 1e-6
+"""Cost of the square of what an object moves as it yields [object size, rad], so that one that fingers do not hold
+about an axis, such as a ball, does not turn: far below the cost of any margin."""
 _UNAIMED = GraspAims(0.0, 0.0)
 
 
@@ -200,6 +204,10 @@ class ErrorSpace(ABC):
             fine=first.fine,
             reached=False,
         )
+        if self.yields:
+            problem.cost(problem.pose, 0.0, _STAYS)
+            for at, value in zip(problem.pose, numbers.pose, strict=True):
+                problem.cost(at, -_STAYS * value)
         held = [*held_by_drives(first, problem, 1.0 + self.share(error, "tension")), *self._held_pose(problem)]
         for k, finger in enumerate(numbers.fingers):
             if self.yields and finger.tip and not finger.middles:
@@ -287,7 +295,8 @@ class SpatialErrors(ErrorSpace):
         changes["contacts"] = scene.contacts.replaced(friction=friction * scene.contacts.friction)
         if scene.table is not None and scene.table.friction is not None:
             changes["table"] = scene.table.replaced(friction=friction * scene.table.friction)
-        return scene.model_copy(update=changes)
+        changed: HandScene = scene.model_copy(update=changes)
+        return changed
 
     def placed(self, error: Array) -> PlacedObject:
         from scipy.spatial.transform import Rotation
@@ -295,19 +304,17 @@ class SpatialErrors(ErrorSpace):
         numbers = self.grasp.problem.numbers
         growth = self.share(error, "radius")
         shift, turn = error[:3].copy(), error[3:6].copy()
-        for support in numbers.supports:
+        contacts = [support.touched(numbers, numbers.pose) for support in numbers.supports]
+        for _, normal in contacts:
             # An object against a support moves along it and turns about its normal; it grows away from it.
-            shift -= support.normal * (support.normal @ shift)
-            turn = support.normal * (support.normal @ turn)
-        lifted = {tuple(np.round(support.normal, 9)): support for support in numbers.supports}
-        for support in lifted.values():
-            shift -= support.normal * (support.normal @ support.arm) * growth * numbers.size
+            shift -= normal * (normal @ shift)
+            turn = normal * (normal @ turn)
+        place = np.array(numbers.geometry.place(numbers.pose))
+        raised = {tuple(np.round(normal, 9).tolist()): float(normal @ (point - place)) for point, normal in contacts}
+        for normal, height in raised.items():
+            shift -= np.array(normal) * height * growth * numbers.size
         rotation = Rotation.from_rotvec(turn).as_matrix()
-        supports = [
-            replace(
-                support, friction=support.friction * (1.0 + self.share(error, "friction")), arm=rotation @ support.arm
-            )
-            for support in numbers.supports
-        ]
+        friction = 1.0 + self.share(error, "friction")
+        supports = [replace(support, friction=support.friction * friction) for support in numbers.supports]
         pose = self.pose + np.concatenate([shift, np.zeros(3)])
         return PlacedObject(pose, (rotation @ numbers.axes.reshape(3, 3)).ravel(), supports)

@@ -19,14 +19,14 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.robust.result import GraspTrials
+from continuum_grasp.grasp.robust.result import GraspTrials, Robustness
 from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places
 from continuum_grasp.grasp.rods.copies import RodCopies, RodCopy
 from continuum_grasp.grasp.rods.errors import ErrorSpace, PlanarErrors, SpatialErrors
 from continuum_grasp.grasp.rods.numbers import GraspAims
-from continuum_grasp.grasp.rods.problem import StagePlace
+from continuum_grasp.grasp.rods.problem import GraspRods, StagePlace
 from continuum_grasp.grasp.rods.solving import ROUNDS, TUNING, RodGrasp, StartedSearch, rods_solver
-from continuum_grasp.nlp import Attempt, Budget, Settings, Solver, SolverStatus
+from continuum_grasp.nlp import ActiveSet, Attempt, Budget, Settings, Solver, SolverStatus
 from continuum_grasp.scene import HandScene
 
 HOLDS = -1e-6
@@ -41,6 +41,11 @@ UNDECIDED = 1e-6
 NEAR = 1e-6
 """First barrier parameter of a solve next to a known one: 6 iterations, 9 with 1e-4 and as many with 1e-8, of which
 some take 16 (`mug_uncertain`, 40 errors)."""
+SETS = 4
+"""Most sets of limits with which a response is sought next to known ones, before a solver runs: one set takes a tenth
+of the solver's time (`mug_uncertain`)."""
+DRAWS = 200
+"""Most errors with which a grasp is tried that was not sought for them."""
 BRANCHES = 3
 """Grasps of the scene next to which a robust one is sought."""
 
@@ -99,6 +104,7 @@ class RodResponder:
             tuning={"ipopt": {**TUNING, "near": NEAR}},
         ).solver()
         self._known: list[RodResponse] = []
+        self._acting: dict[RodResponse, ActiveSet] = {}
 
     def to(self, error: Array) -> RodResponse:
         """The response to an error."""
@@ -106,11 +112,7 @@ class RodResponder:
         copy.hold(self._x)
         problem = copy.problem
         problem.bound(problem.margin, low=-SLIPS)
-        near = self._nearest(error)
-        attempt = None
-        if near is not None:
-            start = replace(problem.start(near.attempt.x), multipliers=near.attempt.multipliers)
-            attempt = self._warm.solve(problem.nlp, start, self._budget)
+        attempt = self._next_to_known(error, problem)
         if attempt is None or not self._holds(copy, attempt):
             first = np.concatenate([self._x, np.zeros(problem.size - self._x.size)])
             again = self._cold.solve(problem.nlp, problem.start(first), self._budget)
@@ -120,6 +122,33 @@ class RodResponder:
         if attempt.converged and np.isfinite(response.margin):
             self._known.append(response)
         return response
+
+    def _next_to_known(self, error: Array, problem: GraspRods) -> Attempt | None:
+        """Solve from known responses: with the limits that act at the nearest ones, or in full from the nearest one."""
+        order = self._by_distance(error)
+        tried = set[bytes]()
+        for k in order:
+            acting = self._acting_at(self._known[k])
+            if acting.key in tried:
+                continue
+            tried.add(acting.key)
+            found = acting.near(problem.start(self._known[k].attempt.x))
+            if found is not None or len(tried) == SETS:
+                break
+        else:
+            found = None
+        if found is not None or not order:
+            return found
+        known = self._known[order[0]].attempt
+        start = replace(problem.start(known.x), multipliers=known.multipliers)
+        return self._warm.solve(problem.nlp, start, self._budget)
+
+    def _acting_at(self, response: RodResponse) -> ActiveSet:
+        """Limits that act at a known response."""
+        if response not in self._acting:
+            problem, attempt = response.copy.problem, response.attempt
+            self._acting[response] = ActiveSet(problem.nlp, problem.start(attempt.x), attempt)
+        return self._acting[response]
 
     def descended(self, responses: Sequence[RodResponse]) -> Iterator[RodResponse]:
         """From each response on to the friction states that lower its margin, until none does."""
@@ -148,12 +177,13 @@ class RodResponder:
     def _holds(copy: RodCopy, attempt: Attempt) -> bool:
         return _margin(copy, attempt) >= HOLDS
 
-    def _nearest(self, error: Array) -> RodResponse | None:
-        """The known response to the nearest error, per bounds."""
+    def _by_distance(self, error: Array) -> list[int]:
+        """Known responses by the distance of their errors, per bounds."""
         if not self._known:
-            return None
+            return []
         away = (np.array([response.error for response in self._known]) - error) / self.errors.scales
-        return self._known[int((away**2).sum(axis=1).argmin())]
+        order: list[int] = (away**2).sum(axis=1).argsort(kind="stable").tolist()
+        return order
 
 
 def _margin(copy: RodCopy, attempt: Attempt) -> float:
@@ -219,6 +249,17 @@ class RobustSearch:
         held = [robust for robust in self.tried if robust.holds]
         return min(held, key=lambda robust: robust.grasp.attempt.objective, default=None)
 
+    @property
+    def nominal(self) -> RobustGrasp:
+        """The best grasp of the search, with its responses to all corners."""
+        best = self._search.best
+        if best is None:
+            raise ValueError("the search has found no grasp; run it first, and look whether it has one")
+        errors = error_space(self._search.scene, best, self._bounds)
+        responder = RodResponder(errors, self._search.stages, self._search.budget)
+        responses = tuple(responder.to(corner) for corner in errors.corners)
+        return RobustGrasp(best, errors, errors.corners[:0], (), responses)
+
     def run(self) -> None:
         """Seek next to the best grasp, and next to others that may lead to a better one."""
         held = sorted((g for g in self._search.tried if g.holds), key=lambda g: g.attempt.objective)
@@ -277,6 +318,31 @@ class RobustSearch:
         if any(grasp.crosses for grasp in grasps):
             return None
         return RobustGrasp(grasps[0], errors, active, grasps[1:])
+
+
+def share_held(search: StartedSearch, bounds: Mapping[str, float], halvings: int = 4) -> float:
+    """Greatest share of the bounds that a grasp next to those of a search holds, found to 2^-halvings."""
+    low, high = 0.0, 1.0
+    for _ in range(halvings):
+        middle = 0.5 * (low + high)
+        part = RobustSearch(search, {name: middle * bound for name, bound in bounds.items()})
+        part.run()
+        low, high = (middle, high) if part.best else (low, middle)
+    return low
+
+
+def robustness_of(search: StartedSearch, robust: RobustSearch, count: int, seed: int) -> Robustness:
+    """The best grasp of a search and the robust one, tried with the same errors.
+
+    The nominal grasp is tried with `DRAWS` of them at most: its share is then known to 7 percentage points at 95 %.
+    """
+    best, stages, budget = robust.best, search.stages, search.budget
+    nominal = robust.nominal
+    drawn = nominal.errors.drawn(count, seed)
+    trials = trials_of(nominal, drawn[:DRAWS], stages, budget)
+    own = None if best is None else trials_of(best, drawn, stages, budget)
+    active = drawn[:0] if best is None else best.active
+    return Robustness(drawn, trials, own, active, {}, ())
 
 
 def replace_grasp(errors: ErrorSpace, grasp: RodGrasp) -> ErrorSpace:

@@ -15,9 +15,17 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.grasp.judge.certificate import certify_rods
 from continuum_grasp.grasp.rods.copies import RodCopies, RodCopy, held_tensions
+from continuum_grasp.grasp.rods.hand_search import HandRodSearch
 from continuum_grasp.grasp.rods.problem import GraspRods
 from continuum_grasp.grasp.rods.record import held_rods
-from continuum_grasp.grasp.rods.robust import RobustSearch, RodResponder, error_space, trials_of
+from continuum_grasp.grasp.rods.robust import (
+    RobustSearch,
+    RodResponder,
+    error_space,
+    robustness_of,
+    share_held,
+    trials_of,
+)
 from continuum_grasp.grasp.rods.search import RodSearch
 from continuum_grasp.grasp.rods.solving import rods_solver
 from continuum_grasp.nlp import Budget
@@ -99,3 +107,74 @@ def test_drawn_errors_hold_with_the_robust_grasp_and_fail_with_the_nominal_one()
     nominal = error_space(robust.errors.scene, searched("mug_uncertain").best, MUG)
     responder = RodResponder(nominal, 24, Budget())
     assert not all(responder.to(error).holds for error in errors)
+
+
+SQUEEZE = {"friction": 0.2, "mass": 0.1}
+
+
+def test_opposed_contacts_press_as_the_worst_friction_and_mass_ask():
+    """Two tips on opposite faces of a box whose weight friction carries: 1.1 / 0.8 of the force."""
+    search = RodSearch(
+        cg.load("configs/grasp/pinch_above.yaml").changed({"upright": True, "objective": "least_tension"}), Budget()
+    )
+    search.run()
+    robust = RobustSearch(search, SQUEEZE)
+    robust.run()
+    forces = [
+        [float(grasp.attempt.x[held[0]]) for held in grasp.problem.contacts.values()]
+        for grasp in (search.best, robust.best.grasp)
+    ]
+    assert forces[1] == pytest.approx([1.1 / 0.8 * force for force in forces[0]], rel=1e-4)
+    found = robustness_of(search, robust, 6, 0)
+    assert found.robust.held == 6
+    # Without errors the cones are at their edge: friction alone leaves 1 - 1 / 0.8, mass alone 1 - 1.1.
+    assert found.nominal.alone == pytest.approx({"friction": -0.25, "mass": -0.1}, abs=1e-3)
+
+
+def test_bounds_that_cannot_be_borne_come_with_the_share_that_can():
+    """1 / (1 - 0.4 s) of the least normal force is at most 1.25 of it for s up to 0.5."""
+    scene = cg.load("configs/grasp/pinch_above.yaml").changed({"upright": True, "objective": "least_tension"})
+    search = RodSearch(scene, Budget())
+    search.run()
+    least = search.best.problem.numbers.fingers[0].force * max(
+        float(search.best.attempt.x[held[0]]) for held in search.best.problem.contacts.values()
+    )
+    tight = RodSearch(scene.changed({"contacts.normal_force_max": 1.25 * least}), Budget())
+    tight.run()
+    assert 0.5 - 1 / 16 <= share_held(tight, {"friction": 0.4}) <= 0.5
+
+
+def test_a_tip_lands_beside_its_place_on_an_object_that_lies_elsewhere():
+    """Flat faces: along them the tips are where they were in the world. Across them, the fingers push the box back."""
+    grasp = searched("pinch").best
+    errors = error_space(searched("pinch").scene, grasp, {"position": 0.002})
+    response = RodResponder(errors, 24, Budget()).to(np.array([0.001, 0.002, *np.zeros(5)]))
+    problem, x = response.copy.problem, response.attempt.x
+    pose = x[problem.pose] * [problem.numbers.size, problem.numbers.size, 1.0]
+    assert pose == pytest.approx([0.0, 0.002, 0.0], abs=1e-8)
+    for part, first in zip(problem.parts, grasp.problem.parts, strict=True):
+        assert x[part.nodes[-1][:2]] == pytest.approx(grasp.attempt.x[first.nodes[-1][:2]], abs=1e-7)
+
+
+@pytest.mark.deep
+def test_a_hand_holds_a_ball_in_error():
+    """Each copy passes the certificate of a scene whose ball is where the copy has it."""
+    scene = cg.load("configs/hand/ball.yaml")
+    search = HandRodSearch(scene, Budget.of(scene.solver))
+    search.run()
+    robust = RobustSearch(search, {"friction": 0.1, "mass": 0.1, "position": 0.002})
+    robust.run()
+    best = robust.best
+    assert best.grasp.tension > 1.02 * search.best.tension
+    for error, copy in zip(best.active, best.copies, strict=True):
+        pose = copy.attempt.x[copy.problem.pose]
+        assert pose[3:] == pytest.approx(np.zeros(3), abs=1e-3)
+        moved = best.errors.scene_with(error)
+        body = moved.object.model_copy(
+            update={
+                "position": tuple((pose[:3] * copy.problem.numbers.size).tolist()),
+                "rotation": tuple((2.0 * np.arctan(pose[3:])).tolist()),
+            }
+        )
+        certificate = certify_rods(moved.model_copy(update={"object": body}), held_rods(copy))
+        assert certificate.passed, certificate.worst
