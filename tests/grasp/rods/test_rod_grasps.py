@@ -73,7 +73,7 @@ def test_a_verdict_says_no_more_than_its_starts_show(name, status):
     """Two starts lead to the grasp of a mug, one to that of a groove; forces cannot balance a slippery bottle."""
     verdict = verdict_of(searched(name))
     assert verdict.status is GraspStatus(status)
-    assert bool(verdict.missing) is (status != "optimal")
+    assert bool(verdict.doubts) is (status != "optimal")
 
 
 @pytest.mark.parametrize(("kind", "seed"), few([("one", 3), ("one", 5), ("one", 7), ("three", 2), ("union", 0)], 3))

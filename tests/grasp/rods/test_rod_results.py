@@ -81,8 +81,8 @@ def test_sensitivities_are_differences_of_tensions(name):
     )
     assert 1e-2 * known["object along y"] == pytest.approx(slope(bases, 0.0), rel=1e-3, abs=1e-5)
     supports = [f"supports.{name}.friction" for name in scene.supports or {}]
-    kept = dict.fromkeys(supports, scene.contacts.friction)
-    by_friction = slope(lambda mu: {**kept, "contacts.friction": mu}, scene.contacts.friction)
+    unchanged = dict.fromkeys(supports, scene.contacts.friction)
+    by_friction = slope(lambda mu: {**unchanged, "contacts.friction": mu}, scene.contacts.friction)
     assert known["friction between fingers and object"] == pytest.approx(by_friction, rel=1e-3)
 
 
