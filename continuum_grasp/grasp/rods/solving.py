@@ -26,8 +26,8 @@ FINER = 3
 """Most solves with finer tables at the contacts."""
 BORNE = 1e-6
 """Sum of forces and moments that nothing bears, up to which a grasp holds [F0]."""
-TIED = 1e-6
-"""Share of the aim up to which two grasps are the same."""
+SAME_AIM = 1e-4
+"""Share of an aim up to which two starts lead to the same grasp."""
 FINE = 0.1
 """Step of the tables at contacts, per half thickness of the thinnest finger."""
 _NEAR_BOUNDS = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
@@ -103,6 +103,13 @@ class RodGrasp:
     attempt: Attempt
     start: RodStart
     crosses: bool
+    rough: float | None = None
+    """Objective before the grasp was solved with fine tables; None: it was not solved twice."""
+
+    @property
+    def compared(self) -> float:
+        """Objective with which starts are compared: of one table for all, since tables change it by up to 1 %."""
+        return self.attempt.objective if self.rough is None else self.rough
 
     @property
     def fine(self) -> bool:
@@ -167,16 +174,36 @@ class StartedSearch(ABC):
         self._try(self.starts, most)
         if self.best is None:
             self._try(self.further, most)
+        self._confirm(most)
         while (best := self.best) is not None and not best.fine and not self.budget.over:
-            self.tried[self.tried.index(best)] = self.solved(best.start, beside=best)
+            finer = self.solved(best.start, beside=best)
+            self.tried[self.tried.index(best)] = replace(finer, rough=best.attempt.objective)
 
     def agree(self, share: float) -> bool:
         """Whether the most promising starts and those of other places lead to the same aim, within a share."""
         ends = []
         for chosen in (True, False):
-            aims = [g.attempt.objective for g in self.tried if g.holds and (g.start in self._promising) is chosen]
+            aims = [g.compared for g in self.tried if g.holds and (g.start in self._promising) is chosen]
             ends.append(min(aims, default=np.inf))
         return bool(np.isfinite(ends).all() and abs(ends[0] - ends[1]) <= share * abs(min(ends)))
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether two starts lead to the best grasp."""
+        best = self.best
+        if best is None:
+            return False
+        most = best.compared + SAME_AIM * abs(best.compared)
+        return sum(grasp.compared <= most for grasp in self.tried if grasp.holds) > 1
+
+    def _confirm(self, most: int) -> None:
+        """Solve from further starts until a second one leads to the best grasp, where no other start is left."""
+        if self.best is None or self.confirmed or len(self.tried) < len(self.starts):
+            return
+        for start in self.further[:most]:
+            if self.budget.over or self.confirmed:
+                return
+            self.tried.append(self.solved(start, fine=False))
 
     def _try(self, starts: Sequence[RodStart], most: int) -> None:
         for start in self._chosen(starts, most):
