@@ -164,6 +164,7 @@ def test_elements_that_do_not_stand_for_the_rod_are_named(tmp_path):
     assert result.read(result.save(tmp_path / "run")).meta["element_errors"]["finger"]["elements"] == 2
 
 
+@pytest.mark.deep
 def test_a_hand_is_read_and_certified_as_it_was_saved(tmp_path):
     result = result_of("hand/can")
     again = HandResult.of_run(result.save(tmp_path / "run"))
