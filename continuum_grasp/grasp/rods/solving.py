@@ -36,11 +36,11 @@ RESTED = 1e-8
 """Distance by which contacts with supports may move without being taken anew [object size]."""
 BORNE = 1e-6
 """Sum of forces and moments that nothing bears, up to which a grasp holds [F0]."""
-NEARLY = 0.01
+RESUMED = 0.01
 """Sum of forces and moments that nothing bears at the iteration limit, from which a solve is resumed [F0]: without it,
 `gear` of the shipped scenes has no grasp."""
-TIED = 1e-4
-"""Share of the aim up to which two grasps are the same."""
+SAME_AIM = 1e-4
+"""Share of an aim up to which two starts lead to the same grasp."""
 AGREE = 0.01
 """Share of an aim by which the two choices of starts of three fingers may differ."""
 FINE = 0.1
@@ -122,6 +122,13 @@ class RodGrasp:
     attempt: Attempt
     start: RodStart
     crosses: bool
+    rough: float | None = None
+    """Objective before the grasp was solved with fine tables; None: it was not solved twice."""
+
+    @property
+    def compared(self) -> float:
+        """Objective with which starts are compared: of one table for all, since tables change it by up to 1 %."""
+        return self.attempt.objective if self.rough is None else self.rough
 
     @property
     def fine(self) -> bool:
@@ -162,7 +169,6 @@ class StartedSearch(ABC):
         self.budget, self.stages = budget, stages
         self.tried: list[RodGrasp] = []
         self._promising: list[RodStart] = []
-        self._refined: list[float] = []
         self._solver = rods_solver(self.iterations)
 
     @cached_property
@@ -227,21 +233,21 @@ class StartedSearch(ABC):
             self._try(self.further, most)
         while (best := self.best) is not None and self._improved(best):
             pass
+        self._confirm(most)
         if self.asked is not None:
             # From the first grasps, without what a scene asks for beyond them.
             first = sorted((g for g in self.tried if g.holds), key=lambda g: g.attempt.objective)
             rows = (g for g in first if not self.budget.over)
             self.tried = [self.solved(g.start, widen=self.asked, beside=g, fine=False) for g in rows]
         while (rough := self._rough) is not None and not self.budget.over:
-            grasp = self.solved(rough.start, widen=self.asked, beside=rough)
-            self.tried[self.tried.index(rough)] = grasp
-            if grasp.holds:
-                self._refined.append(rough.attempt.objective)
+            finer = self.solved(rough.start, widen=self.asked, beside=rough)
+            self.tried[self.tried.index(rough)] = replace(finer, rough=rough.attempt.objective)
 
     @property
     def _rough(self) -> RodGrasp | None:
         """The grasp with the least aim that is not fine, if it may be better than all fine ones."""
-        rough = [g for g in self.tried if g.holds and not g.fine and not any(_tied(g, aim) for aim in self._refined)]
+        refined = [grasp.rough for grasp in self.tried if grasp.holds and grasp.rough is not None]
+        rough = [g for g in self.tried if g.holds and not g.fine and not any(_tied(g, aim) for aim in refined)]
         least = min(rough, key=lambda grasp: grasp.attempt.objective, default=None)
         best = self.best
         if least is None or best is None or (best.fine and best.attempt.objective <= least.attempt.objective):
@@ -260,7 +266,7 @@ class StartedSearch(ABC):
                 continue
             grasp = self.solved(start, fine=False)
             self.tried.append(grasp)
-            if grasp.holds and grasp.attempt.objective < best.attempt.objective - TIED * abs(best.attempt.objective):
+            if grasp.holds and grasp.attempt.objective < best.attempt.objective - SAME_AIM * abs(best.attempt.objective):
                 return True
         return False
 
@@ -275,9 +281,27 @@ class StartedSearch(ABC):
         """Whether the most promising starts and those of other places lead to the same aim, within a share."""
         ends = []
         for chosen in (True, False):
-            aims = [g.attempt.objective for g in self.tried if g.holds and (g.start in self._promising) is chosen]
+            aims = [g.compared for g in self.tried if g.holds and (g.start in self._promising) is chosen]
             ends.append(min(aims, default=np.inf))
         return bool(np.isfinite(ends).all() and abs(ends[0] - ends[1]) <= share * abs(min(ends)))
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether two starts lead to the best grasp."""
+        best = self.best
+        if best is None:
+            return False
+        most = best.compared + SAME_AIM * abs(best.compared)
+        return sum(grasp.compared <= most for grasp in self.tried if grasp.holds) > 1
+
+    def _confirm(self, most: int) -> None:
+        """Solve from further starts until a second one leads to the best grasp, where no other start is left."""
+        if self.best is None or self.confirmed or len(self.tried) < len(self.starts):
+            return
+        for start in self.further[:most]:
+            if self.budget.over or self.confirmed:
+                return
+            self.tried.append(self.solved(start, fine=False))
 
     def _try(self, starts: Sequence[RodStart], most: int) -> None:
         for start in self._chosen(starts, most):
@@ -394,11 +418,11 @@ class StartedSearch(ABC):
         A new run has a new barrier and knows nothing of the points that the former run refused.
         """
         attempt = self._solver.solve(problem.nlp, problem.start(x), self.budget)
-        if attempt.status is not SolverStatus.ITERATION_LIMIT or problem.unborne(attempt.x) > NEARLY:
+        if attempt.status is not SolverStatus.ITERATION_LIMIT or problem.unborne(attempt.x) > RESUMED:
             return attempt
         return self._solver.solve(problem.nlp, problem.start(attempt.x), self.budget)
 
 
 def _tied(grasp: RodGrasp, aim: float) -> bool:
     """Whether the aim of a grasp is another one, but for a share."""
-    return abs(grasp.attempt.objective - aim) <= TIED * abs(aim)
+    return abs(grasp.attempt.objective - aim) <= SAME_AIM * abs(aim)
