@@ -129,9 +129,7 @@ class LeastRepairs:
         return None
 
     def _widened(self, near: RodGrasp | RodStart, limits: Sequence[WidenedLimit], cost: float) -> RodGrasp:
-        """Solve from a start, or next to a solution, with limits widened at a cost; everything is borne where that is the
-        aim alone.
-        """
+        """Solve from a start, or next to a solution, with limits widened at a cost; alone, everything is borne."""
 
         def loosen(numbers: SceneNumbers) -> SceneNumbers:
             for limit in limits:

@@ -116,6 +116,8 @@ class RodGrasp:
     attempt: Attempt
     start: RodStart
     crosses: bool
+    is_rough: bool = False
+    """Whether finer stages and tables lead nowhere from here, so that the certificate decides about it as it is."""
 
     @property
     def fine(self) -> bool:
@@ -195,7 +197,7 @@ class StartedSearch(ABC):
     def best(self) -> RodGrasp | None:
         """The grasp with the least aim."""
         held = [grasp for grasp in self.tried if grasp.holds]
-        return min(held, key=lambda grasp: grasp.attempt.objective, default=None)
+        return min(held, key=lambda grasp: (grasp.is_rough, grasp.attempt.objective), default=None)
 
     def run(self, most: int = STARTS) -> None:
         """Solve from the most promising starts; from further ones if none of these leads to a grasp.
@@ -207,8 +209,9 @@ class StartedSearch(ABC):
             self._try(self.further, most)
         while (best := self.best) is not None and self._improved(best):
             pass
-        while (best := self.best) is not None and not best.fine and not self.budget.over:
-            self.tried[self.tried.index(best)] = self.solved(best.start, beside=best)
+        while (best := self.best) is not None and not (best.fine or best.is_rough) and not self.budget.over:
+            fine = self.solved(best.start, beside=best)
+            self.tried[self.tried.index(best)] = fine if fine.holds else replace(best, is_rough=True)
 
     def beside(self, grasp: RodGrasp) -> Iterator[RodStart]:
         """Starts with other contacts than a grasp, next to it."""
