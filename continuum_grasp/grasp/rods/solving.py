@@ -123,7 +123,7 @@ class RodGrasp:
     start: RodStart
     crosses: bool
     rough: float | None = None
-    """Objective before the grasp was solved with fine tables; None: it was not solved twice."""
+    """Objective before the grasp was solved with fine tables; None: that was not tried."""
 
     @property
     def compared(self) -> float:
@@ -241,13 +241,15 @@ class StartedSearch(ABC):
             self.tried = [self.solved(g.start, widen=self.asked, beside=g, fine=False) for g in rows]
         while (rough := self._rough) is not None and not self.budget.over:
             finer = self.solved(rough.start, widen=self.asked, beside=rough)
-            self.tried[self.tried.index(rough)] = replace(finer, rough=rough.attempt.objective)
+            # Where finer stages and tables lead nowhere, the certificate decides about the grasp as it is.
+            better = finer if finer.holds else rough
+            self.tried[self.tried.index(rough)] = replace(better, rough=rough.attempt.objective)
 
     @property
     def _rough(self) -> RodGrasp | None:
         """The grasp with the least aim that is not fine, if it may be better than all fine ones."""
-        refined = [grasp.rough for grasp in self.tried if grasp.holds and grasp.rough is not None]
-        rough = [g for g in self.tried if g.holds and not g.fine and not any(_tied(g, aim) for aim in refined)]
+        refined = [grasp.rough for grasp in self.tried if grasp.fine and grasp.rough is not None]
+        rough = [g for g in self.tried if g.holds and g.rough is None and not any(_tied(g, aim) for aim in refined)]
         least = min(rough, key=lambda grasp: grasp.attempt.objective, default=None)
         best = self.best
         if least is None or best is None or (best.fine and best.attempt.objective <= least.attempt.objective):
