@@ -13,7 +13,7 @@ from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.finger_map import Place, SceneMaps, places_of
 from continuum_grasp.grasp.finger_map.balance import WEIGHTS, ObjectBalance, Settled
 from continuum_grasp.grasp.finger_map.fill import FingerMap
-from continuum_grasp.grasp.finger_map.rod import ROUGH
+from continuum_grasp.grasp.finger_map.rod import FULL, ROUGH
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.rods.guess import ShotFinger
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
@@ -55,7 +55,9 @@ class Case:
     @cached_property
     def balance(self) -> ObjectBalance:
         """The balance of the object, as samples of the maps are combined."""
-        return ObjectBalance(self.search.scene, self.on, [one.finger for one in self._maps], self.place[0])
+        # Samples may be rough; what they settle to is not.
+        fingers = [one.finger.stepped(FULL.steps) for one in self._maps]
+        return ObjectBalance(self.search.scene, self.on, fingers, self.place[0])
 
     @cached_property
     def numbers(self) -> SceneNumbers:
