@@ -13,7 +13,7 @@ from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.finger_map import ROUGH, Place, SceneMaps, places_of
 from continuum_grasp.grasp.finger_map.balance import WEIGHTS, ObjectBalance, Settled
 from continuum_grasp.grasp.finger_map.fill import FingerMap
-from continuum_grasp.grasp.finger_map.rod import ROUGH
+from continuum_grasp.grasp.finger_map.rod import FULL, FOR_STARTS
 from continuum_grasp.grasp.rods.contact_sets import contact_sets, nearest_stations, neighboring_stations
 from continuum_grasp.grasp.rods.guess import ContinuedFinger, PosedFinger, ShotFinger, filled
 from continuum_grasp.grasp.rods.numbers import FingerNumbers, SceneNumbers
@@ -73,7 +73,9 @@ class Case:
     @cached_property
     def balance(self) -> ObjectBalance:
         """The balance of the object, as samples of the maps are combined."""
-        return ObjectBalance(self.search.scene, self.on, [one.finger for one in self._maps], self.place[0])
+        # Samples may be rough; what they settle to is not.
+        fingers = [one.finger.stepped(FULL.steps) for one in self._maps]
+        return ObjectBalance(self.search.scene, self.on, fingers, self.place[0])
 
     @cached_property
     def numbers(self) -> SceneNumbers:
@@ -309,7 +311,7 @@ class RodSearch(StartedSearch):
     def __init__(self, scene: GraspScene, budget: Budget, stages: int = STAGES) -> None:
         super().__init__(budget, stages)
         self.scene = scene
-        self.maps = SceneMaps(scene, sampling=ROUGH)
+        self.maps = SceneMaps(scene, sampling=FOR_STARTS)
         self.apart = 0.25 * scene.object.size
         self._known = list[frozenset[str]]()
         if not scene.weights.greatest_friction_margin:

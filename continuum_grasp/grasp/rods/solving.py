@@ -68,8 +68,6 @@ class RodStart(ABC):
     ----------
     on
         Names of the contacts.
-    places
-        Places of the contacts, or of what else says how far starts are apart [m].
     imbalance
         What nothing bears of it, in a unit of its search.
     aim
@@ -77,9 +75,13 @@ class RodStart(ABC):
     """
 
     on: frozenset[str]
-    places: Array
     imbalance: float
     aim: float
+
+    @cached_property
+    def places(self) -> Array:
+        """Places of the contacts, or of what else says how far starts are apart [m]."""
+        raise NotImplementedError
 
     @abstractmethod
     def changed(self, scene: Any) -> RodStart:
@@ -337,16 +339,21 @@ class StartedSearch(ABC):
 
     def _chosen(self, starts: Sequence[RodStart], most: int) -> Iterator[RodStart]:
         """The most promising starts; of different places of contacts where there are as many."""
-        different, left = list[RodStart](), list[RodStart]()
-        for start in starts:
-            alike = (one.on == start.on and np.linalg.norm(one.places - start.places) < self.apart for one in different)
-            (left if any(alike) else different).append(start)
         half = (most + 1) // 2
         best = starts[:half]
         self._promising = list(best)
-        others = [start for start in different if not any(start is one for one in best)]
         yield from best
-        yield from others[: most - len(best)]
+        different, others = list[RodStart](), 0
+        for k, start in enumerate(starts):
+            if others == most - len(best):
+                return
+            alike = (one.on == start.on and np.linalg.norm(one.places - start.places) < self.apart for one in different)
+            if any(alike):
+                continue
+            different.append(start)
+            if k >= len(best):
+                others += 1
+                yield start
 
     def solved(
         self,

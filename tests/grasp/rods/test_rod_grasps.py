@@ -16,6 +16,7 @@ import continuum_grasp as cg
 from benchmarks.bench_rods import image_of
 from benchmarks.grasp_images import STRONGER, drawn, scene_of
 from continuum_grasp.grasp.judge.certificate import certify_rods
+from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.search import RodSearch
 from continuum_grasp.grasp.rods.verdict import verdict_of
@@ -40,6 +41,19 @@ def test_a_grasp_passes_a_certificate_that_integrates_it_anew(name):
     search = searched(name)
     certificate = certify_rods(search.scene, held_rods(search.best))
     assert certificate.passed, certificate.worst
+
+
+def test_stages_lead_from_the_base_to_the_tip_of_a_solution():
+    """The solver made each stage end where the next one begins, on its own."""
+    grasp = searched("pinch").best
+    problem, x = grasp.problem, grasp.attempt.x
+    for finger, part in zip(problem.numbers.fingers, problem.parts, strict=True):
+        (span,) = part.spans
+        stage = kinds.stage_kind(problem.geometry, finger.section.form)
+        data = [[*finger.acting(span.piece), *span.shares(node)] for node in range(1, span.stages + 1)]
+        acting = np.array([*x[span.force], *x[part.pulls], *x[span.ends]])
+        states = kinds.led(stage, x[part.nodes[0]], acting, data)
+        assert states == pytest.approx(x[np.array(part.nodes[1:])], abs=1e-7)
 
 
 # Least tensions [N] of today's search with 24 elements per finger; friction: as pulled.
