@@ -13,7 +13,7 @@ from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.finger_map import ROUGH, Place, SceneMaps, places_of
 from continuum_grasp.grasp.finger_map.balance import WEIGHTS, ObjectBalance, Settled
 from continuum_grasp.grasp.finger_map.fill import FingerMap
-from continuum_grasp.grasp.finger_map.rod import FULL, FOR_STARTS
+from continuum_grasp.grasp.finger_map.rod import FOR_STARTS, FULL
 from continuum_grasp.grasp.rods.contact_sets import contact_sets, nearest_stations, neighboring_stations
 from continuum_grasp.grasp.rods.guess import ContinuedFinger, PosedFinger, ShotFinger, filled
 from continuum_grasp.grasp.rods.numbers import FingerNumbers, SceneNumbers

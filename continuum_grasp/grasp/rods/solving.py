@@ -270,7 +270,9 @@ class StartedSearch(ABC):
                 continue
             grasp = self.solved(start, fine=False)
             self.tried.append(grasp)
-            if grasp.holds and grasp.attempt.objective < best.attempt.objective - SAME_AIM * abs(best.attempt.objective):
+            if grasp.holds and grasp.attempt.objective < best.attempt.objective - SAME_AIM * abs(
+                best.attempt.objective
+            ):
                 return True
         return False
 
