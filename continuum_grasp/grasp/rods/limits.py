@@ -283,7 +283,7 @@ class WidenedPlace(WidenedLimit):
         return max(float(np.linalg.norm(x[at] - place)) / self.farthest for at, place, _ in self.placed(problem))
 
     def changes(self, scene: AnyGraspScene, amount: float, problem: GraspRods, x: Array) -> dict[str, Any]:
-        """Positions on the way to those of a solution."""
+        """Positions toward those of a solution."""
         share = amount / max(self.used(problem, x), 1e-12)
         changes = dict[str, Any]()
         for (key, position), (at, place, unit) in zip(self.keys(scene), self.placed(problem), strict=True):

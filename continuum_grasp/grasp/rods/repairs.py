@@ -66,8 +66,8 @@ class LeastRepair:
     @property
     def is_unusual(self) -> bool:
         """Whether it asks for a friction that few surfaces have."""
-        rubs = any(isinstance(limit, WidenedFriction) for limit in self.limits)
-        return rubs and any(value > UNUSUAL for key, value in self.changes.items() if key.endswith("friction"))
+        slips = any(isinstance(limit, WidenedFriction) for limit in self.limits)
+        return slips and any(value > UNUSUAL for key, value in self.changes.items() if key.endswith("friction"))
 
 
 class LeastRepairs:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -118,7 +118,7 @@ class Case:
         orders = [np.argsort(settled.tension / balance.greatest + weight * left, kind="stable") for weight in WEIGHTS]
         mixed = np.stack(orders, axis=1).ravel()
         first = np.sort(np.unique(mixed, return_index=True)[1])
-        return [self._start(settled, row) for row in mixed[first].tolist()]
+        return self._apart(self._start(settled, row) for row in mixed[first].tolist())
 
     @property
     def starts(self) -> list[SettledStart]:
@@ -130,8 +130,10 @@ class Case:
         size = self.search.scene.object.size
         rows = settled.holding(size)
         nearest = [] if rows else settled.nearest(size)[: self.search.NEAREST]
-        starts = [self._start(settled, row) for row in (*rows, *nearest)]
-        # Two contacts at one station are one.
+        return self._apart(self._start(settled, row) for row in (*rows, *nearest))
+
+    def _apart(self, starts: Iterable[SettledStart]) -> list[SettledStart]:
+        """Starts without those in which two contacts are at one station."""
         return [start for start in starts if len(start.on) == len(self.on)]
 
     def _start(self, settled: Settled, row: int) -> SettledStart:
