@@ -44,19 +44,6 @@ def with_fine(result: GraspResult, budget: Budget) -> GraspResult:
     return replace(result, fine=change, statistics={**result.statistics, "fine_model": str(change)})
 
 
-def with_outline(result: GraspResult) -> GraspResult:
-    """The result with the error of its object's outline; what that changes is not computed."""
-    body = result.scene.object
-    off = body.deviation
-    if off == 0.0:
-        return result
-    corners, finer = (sum(len(part.outline()) for part in each.parts) for each in (body, body.redrawn()))
-    missing = "what that changes was not computed"
-    return replace(
-        result, outline=OutlineError(off, body.size, corners, finer, missing=missing, noise=body.outline_error)
-    )
-
-
 def with_finer_outline(
     result: GraspResult, error: OutlineError, budget: Budget, search: Callable[[GraspScene], GraspResult]
 ) -> GraspResult:

@@ -15,17 +15,20 @@ from continuum_grasp.base import Array, InputError, amount_text, check_arguments
 from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.grasp.certificate.space import ASIDE
 from continuum_grasp.grasp.grasp_result import AnyGrasp
+from continuum_grasp.grasp.judge.certificate import RodCertificate
 from continuum_grasp.grasp.stored import DIMENSIONS, STORED
 from continuum_grasp.grasp.values import (
     NEAR,
     ROUGH,
     Change,
     Contact,
+    ElementError,
     GraspStatus,
     OutlineError,
     Reason,
     Sensitivity,
     contacts_of,
+    error_warning,
     force_text,
     force_units,
 )
@@ -78,6 +81,9 @@ class GraspResult(AnyGrasp):
         `least_normal_force_bound`.
     robustness : Robustness, optional
         Trials of the grasp with errors of the object, where the scene has ``robust``.
+    element_errors : dict of str to ElementError
+        By finger, the difference of the elements from the exact rod that they stand for; empty where the grasp was
+        sought with elements.
 
     Examples
     --------
@@ -106,7 +112,7 @@ class GraspResult(AnyGrasp):
     status: GraspStatus
     message: str
     arrays: Mapping[str, Array] = field(default_factory=dict)
-    certificate: Certificate | None = None
+    certificate: Certificate | RodCertificate | None = None
     violated: tuple[str, ...] = ()
     reasons: tuple[Reason, ...] = ()
     advice: str = ""
@@ -117,6 +123,7 @@ class GraspResult(AnyGrasp):
     exploration: Exploration | None = None
     lower_bound: float | None = None
     robustness: Robustness | None = None
+    element_errors: Mapping[str, ElementError] = field(default_factory=dict)
 
     @cached_property
     def quality(self) -> Quality:
@@ -192,8 +199,9 @@ class GraspResult(AnyGrasp):
         if self.lower_bound is not None:
             rows["least in any grasp"] = f"{self.force_text(self.lower_bound, of_contacts)} {of_contacts}"
         if self.certificate is not None:
-            error = self.certificate.model_error.greatest
             rows["checks passed"] = self.certificate.headline().removesuffix(" checks passed")
+        if isinstance(self.certificate, Certificate):
+            error = self.certificate.model_error.greatest
             rows["second-order test"] = self.certificate.stability.word
             rows["model error"] = f"{1e3 * error:.2f} mm" if np.isfinite(error) else "not computed"
         if self.outline is not None:
@@ -203,11 +211,22 @@ class GraspResult(AnyGrasp):
         return rows
 
     @property
+    def opens(self) -> bool:
+        """Whether the grasp is known to be unstable: small motions that the contacts allow lower the energy."""
+        return isinstance(self.certificate, Certificate) and not self.certificate.stability.stable
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings before this grasp is relied on."""
         if not self.verified or self.certificate is None:
             return ()
-        warnings = []
+        return (*self._warnings_of_elements(), *self._general_warnings())
+
+    def _warnings_of_elements(self) -> list[str]:
+        """Warnings about elements with which a grasp was sought, and about its stability."""
+        warnings = list[str]()
+        if not isinstance(self.certificate, Certificate):
+            return warnings
         error = self.certificate.model_error
         if not error.small:
             fine = FAMILIES.default(free_tip=False)
@@ -225,6 +244,11 @@ class GraspResult(AnyGrasp):
             warnings.append(
                 f"fingers count as stiff out of the plane, but the weight moves the object by {sinks} there"
             )
+        return warnings
+
+    def _general_warnings(self) -> list[str]:
+        """Warnings about elements that stand for rods, contacts, tendons, outlines, errors and the search."""
+        warnings = [error_warning(name, error) for name, error in self.element_errors.items() if not error.is_close]
         if self._idle:
             warnings.append(
                 f"{' and '.join(self._idle)} on, but without a force: other contacts hold the object, and the least "
@@ -245,7 +269,7 @@ class GraspResult(AnyGrasp):
         for key, how in (("cut_short", "cut short"), ("interrupted", "interrupted")):
             if self.statistics.get(key):
                 warnings.append(f"the search was {how}: another start may hold the object with less tension")
-        return tuple(warnings)
+        return warnings
 
     @property
     def _idle(self) -> list[str]:
@@ -265,8 +289,12 @@ class GraspResult(AnyGrasp):
     @cached_property
     def drives(self) -> dict[str, tuple[RecomputedDrive, ...]]:
         """States of the winches or motors of each finger; none of fingers whose tensions are commanded."""
-        grasp = None if self.certificate is None else self.certificate.grasp
-        return {f.name: f.wound.drives for f in (() if grasp is None else grasp.fingers) if f.wound is not None}
+        from continuum_grasp.grasp.certificate.drives import StoredFinger
+
+        if not self.arrays or self.certificate is None:
+            return {}
+        fingers = [StoredFinger(setup, self.arrays) for setup in self.scene.setups if setup.drive is not None]
+        return {finger.name: finger.wound.drives for finger in fingers if finger.wound is not None}
 
     @property
     def object_pose(self) -> Array:
@@ -326,7 +354,7 @@ class GraspResult(AnyGrasp):
             "seed": self.scene.solver.random_seed,
             "message": self.message,
             "lower_bound": self.lower_bound,
-            "certificate": None if self.certificate is None else self.certificate.data(error=quality),
+            "certificate": self._certified(quality=quality),
             "quality": self.quality.data() if quality and self.solved else None,
             "violated": list(self.violated),
             "reasons": [reason.data() for reason in self.reasons],
@@ -334,7 +362,14 @@ class GraspResult(AnyGrasp):
             "outline": None if self.outline is None else asdict(self.outline),
             "exploration": None if self.exploration is None else asdict(self.exploration),
             "robustness": None if self.robustness is None else self.robustness.data(),
+            "element_errors": {name: asdict(error) for name, error in self.element_errors.items()},
         }
+
+    def _certified(self, *, quality: bool) -> dict[str, Any] | None:
+        """The certificate as plain data."""
+        if isinstance(self.certificate, Certificate):
+            return self.certificate.data(error=quality)
+        return None if self.certificate is None else self.certificate.data()
 
     @check_arguments
     def save(self, folder: str | PathLike[str], *, quality: bool = True) -> Path:
@@ -358,3 +393,16 @@ def flawed(result: GraspResult, flaw: str) -> GraspResult:
     if message == result.message:  # it has flaws already
         message = message.replace(": ", f" and {flaw}: ", 1)
     return replace(result, status=GraspStatus.FEASIBLE, message=message)
+
+
+def with_outline(result: GraspResult) -> GraspResult:
+    """The result with the error of its object's outline; what that changes is not computed."""
+    body = result.scene.object
+    off = body.deviation
+    if off == 0.0:
+        return result
+    corners, finer = (sum(len(part.outline()) for part in each.parts) for each in (body, body.redrawn()))
+    missing = "what that changes was not computed"
+    return replace(
+        result, outline=OutlineError(off, body.size, corners, finer, missing=missing, noise=body.outline_error)
+    )

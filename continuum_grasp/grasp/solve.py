@@ -18,12 +18,11 @@ from continuum_grasp.grasp.changes import (
     resolve_elements,
     with_fine,
     with_finer_outline,
-    with_outline,
 )
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.relaxations import gives_bending_range, gives_elements, with_bending_range
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, out_of_reach, push_reason
-from continuum_grasp.grasp.result import GraspResult, flawed
+from continuum_grasp.grasp.result import GraspResult, flawed, with_outline
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.stations import find_station_reasons, search_stations, stabilize, without_stations
 from continuum_grasp.grasp.tried import Tried

@@ -22,6 +22,8 @@ SHAPE = (
     Stored("{finger}.tensions", "(tendon,)", "N", "tensions of the tendons"),
 )
 """Arrays of the shape of a finger in its plane, and of what bends it."""
+BASE_MOMENT = Stored("{finger}.base_moment", "(axis,)", "N m", "moment in the base, world; of exact rods alone")
+"""The array from which the shape of an exact rod follows."""
 _POSTURE = (
     Stored("object.pose", "(pose,)", "", "pose of the object: x, y [m], angle [rad]"),
     Stored("contact_positions", "(contact, xy)", "m", "contacts on the object's surface, world"),
@@ -65,6 +67,7 @@ _STATES = Stored(
 STORED = (
     *_CONTACTS,
     Stored("{finger}.family", "()", "text", "arc, clothoid or matched_clothoid"),
+    BASE_MOMENT,
     *_POSTURE,
     *(_held(stored) for stored in (*_CONTACTS, *_POSTURE, _STATES)),
     Stored("{trials}.errors", "(draw, error)", "", "errors of the object that were drawn, where the scene has robust"),
@@ -88,6 +91,7 @@ DIMENSIONS = (
     Dimension("part", "parts of a contact force", ("normal", "friction", "lift")),
     Dimension("tendon", "tendons: on the finger's left (-X side), on its right", ("left", "right")),
     Dimension("base", "pose of the base", ("x [m]", "y [m]", "angle [rad]")),
+    Dimension("axis", "axes of the world", ("x", "y", "z")),
     Dimension("section", "of a section", ("s [m]", "x [m]", "y [m]", "angle [rad]")),
     Dimension("state", "sets of friction states"),
     Dimension("{held} contact", "contacts of the grasp, then those made with other friction states alone"),

@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from continuum_grasp.base import Array, Summarized, amount_text, prefixes
+from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.grasp.certificate.check import EXACT
+from continuum_grasp.grasp.judge.certificate import RodCertificate
 from continuum_grasp.results import yaml_text
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.certificate.certificate import Certificate
     from continuum_grasp.grasp.certificate.check import Check
     from continuum_grasp.grasp.certificate.drives import RecomputedDrive
+    from continuum_grasp.grasp.judge.findings import Finding, Requirement
     from continuum_grasp.grasp.result import GraspResult
     from continuum_grasp.grasp.robust.result import Robustness
     from continuum_grasp.grasp.values import Contact, FingerPosture, OutlineError
@@ -45,7 +47,9 @@ def parts(result: GraspResult, quality: bool = True) -> list[TextPart]:
     every = [_fingers(result), _contacts(result)] if result.arrays else []
     if result.verified:
         every += [_quality(result), _disturbances(result)] if quality and result.solved else []
-        every += [] if result.certificate is None else [_certificate(result.certificate)]
+        every += [_certificate(result.certificate)] if isinstance(result.certificate, Certificate) else []
+        every += [_findings(result.certificate)] if isinstance(result.certificate, RodCertificate) else []
+        every += [_elements(result)] if result.element_errors else []
         said = result.statistics.get("fine_model")
         every += [TextPart("The same grasp in a fine model", ("", ""), [("fine model", said)])] if said else []
     every += [] if result.outline is None else [_outline(result.outline)]
@@ -233,6 +237,35 @@ def _certificate(certificate: Certificate) -> TextPart:
     return TextPart("Certificate", head, rows, (1, 3), f"Verified independently: {verdict}", notes)
 
 
+def _findings(certificate: RodCertificate) -> TextPart:
+    """Per requirement, whichever finger or contact it is of, the finding that takes the greatest share of its limit."""
+    kinds: dict[Requirement, list[Finding]] = {}
+    for finding in certificate.findings:
+        kinds.setdefault(finding.requirement, []).append(finding)
+    rows = []
+    for requirement, findings in kinds.items():
+        worst = max(findings, key=lambda finding: finding.share)
+        count = f" ({len(findings)})" if len(findings) > 1 else ""
+        found = "within" if worst.value <= 0.0 else f"{worst.value:.1e}"
+        unit = "" if worst.unit == "1" else worst.unit
+        verdict = "ok" if worst.passed else "FAILED"
+        rows.append((requirement.value + count, found, f"{worst.limit:.0e}", unit, verdict))
+    verdict = "all checks passed" if certificate.passed else f"{len(certificate.failed)} checks FAILED"
+    notes = [f"FAILED: {finding}" for finding in certificate.failed]
+    head = ("Check", "Found", "Limit", "Unit", "Verdict")
+    return TextPart("Certificate", head, rows, (1, 2), f"Verified independently: {verdict}", notes)
+
+
+def _elements(result: GraspResult) -> TextPart:
+    """Differences of elements from the exact rods that they stand for."""
+    rows = [
+        (name, str(error.elements), f"{error.normal_force:.2%}", f"{error.displacement:.3%}")
+        for name, error in result.element_errors.items()
+    ]
+    head = ("Finger", "Elements", "Normal forces change by", "Shape, per length")
+    return TextPart("Elements that stand for the rods in quality, missions and motions", head, rows, (1, 2, 3))
+
+
 def _outline(outline: OutlineError) -> TextPart:
     return TextPart("Outline of the object", ("", ""), [("error", str(outline)), ("changes", outline.words)])
 
@@ -263,8 +296,7 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
     """
     about = dict(result.details(quality=quality))
     if result.certificate is not None:
-        failed = [check.name for check in result.certificate.failed]
-        about["certificate"] |= {"checks": len(result.certificate.checks), "failed": failed}
+        about["certificate"] |= result.certificate.summary
     answer: dict[str, Any] | None = None
     if result.arrays:
         fingers = {}

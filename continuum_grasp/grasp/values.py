@@ -29,6 +29,9 @@ OPENED = ". Unstable: a small push opens this grasp. (`stability: ignore` accept
 ROUGH = 0.02
 """Change of the tension by a polygon nearer to the object's drawing from which on a warning says so [1]: as much as a
 basin must promise for the search not to be complete without it."""
+CLOSE = 0.03
+"""Change of a normal force, per greatest one, up to which elements stand for a rod [1]: less than the error with which
+friction and stiffness are known."""
 PUSH_SHARE = 0.1
 """Share of the greatest push that a grasp must bear if the scene has neither loads on the object nor a push [1]:
 contacts press with a tenth of their possible force, a hundred times the error of models, at tensions far from their
@@ -289,6 +292,46 @@ class OutlineError:
         if self.noise:
             return f"the outline is within {off} of the true one ({share}), {1e3 * self.noise:.3g} mm of it by noise"
         return f"the polygon is within {off} of the drawing ({share})"
+
+
+@dataclass(frozen=True)
+class ElementError:
+    """Difference of a finger's elements from its rod.
+
+    Attributes
+    ----------
+    elements : int
+        Number of elements.
+    normal_force : float
+        Greatest change of a normal force, per greatest normal force of the grasp [1]; NaN if the elements have no
+        equilibrium near the rod.
+    displacement : float
+        Greatest distance of the backbones, per length [1].
+    """
+
+    elements: int
+    normal_force: float
+    displacement: float
+
+    @property
+    def is_close(self) -> bool:
+        """Whether the elements stand for the rod."""
+        return self.normal_force <= CLOSE
+
+    @property
+    def words(self) -> str:
+        """The difference in words."""
+        if math.isnan(self.normal_force):
+            return "no equilibrium near the rod"
+        return f"normal forces change by {self.normal_force:.2g}, the shape by {self.displacement:.2g} of the length"
+
+
+def error_warning(finger: str, error: ElementError) -> str:
+    """Warn of elements that do not stand for the rod of a finger."""
+    return (
+        f"{error.elements} elements of {finger} do not stand for its rod ({error.words}): what is computed with them "
+        "is off by as much; leave out fidelity.elements, or raise it"
+    )
 
 
 @dataclass(frozen=True)

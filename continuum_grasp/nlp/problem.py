@@ -239,7 +239,7 @@ class Constraints:
         upper: ArrayLike = 0.0,
     ) -> Indices:
         """Add a block at ``count`` places: its row numbers (count, size of the scale)."""
-        amounts = np.atleast_1d(np.asarray(scale, dtype=float))
+        amounts = np.array(scale, dtype=float, ndmin=1)
         rows = np.arange(self.count, self.count + count * amounts.size).reshape(count, amounts.size)
         low, high = (np.full(rows.shape, bound, dtype=float) for bound in (lower, upper))
         self.blocks.append(Block(name, key, unit, rows, low, high, amounts))

@@ -152,6 +152,11 @@ class Certificate(Summarized):
             return float("nan")
         return max(0.0, *(overlap(*pair) for pair in combinations(self.grasp.fingers, 2)), 0.0)
 
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Number of checks, and those that failed."""
+        return {"checks": len(self.checks), "failed": [check.name for check in self.failed]}
+
     def headline(self) -> str:
         """Number of checks that passed."""
         return f"{len(self.checks) - len(self.failed)} of {len(self.checks)} checks passed"

@@ -14,8 +14,9 @@ import numpy as np
 
 from continuum_grasp.base import Array, InputError, Summarized, amount_text, check_arguments
 from continuum_grasp.grasp.grasp_result import AnyGrasp
-from continuum_grasp.grasp.stored import OF_FINGERS, SHAPE
-from continuum_grasp.grasp.values import GraspStatus, Reason
+from continuum_grasp.grasp.judge.certificate import RodCertificate, certify_rods
+from continuum_grasp.grasp.stored import BASE_MOMENT, OF_FINGERS, SHAPE
+from continuum_grasp.grasp.values import ElementError, GraspStatus, Reason, error_warning
 from continuum_grasp.results import Dimension, File, Picture, Stored, plain, yaml_text
 from continuum_grasp.scene import HandScene
 
@@ -40,6 +41,7 @@ STORED = (
     Stored("contact_moments", "(contact,)", "N m", "about the normals, on the fingers; only with torsional friction"),
     Stored("{finger}.family", "()", "text", "arc, clothoid or matched_clothoid"),
     *SHAPE,
+    replace(BASE_MOMENT, shape="(xyz,)", meaning="moment in the base; of exact rods alone"),
     Stored("{finger}.base", "(base,)", "", "pose of the base in the plane of the finger: x, y [m] and angle [rad]"),
     Stored("{finger}.backbone", "({finger} place, section)", "", "shape of the finger in its plane"),
 )
@@ -100,6 +102,9 @@ class HandResult(AnyGrasp):
     trial : dict
         How it fared in another program: whether it ``holds``, in ``words``, and what was measured; empty where it was
         not tried.
+    element_errors : dict of str to ElementError
+        By finger, the difference of the elements from the exact rod that they stand for; empty where the grasp was
+        sought with elements.
 
     Examples
     --------
@@ -131,11 +136,12 @@ class HandResult(AnyGrasp):
     status: GraspStatus
     message: str
     arrays: Mapping[str, Array] = field(default_factory=dict)
-    certificate: HandCertificate | None = None
+    certificate: HandCertificate | RodCertificate | None = None
     reasons: tuple[Reason, ...] = ()
     advice: str = ""
     statistics: Mapping[str, Any] = field(default_factory=dict)
     trial: Mapping[str, Any] = field(default_factory=dict)
+    element_errors: Mapping[str, ElementError] = field(default_factory=dict)
 
     @classmethod
     def of_run(cls, folder: str | PathLike[str]) -> Self:
@@ -146,8 +152,6 @@ class HandResult(AnyGrasp):
         InputError
             There is no run of a hand in the folder.
         """
-        from continuum_grasp.grasp.hand.certificate import certify_hand
-
         run = cls.read(folder)
         config = run.meta.get("config") or {}
         meta = run.meta
@@ -162,11 +166,12 @@ class HandResult(AnyGrasp):
             status,
             str(meta["message"]),
             run.arrays,
-            certify_hand(scene, run.arrays) if run.arrays and balanced else None,
+            _certified(scene, run.arrays) if run.arrays and balanced else None,
             tuple(Reason.of(reason) for reason in meta.get("reasons", ())),
             str(meta.get("advice", "")),
             meta.get("statistics", {}),
             meta.get("trial", {}),
+            {name: ElementError(**error) for name, error in (meta.get("element_errors") or {}).items()},
         )
 
     @cached_property
@@ -242,11 +247,22 @@ class HandResult(AnyGrasp):
         return dict(self.arrays)
 
     @property
+    def _promised(self) -> HandCertificate | None:
+        """The certificate, where it knows stability and what the grasp resists."""
+        return None if isinstance(self.certificate, RodCertificate) else self.certificate
+
+    @property
+    def opens(self) -> bool:
+        """Whether the grasp is known to be unstable."""
+        return self._promised is not None and not self._promised.stability.stable
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings before this grasp is relied on."""
         found = list[str]()
-        if self.solved and self.certificate is not None and not self.certificate.stability.stable:
+        if self.solved and self.opens:
             found.append("the grasp is unstable: small motions that the contacts allow lower the energy")
+        found += [error_warning(name, error) for name, error in self.element_errors.items() if not error.is_close]
         if edges := self._near_edges() if self.solved else []:
             found.append(
                 f"sharp edges of the mesh are near contacts: {', '.join(edges)}; a finger that moves as far slips off, "
@@ -272,7 +288,8 @@ class HandResult(AnyGrasp):
         rows["greatest normal force"] = amount_text(self.greatest_normal_force, "N", ".4g")
         if self.certificate is not None:
             rows["checks passed"] = self.certificate.headline().removesuffix(" checks passed")
-            rows |= {key: self.certificate.pairs()[key] for key in ("promised push", "second-order test")}
+        if self._promised is not None:
+            rows |= {key: self._promised.pairs()[key] for key in ("promised push", "second-order test")}
         if self.trial:
             rows["trial"] = str(self.trial["words"])
         return rows
@@ -291,7 +308,9 @@ class HandResult(AnyGrasp):
             if self.tendon_friction:
                 lines.append("  with tendon friction as pulling leaves it; other friction states are not tested")
             lines += ["", "Contacts, as the hand sees them", *(f"  {line}" for line in self._contact_rows())]
-        if self.certificate is not None:
+        if isinstance(self.certificate, RodCertificate):
+            lines += ["", f"Certificate: {self.certificate.headline()}"]
+        elif self.certificate is not None:
             lines += ["", f"Certificate: {self.certificate.headline()}; {self.certificate.stability}"]
             lines += ["", f"Promised along each axis to first order, with {self.certificate.held_by}"]
             lines += [f"  {line}" for line in self._promise_rows()]
@@ -305,7 +324,8 @@ class HandResult(AnyGrasp):
         rows = [("Finger", "Bends", "Back", "At most")]
         for setup in self.scene.setups:
             left, right = self.tensions[setup.name]
-            rows.append((setup.name, f"{left:.3f}", f"{right:.3f}", f"{setup.max_tension:g}"))
+            pulls = (f"{round(float(pull), 3) + 0.0:.3f}" for pull in (left, right))  # no -0.000
+            rows.append((setup.name, *pulls, f"{setup.max_tension:g}"))
         return Summarized.aligned(rows, {0})
 
     def _drive_rows(self) -> list[str]:
@@ -315,7 +335,7 @@ class HandResult(AnyGrasp):
         return [f"{name}: {line}" for name, lines in each for line in lines]
 
     def _promise_rows(self) -> list[str]:
-        promise = {} if self.certificate is None else self.certificate.promise
+        promise = {} if self._promised is None else self._promised.promise
         rows = [("", "x", "y", "z")]
         for kind, unit in (("force", "N"), ("moment", "N m")):
             x, y, z = (f"{promise.get(f'{kind} {axis}', np.nan):.3g}" for axis in "xyz")
@@ -379,7 +399,19 @@ class HandResult(AnyGrasp):
             "reasons": [reason.data() for reason in self.reasons],
             "advice": self.advice,
             **({"trial": plain(self.trial)} if self.trial else {}),
+            "element_errors": {name: asdict(error) for name, error in self.element_errors.items()},
         }
+
+
+def _certified(scene: HandScene, arrays: Mapping[str, Array]) -> HandCertificate | RodCertificate:
+    """The certificate of stored numbers: of rods, whose moments in the bases are stored, or of elements."""
+    if any(name.endswith(".base_moment") for name in arrays):
+        from continuum_grasp.grasp.rods.arrays import RodArrays
+
+        return certify_rods(scene, RodArrays.of(scene).held(arrays))
+    from continuum_grasp.grasp.hand.certificate import certify_hand
+
+    return certify_hand(scene, arrays)
 
 
 def report_page(result: HandResult, **_: Any) -> str:
@@ -407,7 +439,7 @@ def result_yaml(result: HandResult, *, quality: bool = True) -> str:
     if quality and result.certificate is not None:
         summary["certificate"] = {
             "passed": result.certificate.passed,
-            "stability": str(result.certificate.stability),
+            **({"stability": str(result._promised.stability)} if result._promised is not None else {}),
         }
     if result.trial:
         summary["trial"] = plain(result.trial)

@@ -45,6 +45,10 @@ class SectionBending:
             for channel in setup.finger.channels
             for pulls in [list(zip(channel.arms, tensions, strict=True))]
         ]
+        self.shape = setup.finger.channels[0].shape
+        """Moment of a tendon along the finger, per that in the base."""
+        self.end = setup.finger.tendon_list[0].end(self._profile.length)
+        """Where tendons end [m]."""
         self._friction = setup.tendons.friction
         self._per_path = setup.tendons.offset / setup.finger.tendon_list[0].presliding_length
         self._branches = sorted(

@@ -9,18 +9,31 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.judge.clearance import Gap, SampledRod, apart, apart_from_itself
-from continuum_grasp.grasp.judge.findings import CROSSING, EXACT, FOLLOWED, Finding, Requirement, greatest
+from continuum_grasp.grasp.judge.drives import drive_findings
+from continuum_grasp.grasp.judge.findings import CROSSING, EXACT, FOLLOWED, SHORT, Finding, Requirement, greatest
 from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, HeldSupport
 from continuum_grasp.grasp.judge.obstacles import ExactObject, Obstacle
+from continuum_grasp.grasp.judge.pushed import (
+    GIVE,
+    IDLE,
+    PressedContact,
+    PushedFinger,
+    PushedGrasp,
+    PushedPart,
+    PushedSupport,
+    rolls,
+)
 from continuum_grasp.grasp.judge.space_rod import TOLERANCE, RodLoad, SpaceRod
 from continuum_grasp.grasp.judge.stage import GraspStage
-from continuum_grasp.scene import FingerSetup, GraspScene, HandScene, MotorDrive
+from continuum_grasp.scene import FingerSetup, GraspScene, HandScene
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +43,20 @@ class RodCertificate:
     findings: tuple[Finding, ...]
     rods: tuple[SpaceRod, ...] = field(default=(), repr=False)
     """Shapes of the fingers; none where the grasp is not one of the scene."""
+    pushed: PushedGrasp | None = field(default=None, repr=False)
+    """Answers of the grasp to a push; None where the grasp is not one of the scene."""
+
+    @cached_property
+    def pushes(self) -> dict[str, float]:
+        """Push in every direction that each contact that presses bears [N], at constant tensions, to first order."""
+        return {} if self.pushed is None else self.pushed.pushes
+
+    @property
+    def push(self) -> float:
+        """Push on the object in the worst direction that the grasp bears [N]: then a contact slips, parts or is pressed
+        too hard. Zero if nothing presses or the object moves away at constant tensions.
+        """
+        return min(self.pushes.values(), default=0.0)
 
     @property
     def passed(self) -> bool:
@@ -45,6 +72,19 @@ class RodCertificate:
     def worst(self) -> Finding:
         """The finding that takes the greatest share of its limit."""
         return max(self.findings, key=lambda finding: finding.share)
+
+    def headline(self) -> str:
+        """Number of checks that passed."""
+        return f"{len(self.findings) - len(self.failed)} of {len(self.findings)} checks passed"
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Number of checks, and those that failed."""
+        return {"checks": len(self.findings), "failed": [str(finding) for finding in self.failed]}
+
+    def data(self) -> dict[str, Any]:
+        """The findings as plain data."""
+        return {"passed": self.passed, "checks": [finding.data() for finding in self.findings]}
 
     def of(self, wanted: Requirement, subject: str = "") -> Finding:
         """The finding of a property and a finger, contact or support; the object's without.
@@ -82,7 +122,22 @@ def certify_rods(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: fl
         return RodCertificate(tuple(findings))
     with np.errstate(all="ignore"):
         grasp = _Grasp(stage, held, tolerance)
-        return RodCertificate((*findings, *grasp.findings()), tuple(line.rod for line in grasp.lines))
+        findings += grasp.findings()
+        certificate = RodCertificate(tuple(findings), tuple(line.rod for line in grasp.lines), grasp.pushed)
+        asked = scene.contacts.push or 0.0
+        if not asked:
+            return certificate
+        missing = Finding(Requirement.PUSH, "", asked - certificate.push, SHORT * asked, "N")
+        return replace(certificate, findings=(*findings, missing))
+
+
+def rods_of(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: float = TOLERANCE) -> tuple[SpaceRod, ...]:
+    """Shapes of the fingers of a grasp, whatever its findings are.
+
+    The arguments are those of `certify_rods`.
+    """
+    with np.errstate(all="ignore"):
+        return tuple(line.rod for line in _Grasp(GraspStage.of(scene), held, tolerance).lines)
 
 
 def _strangers(stage: GraspStage, held: HeldRods) -> int:
@@ -97,20 +152,19 @@ def _strangers(stage: GraspStage, held: HeldRods) -> int:
         wrong += len(on - setup.switches.keys())
         wrong += sum(switch == ("off" if name in on else "on") for name, switch in setup.switches.items())
         wrong += sum(not 0.0 <= contact.place <= setup.finger.rod.length for contact in finger.contacts)
-    present = Counter(_support_of(stage, contact.name) for contact in held.supports)
+    present = Counter(support_of(stage, contact.name) for contact in held.supports)
     wrong += present[""]
     wrong += sum(each.touch == ("off" if present[each.name] else "on") for each in stage.obstacles)
     return wrong
 
 
 def _not_certified(stage: GraspStage) -> int:
-    """Count of what a scene asks for that the certificate does not know: all histories of friction, one pulley."""
+    """Count of what a scene asks for that the certificate does not know: all histories of friction."""
     setups = stage.setups.values()
-    histories = stage.scene.friction_states == "any" and any(setup.friction_states for setup in setups)
-    return histories + sum(setup.drive is not None and setup.drive.pulley for setup in setups)
+    return int(stage.scene.friction_states == "any" and any(setup.friction_states for setup in setups))
 
 
-def _support_of(stage: GraspStage, contact: str) -> str:
+def support_of(stage: GraspStage, contact: str) -> str:
     """Name of the support of a contact such as ``palm``, ``palm.1`` or ``palm_1``; empty of strangers."""
     names = {obstacle.name for obstacle in stage.obstacles}
     return next((name for name in (contact, contact[:-2]) if name in names), "")
@@ -212,7 +266,7 @@ class _Grasp:
             here = used in ("both", side)
             over += [tension - (setup.max_tension if here else 0.0), tendons.min_tension * here - tension]
         yield Finding(Requirement.TENSION, name, greatest(over), EXACT * setup.max_tension, "N")
-        yield from _torque(setup, finger)
+        yield from drive_findings(setup, rod, finger.tensions)
         strain = setup.finger.strain_limit
         depth = setup.finger.profile.half_depth
         if strain is not None and depth is not None:
@@ -249,6 +303,59 @@ class _Grasp:
         """Gap between a finger and the object along the finger."""
         return lambda s, points: self.body.distance(points) - line.rod.half(s)
 
+    # -- pushes ------------------------------------------------------------------------------------------------
+
+    @property
+    def pushed(self) -> PushedGrasp:
+        """The grasp with an object that is pushed."""
+        stage, center = self.stage, self.stage.center(self.held)
+        lengths = [line.rod.length for line in self.lines]
+        stiffest = max(line.rod.setup.stiffness / line.rod.length**3 for line in self.lines)
+        parts = list[PushedPart]()
+        for finger, line in zip(self.held.fingers, self.lines, strict=True):
+            touches = [self._touch(finger, line, contact)[0] for contact in finger.contacts]
+            pressed = [self._pressed(touch, finger.axes[:, 2]) for touch in touches if self._presses(touch)]
+            if pressed:
+                parts.append(
+                    PushedFinger(stage, self.body, finger, line.rod, pressed, center, stage.axes, GIVE / stiffest)
+                )
+        for contact in self.held.supports:
+            touch = self._support_touch(contact)
+            if self._presses(touch):
+                parts.append(self._pushed_support(touch, center, GIVE / stiffest))
+        units = np.array([*[min(lengths)] * 3, *[1.0] * 3])
+        return PushedGrasp(parts, units, stage.moves, len(stage.axes))
+
+    def _presses(self, touch: _Touch) -> bool:
+        return touch.pressing > IDLE * self.scale
+
+    def _pressed(self, touch: _Touch, across: Array) -> PressedContact:
+        """A contact with all of its friction: the reserve is there for what a push needs."""
+        held, reserve = touch.contact, 1.0 - self.stage.scene.contacts.reserve
+        return PressedContact(
+            held.name,
+            held.force,
+            held.moment,
+            touch.point,
+            touch.normal,
+            across,
+            touch.friction / reserve,
+            touch.torsional,
+            touch.most,
+        )
+
+    def _pushed_support(self, touch: _Touch, center: Array, give: float) -> PushedSupport:
+        """A support; a face that lies on it by several points does not roll."""
+        planar = len(self.stage.axes) == 2
+        # Any fixed direction will do that is not along the normal; in a plane, the one out of it.
+        across = np.eye(3)[2 if planar else np.abs(touch.normal).argmin()]
+        contact = self._pressed(touch, across)
+        name = support_of(self.stage, contact.name)
+        same = sum(support_of(self.stage, each.name) == name for each in self.held.supports)
+        obstacle = next(each for each in self.stage.obstacles if each.name == name)
+        way = rolls(self.body, contact, self.stage.size, obstacle.curvature, planar=planar)
+        return PushedSupport(contact, center, way if same == 1 else np.zeros((3, 3)), self.stage.axes, give)
+
     # -- contacts ----------------------------------------------------------------------------------------------
 
     def _touch(self, finger: HeldFinger, line: SampledRod, contact: HeldContact) -> tuple[_Touch, float]:
@@ -272,7 +379,7 @@ class _Grasp:
         return touch, float(normal @ here.axes[0, :, 1]) - half.slope(contact.place)
 
     def _support_touch(self, contact: HeldSupport) -> _Touch:
-        name = _support_of(self.stage, contact.name)
+        name = support_of(self.stage, contact.name)
         obstacle = next(each for each in self.stage.obstacles if each.name == name)
         normal, off = obstacle.touched(contact, self.body)
         most = self.stage.scene.contacts.normal_force_max
@@ -308,10 +415,3 @@ class _Grasp:
 def _above(obstacle: Obstacle, line: SampledRod, start: float, before: float) -> Gap:
     """Gap between a finger and an obstacle: of its skin from a position on, and before of its center line."""
     return lambda s, points: obstacle.distance(points) - np.where(s < start, before, line.rod.half(s))
-
-
-def _torque(setup: FingerSetup, finger: HeldFinger) -> Iterator[Finding]:
-    """Torque with which each motor reaches its tension, its dry friction included."""
-    if setup.drive is not None and isinstance(motor := setup.drive.drive, MotorDrive):
-        torque = float(finger.tensions.max()) * motor.winch_radius + motor.coulomb_friction
-        yield Finding(Requirement.TORQUE, finger.name, torque - motor.torque_max, EXACT * motor.torque_max, "N m")

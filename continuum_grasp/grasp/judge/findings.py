@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import Enum
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,9 @@ surfaces [rad], friction, per greatest force, and moments, per greatest force an
 CROSSING = 1e-4
 """Limit of the depth of fingers in each other and in themselves, per length of the finger: the problem looks at chords
 between its nodes, and so does the certificate, whose 400 chords are up to 2e-5 off."""
+SHORT = 0.01
+"""Share of a push that may be missing: the problem has tables of bodies, whose curvatures are up to 1e-3 off, and the
+certificate has differences."""
 
 
 class Requirement(Enum):
@@ -35,6 +39,7 @@ class Requirement(Enum):
     PRESSING = "normal force"
     FRICTION = "friction cone"
     TENSION = "tension of a tendon"
+    DRIVE = "tendons on one pulley"
     TORQUE = "torque of a motor"
     STRAIN = "bending strain"
     DEPTH = "depth in the object"
@@ -44,6 +49,7 @@ class Requirement(Enum):
     CROSSED = "depth in another finger"
     FORCE = "balance of forces"
     MOMENT = "balance of moments"
+    PUSH = "missing of a push in every direction"
 
 
 @dataclass(frozen=True)
@@ -75,6 +81,10 @@ class Finding:
         if np.isnan(self.value) or (self.limit == 0.0 and not self.passed):
             return np.inf
         return self.value / self.limit if self.limit else 0.0
+
+    def data(self) -> dict[str, Any]:
+        """The finding as plain data."""
+        return {**asdict(self), "requirement": self.requirement.value, "passed": self.passed}
 
     def __str__(self) -> str:
         of = f", {self.subject}" if self.subject else ""

@@ -15,7 +15,7 @@ def carried(before: GraspRods, x: Array, problem: GraspRods) -> Array:
     """Unknowns of a problem with as many stages as another, or a multiple, by those of the other."""
     y = np.zeros(problem.size)
     for name, at in problem.at.items():
-        if name in before.at and not name.startswith("node "):
+        if name in before.at and len(before.at[name]) == len(at) and not name.startswith("node "):
             y[at] = x[before.at[name]]
     for index in range(len(problem.parts)):
         _set_nodes(before, x, problem, index, y)
@@ -38,7 +38,8 @@ def _set_nodes(before: GraspRods, x: Array, problem: GraspRods, index: int, y: A
                 state[geometry.moments] = x[coarse.turns[coarse.touching.index(node)]]
             if times > 1:
                 acting = [*y[span.force], *y[part.pulls], *y[span.ends]]
-                data = [[*finger.acting(span.piece), *span.shares(n)] for n in range(first + 1, first + times)]
+                nodes = range(first + 1, first + times)
+                data = [[*finger.acting(span.piece, part.along(n)), *span.shares(n)] for n in nodes]
                 y[np.array(part.nodes[first + 1 : first + times])] = kinds.led(stage, state, np.array(acting), data)
     y[part.nodes[-1]] = x[coarse.nodes[-1]]
 

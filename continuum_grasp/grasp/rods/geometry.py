@@ -53,12 +53,24 @@ class Geometry(StageEquations):
         """Direction of the finger (dimensions,)."""
 
     @abstractmethod
+    def across(self, state: Values) -> Values:
+        """Direction across the finger in the plane of bending (dimensions,)."""
+
+    @abstractmethod
     def bent(self, base: Array, x: float, y: float, angle: float, moment: float) -> Array:
         """State (state,) of a finger that bends about one axis, by what its base (oriented,) sees."""
 
     @abstractmethod
     def turn(self, pose: Values, axes: Values) -> Matrix:
         """Axes of the object as columns."""
+
+    @abstractmethod
+    def section_turn(self, state: Values, change: Values) -> list[Any]:
+        """Small turn (3,) of a section by the change (oriented,) of its place and direction."""
+
+    @abstractmethod
+    def object_turn(self, pose: Values, change: Values) -> list[Any]:
+        """Small turn (3,) of the object by the change (pose,) of its pose."""
 
     @abstractmethod
     def cuts(self, p: Array, q: Array) -> Array:

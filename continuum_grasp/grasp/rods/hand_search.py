@@ -100,6 +100,10 @@ class HandRodSearch(StartedSearch):
         self.apart = 0.25 * scene.object.size
         self._numbers = dict[frozenset[str], SceneNumbers]()
 
+    def again(self, scene: HandScene) -> HandRodSearch:
+        """A search of a changed scene."""
+        return HandRodSearch(scene, self.budget, self.stages)
+
     def numbers_of(self, on: frozenset[str]) -> SceneNumbers:
         """The scene in plain numbers, with a set of contacts."""
         if on not in self._numbers:

@@ -17,11 +17,13 @@ def held_rods(grasp: RodGrasp) -> HeldRods:
     pose = x[problem.pose]
     position = numbers.size * np.array(geometry.place(pose))
     axes = np.array(geometry.turn(pose, numbers.axes), dtype=float)
-    center = position + numbers.size * axes @ numbers.center
     supports = []
     for support in numbers.supports:
-        force = numbers.force * np.array(exerted(x[problem.contacts[support.name]], support.normal, support.across))
-        supports.append(HeldSupport(support.name, force, center + numbers.size * support.arm))
+        if not support.touches:
+            continue
+        place, normal = support.touched(numbers, pose)
+        force = numbers.force * np.array(exerted(x[problem.contacts[support.name]], normal, support.across))
+        supports.append(HeldSupport(support.name, force, numbers.size * place))
     fingers = tuple(_finger(grasp, k) for k in range(len(numbers.fingers)))
     return HeldRods(position, axes, fingers, tuple(supports))
 
@@ -41,7 +43,8 @@ def _finger(grasp: RodGrasp, index: int) -> HeldFinger:
     base = x[part.nodes[0]]
     position = finger.length * np.array(geometry.in_space([base[k] for k in range(geometry.dimensions)]))
     moment = finger.moment * _moment(base[geometry.moments])
-    tensions = finger.tensions(x[part.pulls])
+    # The solver leaves bounds by 1e-8.
+    tensions = finger.tensions(np.clip(x[part.pulls], 0.0, finger.pulls))
     return HeldFinger(
         finger.name, position, _axes(geometry.tangent(base), finger.across), tensions, tuple(contacts), moment
     )

@@ -10,23 +10,33 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.base import Array
+from continuum_grasp.base import Array, amount_text
+from continuum_grasp.grasp.rods.answers import asked_of
 from continuum_grasp.grasp.rods.carried import carried, finer_pairs, finer_places
 from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places, table_misses, touched_places
 from continuum_grasp.grasp.rods.guess import FingerGuess, Held, filled
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
 from continuum_grasp.grasp.rods.problem import STAGES, GraspRods, NearPair, StagePlace
+from continuum_grasp.grasp.rods.supports import SupportNumbers, rested
 from continuum_grasp.nlp import Attempt, Budget, Settings, Solver
 
 STARTS = 6
 """Starts that are solved."""
+NEARLY = 0.5
+"""Imbalance of a start, in a unit of its search, up to which it nearly balances the object."""
 ROUNDS = 3
 """Most solves in which rows are added between nodes."""
-FINER = 3
+FINER = 5
 """Most solves with finer tables at the contacts."""
+SHRINKS = 0.2
+"""Factor on the step of a table at a contact that still misses the object [1]."""
+RESTS = 6
+"""Most solves in which supports touch the object anew."""
+RESTED = 1e-8
+"""Distance by which contacts with supports may move without being taken anew [object size]."""
 BORNE = 1e-6
 """Sum of forces and moments that nothing bears, up to which a grasp holds [F0]."""
-TIED = 1e-6
+TIED = 1e-4
 """Share of the aim up to which two grasps are the same."""
 AGREE = 0.01
 """Share of an aim by which the two choices of starts of three fingers may differ."""
@@ -92,7 +102,11 @@ class RodStart(ABC):
     @property
     def joints(self) -> list[tuple[float, ...]]:
         """Approximate places of the middle contacts of each finger [L]."""
-        return [guess.middles for guess in self.guesses]
+        return [guess.joints for guess in self.guesses]
+
+    def supports_at(self, pose: Array) -> list[SupportNumbers]:
+        """The supports of the scene as they touch the object at a pose."""
+        return self.numbers.supports
 
     def x_of(self, problem: GraspRods) -> Array:
         """Unknowns of the start."""
@@ -119,6 +133,11 @@ class RodGrasp:
         return self.problem.tension(self.attempt.x)
 
     @property
+    def unborne(self) -> float:
+        """Sum of the forces and moments that nothing bears [N]; moments count per size of the object."""
+        return self.problem.unborne(self.attempt.x) * self.problem.numbers.force
+
+    @property
     def holds(self) -> bool:
         """Whether the grasp holds the object."""
         return self.attempt.converged and self.problem.unborne(self.attempt.x) < BORNE and not self.crosses
@@ -127,6 +146,8 @@ class RodGrasp:
 class StartedSearch(ABC):
     """Finds grasps as exact rods, from starts of any kind."""
 
+    scene: Any
+    """The scene whose grasps are sought."""
     apart: float
     """Distance of places from which on starts are different [m]."""
     iterations: int = 80
@@ -148,10 +169,46 @@ class StartedSearch(ABC):
     def starts(self) -> list[RodStart]:
         """All starts, the most promising first."""
 
+    @abstractmethod
+    def again(self, scene: Any) -> StartedSearch:
+        """A search of a changed scene."""
+
+    def with_contacts(self, scene: Any) -> StartedSearch:
+        """A search of the scene with other contacts."""
+        return self.again(scene)
+
+    def with_free_contacts(self) -> dict[str, Any]:
+        """Changes of keys of the scene that leave all contacts of fingers to the search; none where they are."""
+        changes = dict[str, Any]()
+        for setup in self.scene.setups:
+            own = setup.finger.contacts.stated()
+            where = {key: f"{setup.where}.contacts" if key in own else "contacts" for key in ("middle", "tip")}
+            if setup.tip != "auto":
+                changes[f"{where['tip']}.tip"] = "auto"
+            if not setup.stations and set(setup.middles) != {"auto"}:
+                count = len(setup.middles)
+                changes[f"{where['middle']}.middle"] = "auto" if count == 1 else ("auto",) * count
+        return changes
+
+    def needs_free(self, key: str, on: frozenset[str]) -> bool:
+        """Whether a key of contacts must leave them to the search for a set of contacts."""
+        for setup in self.scene.setups:
+            if not key.startswith(("contacts", setup.where)):
+                continue
+            names = (setup.tip_name,) if key.endswith("tip") else setup.middle_names
+            if any((name in on) != (setup.switches[name] == "on") for name in names):
+                return True
+        return False
+
     @property
     def further(self) -> list[RodStart]:
         """Starts where none of the others leads to a grasp."""
         return []
+
+    @property
+    def asked(self) -> Callable[[GraspRods], None] | None:
+        """Variant of the problem that the scene asks for; None where it asks for none."""
+        return asked_of(self.scene)
 
     @property
     def best(self) -> RodGrasp | None:
@@ -167,8 +224,15 @@ class StartedSearch(ABC):
         self._try(self.starts, most)
         if self.best is None:
             self._try(self.further, most)
+        while (best := self.best) is not None and self._improved(best):
+            pass
+        if self.asked is not None:
+            # From the first grasps, without what a scene asks for beyond them.
+            first = sorted((g for g in self.tried if g.holds), key=lambda g: g.attempt.objective)
+            rows = (g for g in first if not self.budget.over)
+            self.tried = [self.solved(g.start, widen=self.asked, beside=g, fine=False) for g in rows]
         while (rough := self._rough) is not None and not self.budget.over:
-            grasp = self.solved(rough.start, beside=rough)
+            grasp = self.solved(rough.start, widen=self.asked, beside=rough)
             self.tried[self.tried.index(rough)] = grasp
             if grasp.holds:
                 self._refined.append(rough.attempt.objective)
@@ -182,6 +246,29 @@ class StartedSearch(ABC):
         if least is None or best is None or (best.fine and best.attempt.objective <= least.attempt.objective):
             return None
         return least
+
+    def beside(self, grasp: RodGrasp) -> Iterator[RodStart]:
+        """Starts with other contacts than a grasp, next to it."""
+        yield from ()
+
+    def _improved(self, best: RodGrasp) -> bool:
+        """Whether a start next to the best grasp leads to a better one, by more than a share of its aim."""
+        known = {grasp.start.on for grasp in self.tried if isinstance(grasp.start, type(best.start))}
+        for start in self.beside(best):
+            if self.budget.over or start.on in known:
+                continue
+            grasp = self.solved(start, fine=False)
+            self.tried.append(grasp)
+            if grasp.holds and grasp.attempt.objective < best.attempt.objective - TIED * abs(best.attempt.objective):
+                return True
+        return False
+
+    def try_some(self, most: int) -> None:
+        """Solve from the most promising starts that nearly balance the object, one after the other up to a grasp."""
+        likely = [start for start in self.starts if start.imbalance < NEARLY]
+        for start in self._chosen(likely, most):
+            if self.best is None and not self.budget.over:
+                self.tried.append(self.solved(start))
 
     def agree(self, share: float) -> bool:
         """Whether the most promising starts and those of other places lead to the same aim, within a share."""
@@ -200,6 +287,14 @@ class StartedSearch(ABC):
             if self._promises_less(start):
                 continue
             self.tried.append(self.solved(start, fine=False))
+            self.budget.tell(self.standing)
+
+    @property
+    def standing(self) -> str:
+        """The best so far, and what was tried."""
+        best = self.best
+        held = "no grasp yet" if best is None else f"{amount_text(best.tension, 'N', '.4g')} so far"
+        return f"{held}; {len(self.tried)} starts tried"
 
     def _promises_less(self, start: RodStart) -> bool:
         """Whether a start promises less than the best grasp, to which several starts led: of either choice of three
@@ -234,12 +329,14 @@ class StartedSearch(ABC):
     def solved(
         self,
         start: RodStart,
-        widen: Callable[[GraspRods], None] | None = None,
-        beside: RodGrasp | None = None,
         *,
+        widen: Callable[[GraspRods], None] | None = None,
+        loosen: Callable[[SceneNumbers], SceneNumbers] = lambda numbers: numbers,
+        beside: RodGrasp | None = None,
         fine: bool = True,
     ) -> RodGrasp:
-        """Solve from a start, or from a grasp with other limits ``beside`` it, with a limit widened if one is given.
+        """Solve from a start, or from a grasp with other limits ``beside`` it, with numbers of the scene
+        loosened and limits widened if these are given.
 
         Solve again with rows where a finger is in the object between nodes, or crosses another, and, if the grasp is to
         be ``fine``, with finer tables where contacts are not as exact as the object.
@@ -248,20 +345,27 @@ class StartedSearch(ABC):
         if beside is not None:
             times = beside.problem.geometry.finer if fine and not beside.fine else 1
             places, near = finer_places(beside.problem.places, times), finer_pairs(beside.problem.near, times)
-        numbers, rounds, finer = start.numbers, 0, 0
+        numbers, rounds, finer, rests, stays = loosen(start.numbers), 0, 0, 0, False
         while True:
             problem = GraspRods(numbers, joints=start.joints, stages=self.stages, places=places, near=near, fine=fine)
             if widen is not None:
                 widen(problem)
+            if stays and known is not None:
+                problem.stay(known.attempt.x[known.problem.placed])
             if widen is None and known is not None and problem.is_same(known.problem):
                 attempt = known.attempt
             else:
                 first = start.x_of(problem) if known is None else carried(known.problem, known.attempt.x, problem)
+                problem.fill(first)
                 attempt = self._solver.solve(problem.nlp, problem.start(first), self.budget)
             crossing = Crossing(problem, attempt.x)
             grasp = RodGrasp(problem, attempt, start, crossing.depth > CROSSED)
             if not attempt.converged or problem.unborne(attempt.x) > BORNE:
-                return grasp
+                if not finer or stays or known is None or not problem.moves:
+                    return grasp
+                # Facets of a drawing have optima of their own: object and bases stay where smoother tables had them.
+                stays = True
+                continue
             if grasp.crosses:
                 if rounds == ROUNDS:
                     return grasp
@@ -269,6 +373,11 @@ class StartedSearch(ABC):
                 sample = Crossing(problem, start.x_of(problem))
                 near = list(dict.fromkeys([*near, *sample.near, *crossing.near]))
                 known, rounds = None, rounds + 1
+                continue
+            pose = attempt.x[problem.pose]
+            supports = rested(numbers, start.supports_at(pose), pose, RESTED)
+            if supports is not None and rests < RESTS:
+                numbers, known, rests = replace(numbers, supports=supports), grasp, rests + 1
                 continue
             deep = [place for place in deep_places(problem, attempt.x) if place not in places]
             if deep and rounds < ROUNDS:
@@ -278,7 +387,9 @@ class StartedSearch(ABC):
             if not fine or finer == FINER or not table_misses(problem, attempt.x):
                 return grasp
             thin = min(float(finger.half(0.0)) * finger.length for finger in numbers.fingers)
-            table = numbers.table.refined(touched_places(problem, attempt.x), FINE * thin / numbers.size)
+            # Where curvature jumps, a table is as wrong as its step is wide.
+            step = FINE * SHRINKS**finer * thin / numbers.size
+            table = numbers.table.refined(touched_places(problem, attempt.x), step)
             numbers, known, finer = replace(numbers, table=table), grasp, finer + 1
 
 

@@ -1,19 +1,36 @@
-"""Verdict on a search of rods: optimal, feasible and the reason why no better, or infeasible by a proof."""
+"""Verdict on a search of rods: optimal, feasible and why no better, infeasible by a proof, or not solved and why."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import Enum
 
-from continuum_grasp.base import amount_text
 from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.judge.certificate import RodCertificate, certify_rods
+from continuum_grasp.grasp.judge.held import HeldRods
 from continuum_grasp.grasp.rods.record import held_rods
-from continuum_grasp.grasp.rods.search import RodSearch
-from continuum_grasp.grasp.rods.solving import AGREE, RodGrasp
+from continuum_grasp.grasp.rods.solving import AGREE, RodGrasp, StartedSearch
 from continuum_grasp.grasp.values import GraspStatus
+from continuum_grasp.scene import GraspScene
 
 SAME_AIM = 1e-4
 """Share of an aim up to which two starts lead to the same grasp."""
+REFUSED = 3
+"""Grasps that the certificate may refuse, before none is tried any more."""
+
+
+class Doubt(Enum):
+    """Reason why a verdict is not a better one."""
+
+    LONE_START = "no other start leads to this grasp"
+    CHOICES_DIFFER = "starts of the least tension and starts that differ lead to other grasps"
+    REFUSED = "the independent certificate refuses a better grasp"
+    CUT = "the budget ended before all starts were tried"
+    INTERRUPTED = "you interrupted the search, so it did not try all starts"
+    UNBORNE = "nothing bears a part of the load"
+    UNTOUCHED = "no finger touches the object in an equilibrium"
+    NO_BALANCE = "no forces at any place of the object balance its weight"
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,32 +40,58 @@ class RodVerdict:
     Attributes
     ----------
     status : GraspStatus
-    missing : str
-        Why the status is not a better one, in one line; empty where it is ``optimal``.
+    doubts : tuple of Doubt
+        Why the status is not a better one; empty where it is ``optimal``.
+    best : RodGrasp or None
+        The grasp; without one, what came nearest to it.
+    held : HeldRods or None
+        Its record.
     certificate : RodCertificate or None
-        Of the best grasp.
+        Of the record.
     """
 
     status: GraspStatus
-    missing: str
+    doubts: tuple[Doubt, ...]
+    best: RodGrasp | None = None
+    held: HeldRods | None = None
     certificate: RodCertificate | None = None
 
 
-def verdict_of(search: RodSearch) -> RodVerdict:
-    """Judge a search that has run."""
-    best = search.best
-    if best is None:
-        return _without(search)
-    certificate = certify_rods(search.scene, held_rods(best))
-    if not certificate.passed:
-        return RodVerdict(GraspStatus.NOT_SOLVED, f"the certificate finds {certificate.worst}", certificate)
+def verdict_of(search: StartedSearch, *, interrupted: bool = False) -> RodVerdict:
+    """Judge a search that is over, or was ``interrupted``."""
+    refused: RodVerdict | None = None
+    for best in _candidates(search):
+        held = held_rods(best)
+        certificate = certify_rods(search.scene, held)
+        if certificate.passed:
+            doubts = tuple(_doubts(search, best, refused is not None, interrupted))
+            status = GraspStatus.FEASIBLE if doubts else GraspStatus.OPTIMAL
+            return RodVerdict(status, doubts, best, held, certificate)
+        refused = refused or RodVerdict(GraspStatus.NOT_SOLVED, (Doubt.REFUSED,), best, held, certificate)
+    return refused or _without(search)
+
+
+def _candidates(search: StartedSearch) -> Iterator[RodGrasp]:
+    """Grasps that hold, the best first, each as exactly as it can be."""
+    held = sorted((g for g in search.tried if g.holds), key=lambda g: g.attempt.objective)
+    for grasp in held[:REFUSED]:
+        yield grasp if grasp.fine or search.budget.over else search.solved(grasp.start, beside=grasp)
+
+
+def _doubts(search: StartedSearch, best: RodGrasp, refused: bool, interrupted: bool) -> Iterator[Doubt]:
+    """Why a better grasp may have been missed."""
+    if refused:
+        yield Doubt.REFUSED
+    if interrupted:
+        yield Doubt.INTERRUPTED
+    elif search.budget.cut:
+        yield Doubt.CUT
     held = [grasp for grasp in search.tried if grasp.holds]
-    if sum(_near(grasp, best, SAME_AIM) for grasp in held) < 2:
-        return RodVerdict(GraspStatus.FEASIBLE, "no other start leads to this grasp", certificate)
+    # Where all starts are tried, none of another place leads to a better grasp.
+    if len(search.tried) < len(search.starts) and sum(_near(grasp, best, SAME_AIM) for grasp in held) < 2:
+        yield Doubt.LONE_START
     if len(search.scene.setups) > 2 and not search.agree(AGREE):
-        missing = "starts of the least tension and starts that differ lead to other grasps"
-        return RodVerdict(GraspStatus.FEASIBLE, missing, certificate)
-    return RodVerdict(GraspStatus.OPTIMAL, "", certificate)
+        yield Doubt.CHOICES_DIFFER
 
 
 def _near(grasp: RodGrasp, best: RodGrasp, share: float) -> bool:
@@ -56,13 +99,14 @@ def _near(grasp: RodGrasp, best: RodGrasp, share: float) -> bool:
     return grasp.attempt.objective <= best.attempt.objective + share * abs(best.attempt.objective)
 
 
-def _without(search: RodSearch) -> RodVerdict:
+def _without(search: StartedSearch) -> RodVerdict:
     """Verdict on a search that found no grasp."""
-    if cannot_balance(search.scene):
-        return RodVerdict(GraspStatus.INFEASIBLE, "no forces at any place of the object balance its weight")
-    left = min(
-        (grasp.problem.unborne(grasp.attempt.x) * grasp.problem.numbers.force for grasp in search.tried), default=None
-    )
-    if left is None:
-        return RodVerdict(GraspStatus.NOT_SOLVED, "no finger touches the object in an equilibrium")
-    return RodVerdict(GraspStatus.NOT_SOLVED, f"nothing bears {amount_text(left, 'N', '.3g')} of the load")
+    nearest = min(search.tried, key=lambda grasp: grasp.unborne, default=None)
+    if search.budget.stopped:
+        return RodVerdict(GraspStatus.STOPPED, (Doubt.CUT,), nearest)
+    if isinstance(search.scene, GraspScene) and cannot_balance(search.scene):
+        return RodVerdict(GraspStatus.INFEASIBLE, (Doubt.NO_BALANCE,), nearest)
+    cut = (Doubt.CUT,) if search.budget.cut else ()
+    if nearest is None:
+        return RodVerdict(GraspStatus.NOT_SOLVED, (Doubt.UNTOUCHED, *cut))
+    return RodVerdict(GraspStatus.NOT_SOLVED, (Doubt.UNBORNE, *cut), nearest)

@@ -129,9 +129,7 @@ def _title(result: GraspResult, width: float) -> str:
     name = wrapped(plain(result.scene.name or "grasp"), width)
     status = result.status.word
     if result.solved:
-        certificate = result.certificate
-        unstable = certificate is not None and not certificate.stability.stable
-        return f"{name}\n{status}, verified{', UNSTABLE' if unstable else ''}"
+        return f"{name}\n{status}, verified{', UNSTABLE' if result.opens else ''}"
     if result.verified:
         return f"{name}\n{wrapped(f'{status}: {result.message}', width)}"
     what = _DRAWN[result.answer]

@@ -1,0 +1,280 @@
+"""The grasp of a scene as exact rods: search, verdict, certificate, reasons, elements, and all of it as a result.
+
+`optimize_grasp` does not lead here yet: tests do.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, overload
+
+from continuum_grasp.base import Array, InputError, Interrupted, SolverError, amount_text, interruptible
+from continuum_grasp.grasp.hand.result import HandResult
+from continuum_grasp.grasp.judge.certificate import RodCertificate, rods_of
+from continuum_grasp.grasp.judge.held import HeldRods
+from continuum_grasp.grasp.modes import contact_modes
+from continuum_grasp.grasp.result import GraspResult, with_outline
+from continuum_grasp.grasp.rods.arrays import RodArrays
+from continuum_grasp.grasp.rods.hand_search import HandRodSearch
+from continuum_grasp.grasp.rods.projection import on_elements
+from continuum_grasp.grasp.rods.record import held_rods
+from continuum_grasp.grasp.rods.repairs import LeastRepairs, reason_of
+from continuum_grasp.grasp.rods.search import RodSearch
+from continuum_grasp.grasp.rods.sensitivity import sensitivities_of
+from continuum_grasp.grasp.rods.solving import BORNE, STARTS, RodGrasp, StartedSearch
+from continuum_grasp.grasp.rods.verdict import Doubt, RodVerdict, verdict_of
+from continuum_grasp.grasp.tried import Exploration
+from continuum_grasp.grasp.values import ElementError, GraspStatus, Reason
+from continuum_grasp.nlp import Budget
+from continuum_grasp.scene import GraspScene, HandScene
+
+_MORE = {"quick": STARTS // 2, "normal": STARTS, "thorough": 4 * STARTS}
+"""Starts by effort."""
+_AIMS = frozenset({"least_tension", "greatest_friction_margin"})
+"""Objectives that the problem of rods has."""
+
+
+@overload
+def held_by_rods(
+    scene: GraspScene, *, raise_on_failure: bool = ..., progress: Callable[[str], None] | None = ...
+) -> GraspResult: ...
+@overload
+def held_by_rods(
+    scene: HandScene, *, raise_on_failure: bool = ..., progress: Callable[[str], None] | None = ...
+) -> HandResult: ...
+@interruptible()
+def held_by_rods(
+    scene: GraspScene | HandScene,
+    *,
+    raise_on_failure: bool = True,
+    progress: Callable[[str], None] | None = None,
+) -> GraspResult | HandResult:
+    """Find the best grasp of a scene as exact rods; arguments, result and errors are those of `optimize_grasp`."""
+    result = _result(scene, Budget.of(scene.solver, progress))
+    if raise_on_failure and not result.solved:
+        raise SolverError(
+            result.message,
+            status=result.status.value,
+            violated=result.violated if isinstance(result, GraspResult) else (),
+            advice=result.advice,
+            result=result,
+        )
+    return result
+
+
+def _result(scene: GraspScene | HandScene, budget: Budget) -> GraspResult | HandResult:
+    """Search and judge; on Ctrl-C, judge what there is."""
+    if isinstance(scene, GraspScene) and not _AIMS.issuperset(scene.aims):
+        raise InputError(f"expected aims of {sorted(_AIMS)}, got {sorted(scene.aims)}", key="objective")
+    search = RodSearch(scene, budget) if isinstance(scene, GraspScene) else HandRodSearch(scene, budget)
+    ended = _EndedSearch(scene, search, time.monotonic())
+    try:
+        search.run(_MORE[scene.solver.effort])
+        return _outlined(ended.judged(verdict_of(search)))
+    except KeyboardInterrupt:
+        ended.interrupted = True
+        verdict = verdict_of(search, interrupted=True)
+        if verdict.status not in (GraspStatus.OPTIMAL, GraspStatus.FEASIBLE):
+            tried = f"{len(search.tried)} starts tried to the end"
+            raise Interrupted(f"interrupted before a grasp was found ({tried})") from None
+        return _outlined(ended.solved(verdict))
+
+
+def _outlined(result: GraspResult | HandResult) -> GraspResult | HandResult:
+    """The result with the error of the object's outline, where it has one."""
+    return with_outline(result) if isinstance(result, GraspResult) else result
+
+
+@dataclass(eq=False)
+class _EndedSearch:
+    """A search that is over, before its result is made."""
+
+    scene: GraspScene | HandScene
+    search: StartedSearch
+    began: float
+    """``time.monotonic()`` at its begin [s]."""
+    interrupted: bool = False
+
+    def judged(self, verdict: RodVerdict) -> GraspResult | HandResult:
+        """The result of a verdict."""
+        if verdict.status in (GraspStatus.OPTIMAL, GraspStatus.FEASIBLE):
+            return self.solved(verdict)
+        return self._without(verdict)
+
+    # -- with a grasp ------------------------------------------------------------------------------------------
+
+    def solved(self, verdict: RodVerdict) -> GraspResult | HandResult:
+        """The result with a grasp."""
+        best, held, certificate = verdict.best, verdict.held, verdict.certificate
+        if best is None or held is None or certificate is None:
+            raise ValueError(f"a verdict {verdict.status} has a certified grasp")
+        scene, arrays, errors = stored(self.scene, held, certificate)
+        tension = amount_text(best.tension, "N", ".4g")
+        message = "; ".join([f"held with a sum of tensions of {tension}", *(doubt.value for doubt in verdict.doubts)])
+        if isinstance(scene, HandScene):
+            return HandResult(
+                scene,
+                verdict.status,
+                message,
+                arrays,
+                certificate,
+                statistics=self._statistics(best),
+                element_errors=errors,
+            )
+        return GraspResult(
+            scene,
+            verdict.status,
+            message,
+            arrays,
+            certificate,
+            statistics=self._statistics(best),
+            sensitivity=sensitivities_of(scene, best) if best.attempt.converged else (),
+            exploration=self._exploration,
+            element_errors=errors,
+        )
+
+    # -- without one -------------------------------------------------------------------------------------------
+
+    def _without(self, verdict: RodVerdict) -> GraspResult | HandResult:
+        """The result without a grasp, with what stands in the way."""
+        reasons = self._reasons(verdict)
+        message = self._said(verdict, reasons)
+        advice = self._advice(verdict, reasons)
+        scene, arrays, errors = self.scene, dict[str, Array](), dict[str, ElementError]()
+        if reasons:
+            arrays = dict(reasons[0].arrays)
+        elif verdict.best is not None:
+            scene, arrays, errors = stored(self.scene, verdict.held or held_rods(verdict.best), verdict.certificate)
+        if isinstance(scene, HandScene):
+            return HandResult(
+                scene,
+                verdict.status,
+                message,
+                arrays,
+                None,
+                tuple(reasons),
+                advice,
+                statistics=self._statistics(verdict.best),
+                element_errors=errors,
+            )
+        return GraspResult(
+            scene,
+            verdict.status,
+            message,
+            arrays,
+            verdict.certificate,
+            violated=() if reasons else tuple(_violated(verdict)),
+            reasons=tuple(reasons),
+            advice=advice,
+            statistics=self._statistics(verdict.best),
+            exploration=self._exploration,
+            element_errors=errors,
+        )
+
+    def _reasons(self, verdict: RodVerdict) -> list[Reason]:
+        """Limits that stand in the way, with the grasp of the first one."""
+        if verdict.best is None or Doubt.UNBORNE not in verdict.doubts or not isinstance(self.search, RodSearch):
+            return []
+        self.search.budget.tell("no grasp found; looking for a change that allows one")
+        found = LeastRepairs(self.search).found()
+        reasons = [reason_of(self.search.scene, repair) for repair in found]
+        if reasons:
+            changed = self.search.scene.changed(found[0].changes)
+            arrays = stored(changed, held_rods(found[0].grasp))[1]
+            reasons[0] = replace(reasons[0], arrays=arrays)
+        return reasons
+
+    def _said(self, verdict: RodVerdict, reasons: Sequence[Reason]) -> str:
+        """Why there is no grasp, in one sentence."""
+        if reasons:
+            return reasons[0].text
+        if verdict.certificate is not None:
+            return f"{verdict.doubts[0].value}: {verdict.certificate.worst}"
+        words = [doubt.value for doubt in verdict.doubts]
+        if verdict.best is not None and Doubt.UNBORNE in verdict.doubts:
+            words[0] = f"nothing bears {amount_text(verdict.best.unborne, 'N', '.3g')} of the load"
+        if verdict.best is not None and verdict.best.crosses:
+            words.append("fingers pass through each other or through themselves")
+        return f"no grasp found from {len(self.search.tried)} starts: {'; '.join(words)}"
+
+    def _advice(self, verdict: RodVerdict, reasons: Sequence[Reason]) -> str:
+        """A remedy."""
+        if reasons:
+            return "Any one of these repairs it: " + "; ".join(reason.repair for reason in reasons) + "."
+        if self.search.budget.stopped:
+            return "Raise solver.time_limit, or free the machine."
+        if self.search.budget.cut:
+            return "Raise solver.max_total_iterations."
+        move = "move the base or the object, or let the middle contact be elsewhere (contacts.middle_range)"
+        if self.scene.solver.effort == "thorough":
+            return f"Probably the geometry is the cause: {move}."
+        return f"Try solver.effort: thorough, which tries more starts. Otherwise {move}."
+
+    # -- the search --------------------------------------------------------------------------------------------
+
+    @property
+    def _exploration(self) -> Exploration:
+        """Record of the search."""
+        tried = self.search.tried
+        solved = sum(grasp.holds for grasp in tried)
+        modes = len(contact_modes(self.scene)) if isinstance(self.scene, GraspScene) else 0
+        return Exploration(
+            modes=modes,
+            starts_solved=solved,
+            starts_failed=len(tried) - solved,
+            settled=len(self.search.starts),
+            untried=max(len(self.search.starts) - len(tried), 0),
+        )
+
+    def _statistics(self, chosen: RodGrasp | None) -> dict[str, Any]:
+        attempts = [grasp.attempt for grasp in self.search.tried]
+        budget = self.search.budget
+        return {
+            "solver_seconds": sum(attempt.seconds for attempt in attempts),
+            "total_seconds": time.monotonic() - self.began,
+            "interrupted": self.interrupted,
+            "cut_short": budget.cut,
+            "total_iterations": self.scene.solver.max_total_iterations - budget.left,
+            "iterations": None if chosen is None else chosen.attempt.iterations,
+            "starts": len(attempts),
+            "attempts": [
+                {
+                    "contacts": sorted(grasp.start.on),
+                    "outcome": grasp.attempt.outcome,
+                    "holds": grasp.holds,
+                    "iterations": grasp.attempt.iterations,
+                    "seconds": grasp.attempt.seconds,
+                    "objective": grasp.attempt.objective,
+                    "unborne": grasp.unborne,
+                }
+                for grasp in self.search.tried
+            ],
+        }
+
+
+def stored(
+    scene: Any, held: HeldRods, certificate: RodCertificate | None = None
+) -> tuple[Any, dict[str, Array], dict[str, ElementError]]:
+    """Arrays of a grasp, its scene with the elements that stand for it, and their difference by finger."""
+    rods = certificate.rods if certificate is not None and certificate.rods else rods_of(scene, held)
+    resolved, projection = on_elements(scene, held, rods)
+    return resolved, {**projection.arrays, **RodArrays.of(scene).stored(held, rods)}, dict(projection.errors)
+
+
+def _violated(verdict: RodVerdict) -> list[str]:
+    """Constraints that what came nearest to a grasp violates, in words."""
+    if verdict.certificate is not None:
+        return [str(finding) for finding in verdict.certificate.failed]
+    if verdict.best is None:
+        return []
+    problem, x = verdict.best.problem, verdict.best.attempt.x
+    left = {name.removeprefix("unborne, "): float(x[at].sum()) for name, at in problem.at.items() if "unborne" in name}
+    force = problem.numbers.force
+    units = {name: ("N", force) if name.startswith("force") else ("N m", force * problem.numbers.size) for name in left}
+    return [
+        f"{name} of the object: {amount_text(units[name][1] * amount, units[name][0], '.3g')} is not balanced"
+        for name, amount in sorted(left.items(), key=lambda pair: -pair[1])
+        if amount > BORNE
+    ]
