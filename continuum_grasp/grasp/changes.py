@@ -127,8 +127,7 @@ def _solve_again(scene: GraspScene, result: GraspResult, budget: Budget) -> Trie
     search = GraspSearch(scene, budget)
     if not budget.over:
         search.attempt(GraspStart.of(result.scene, dict(result.arrays)))
-    stable = result.certificate is None or result.certificate.stability.stable
-    best = search.best or (None if stable else search.unstable)
+    best = search.best or (search.unstable if result.opens else None)
     if best is not None and not budget.stopped:
         return best
     if budget.cut:

@@ -132,11 +132,11 @@ def _held_unloaded(scene: GraspScene, fine: bool, budget: Budget) -> GraspResult
     sought = (scene if tolerance is None else with_elements(scene, FIRST)).replaced(objective="greatest_push")
     budget.tell("nothing loads the object: searching for the greatest push that a grasp bears")
     strongest = _ModelSearch(sought, budget).result()
-    if not strongest.verified or strongest.certificate is None or strongest.statistics["interrupted"]:
+    if not strongest.verified or strongest.statistics["interrupted"]:
         return replace(strongest, scene=scene, message=f"nothing loads the object, but a push may: {strongest.message}")
-    greatest = strongest.certificate.push
-    if not strongest.solved:  # it may be stable with less force
-        greatest = certify(sought.replaced(stability="ignore"), strongest.arrays).push
+    # An unstable one may be stable with less force.
+    borne = sought if strongest.solved else sought.replaced(stability="ignore")
+    greatest = certify(borne, strongest.arrays).push
     if greatest <= NEAR * max(setup.tip_force for setup in scene.setups):  # as small as a negligible weight
         most = amount_text(greatest, "N", ".3g")
         message = f"nothing loads the object, and the greatest push that any found grasp bears is negligible: {most}"

@@ -323,9 +323,8 @@ class HandResult(AnyGrasp):
     def _tension_rows(self) -> list[str]:
         rows = [("Finger", "Bends", "Back", "At most")]
         for setup in self.scene.setups:
-            left, right = self.tensions[setup.name]
-            pulls = (f"{round(float(pull), 3) + 0.0:.3f}" for pull in (left, right))  # no -0.000
-            rows.append((setup.name, *pulls, f"{setup.max_tension:g}"))
+            left, right = (f"{pull:.3f}" for pull in self.tensions[setup.name])
+            rows.append((setup.name, left, right, f"{setup.max_tension:g}"))
         return Summarized.aligned(rows, {0})
 
     def _drive_rows(self) -> list[str]:

@@ -38,6 +38,7 @@ class Requirement(Enum):
     PLACE = "place along the finger"
     PRESSING = "normal force"
     FRICTION = "friction cone"
+    HISTORIES = "friction cone whatever the friction states"
     TENSION = "tension of a tendon"
     DRIVE = "tendons on one pulley"
     TORQUE = "torque of a motor"

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.judge.bending import SectionBending, value_of
+from continuum_grasp.grasp.judge.bending import FrictionCells, SectionBending, value_of
 from continuum_grasp.scene import FingerSetup
 
 TOLERANCE = 1e-10
@@ -91,8 +91,12 @@ class SpaceRod:
         section: SideStiffness,
         *,
         tolerance: float = TOLERANCE,
+        history: FrictionCells | None = None,
     ) -> None:
-        """Integrate a finger from its base (position (3,) [m], axes (3, 3)) under loads and gravity (3,) [m/s2]."""
+        """Integrate a finger from its base (position (3,) [m], axes (3, 3)) under loads and gravity (3,) [m/s2].
+
+        With a history of friction, its directions are constant; else the finger was pulled.
+        """
         self.setup = setup
         self.position, self.axes = base
         self.profile = setup.finger.profile
@@ -102,7 +106,7 @@ class SpaceRod:
         self._gravity = self.axes.T @ gravity
         self._section, self._tolerance = section, tolerance
         self._soft = [0, 1, 2] if np.isfinite(section.torsion) else [2]
-        self._bending = SectionBending(setup, tensions)
+        self._bending = SectionBending(setup, tensions, history)
         self._path = 0.0  # drawn in by the whole finger, per offset in the base
         weights = [RodLoad(mass.at, mass.mass * gravity) for mass in setup.finger.masses]
         if (body := setup.finger.tip_body) is not None:
@@ -117,6 +121,7 @@ class SpaceRod:
     def edges(self) -> list[float]:
         """Positions between which all is smooth [m]."""
         inside = {at for curve in self._bending.curves for at in curve.edges} | {load.at for load in self.loads}
+        inside |= set(self._bending.ends)
         return [0.0, *sorted(at for at in inside if 0.0 < at < self.length), self.length]
 
     def integrate(self, moment: Array) -> None:

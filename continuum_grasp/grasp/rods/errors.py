@@ -311,8 +311,8 @@ class SpatialErrors(ErrorSpace):
             turn = normal * (normal @ turn)
         place = np.array(numbers.geometry.place(numbers.pose))
         raised = {tuple(np.round(normal, 9).tolist()): float(normal @ (point - place)) for point, normal in contacts}
-        for direction, height in raised.items():
-            shift -= np.array(direction) * height * growth * numbers.size
+        for along, height in raised.items():
+            shift -= np.array(along) * height * growth * numbers.size
         rotation = Rotation.from_rotvec(turn).as_matrix()
         friction = 1.0 + self.share(error, "friction")
         supports = [replace(support, friction=support.friction * friction) for support in numbers.supports]

@@ -23,9 +23,11 @@ AnyGraspScene = GraspScene | HandScene
 FAR = 16.0
 """Factor on a limit from which on it is no reason [1]."""
 MOVED = 0.1
-"""Greatest shift of a base per length, and of the object per size, that is tried [1]: farther is another scene."""
+"""Greatest shift of a base that is tried, per length of the finger [1]: farther is another hand."""
+SHIFTED = 0.5
+"""Greatest shift of the object that is tried, per size [1]: farther, other parts of it are touched."""
 DIGITS = 6
-"""Digits of places: of an object of 0.1 m they are 1e-7 m, within which it touches a support."""
+"""Digits of places per size or length [1]: an object touches a support to within 1e-6 of its size."""
 
 
 @dataclass(frozen=True)
@@ -245,8 +247,7 @@ class WidenedMass(NumberLimit):
 
     def widen(self, problem: GraspRods, cost: float) -> None:
         """Let a share of the weight be gone."""
-        # 0.99: an object without weight is no object
-        less = problem.unknown("less mass", 0.0, 0.99)
+        less = problem.unknown("less mass", 0.0, 1.0 - 1.0 / FAR)
         problem.cost(less, cost)
         problem.add_load_share(less)
 
@@ -259,6 +260,8 @@ class WidenedPlace(WidenedLimit):
     """Places that are fixed: of the bases or of the object."""
 
     what: ClassVar[str]
+    farthest: ClassVar[float]
+    """Greatest way that is tried, in the unit of the place [1]."""
 
     @abstractmethod
     def placed(self, problem: GraspRods) -> Iterator[tuple[Indices, Array, float]]:
@@ -272,12 +275,12 @@ class WidenedPlace(WidenedLimit):
         """Let the places move, at a cost of the square of the way."""
         for at, place, _ in self.placed(problem):
             for one, value in zip(at, place, strict=True):
-                problem.bound(one, low=value - MOVED, high=value + MOVED)
-                problem.cost(one, -2.0 * cost / MOVED**2 * value, 2.0 * cost / MOVED**2)
+                problem.bound(one, low=value - self.farthest, high=value + self.farthest)
+                problem.cost(one, -2.0 * cost / self.farthest**2 * value, 2.0 * cost / self.farthest**2)
 
     def used(self, problem: GraspRods, x: Array) -> float:
         """Greatest way, per the greatest one that is tried."""
-        return max(float(np.linalg.norm(x[at] - place)) / MOVED for at, place, _ in self.placed(problem))
+        return max(float(np.linalg.norm(x[at] - place)) / self.farthest for at, place, _ in self.placed(problem))
 
     def changes(self, scene: AnyGraspScene, amount: float, problem: GraspRods, x: Array) -> dict[str, Any]:
         """Positions on the way to those of a solution."""
@@ -285,9 +288,10 @@ class WidenedPlace(WidenedLimit):
         changes = dict[str, Any]()
         for (key, position), (at, place, unit) in zip(self.keys(scene), self.placed(problem), strict=True):
             shift = share * unit * (x[at] - place)
-            changes[key] = tuple(
-                float(f"{value + by:.{DIGITS}g}") for value, by in zip(position, shift.tolist(), strict=True)
-            )
+            # As fine as a touch of a support asks for, and no finer.
+            decimals = DIGITS - math.floor(math.log10(unit))
+            values = (round(value + by, decimals) + 0.0 for value, by in zip(position, shift.tolist(), strict=True))
+            changes[key] = tuple(values)
         return changes
 
     def words(self, scene: AnyGraspScene, changes: dict[str, Any]) -> tuple[str, str, float, float]:
@@ -300,7 +304,7 @@ class WidenedPlace(WidenedLimit):
 class WidenedBase(WidenedPlace):
     """Places of the bases that may not move by themselves."""
 
-    name, what = "base place", "the base is in the wrong place"
+    name, what, farthest = "base place", "the base is in the wrong place", MOVED
 
     def applies(self, scene: AnyGraspScene) -> bool:
         """Whether each finger has a base of its own, which is fixed."""
@@ -313,7 +317,7 @@ class WidenedBase(WidenedPlace):
         d = numbers.geometry.dimensions
 
         def moving(finger: FingerNumbers) -> FingerNumbers:
-            reach = MOVED * (np.arange(len(finger.base)) < d)
+            reach = self.farthest * (np.arange(len(finger.base)) < d)
             return replace(finger, base_bounds=(finger.base - reach, finger.base + reach))
 
         return replace(numbers, fingers=[moving(finger) for finger in numbers.fingers])
@@ -336,7 +340,7 @@ class WidenedBase(WidenedPlace):
 class WidenedObjectPlace(WidenedPlace):
     """Place of the object."""
 
-    name, what = "object place", "the object is in the wrong place"
+    name, what, farthest = "object place", "the object is in the wrong place", SHIFTED
 
     def applies(self, scene: AnyGraspScene) -> bool:
         """Whether the object is fixed, and not by a support that it is put against."""
@@ -344,7 +348,7 @@ class WidenedObjectPlace(WidenedPlace):
 
     def loosened(self, numbers: SceneNumbers) -> SceneNumbers:
         """Give the numbers with an object that may move."""
-        reach = MOVED * (np.arange(len(numbers.pose)) < numbers.geometry.dimensions)
+        reach = self.farthest * (np.arange(len(numbers.pose)) < numbers.geometry.dimensions)
         return replace(numbers, pose_bounds=(numbers.pose - reach, numbers.pose + reach))
 
     def placed(self, problem: GraspRods) -> Iterator[tuple[Indices, Array, float]]:
@@ -371,5 +375,5 @@ LIMITS: tuple[WidenedLimit, ...] = (
 def shown(value: Any, unit: str = "1") -> str:
     """A number with its unit, or a list of numbers, as it is typed."""
     if isinstance(value, tuple):
-        return f"[{', '.join(f'{part:.{DIGITS}g}' for part in value)}]"
+        return f"[{', '.join(f'{part:.{DIGITS + 1}g}' for part in value)}]"
     return value if isinstance(value, str) else f"{value:.4g}" + (f" {unit}" if unit != "1" else "")

@@ -67,8 +67,7 @@ def held_by_rods(
 
 def _result(scene: GraspScene | HandScene, budget: Budget) -> GraspResult | HandResult:
     """Search and judge; on Ctrl-C, judge what there is."""
-    if isinstance(scene, GraspScene) and not _AIMS.issuperset(scene.aims):
-        raise InputError(f"expected aims of {sorted(_AIMS)}, got {sorted(scene.aims)}", key="objective")
+    _check(scene)
     search = RodSearch(scene, budget) if isinstance(scene, GraspScene) else HandRodSearch(scene, budget)
     ended = _EndedSearch(scene, search, time.monotonic())
     try:
@@ -81,6 +80,16 @@ def _result(scene: GraspScene | HandScene, budget: Budget) -> GraspResult | Hand
             tried = f"{len(search.tried)} starts tried to the end"
             raise Interrupted(f"interrupted before a grasp was found ({tried})") from None
         return _outlined(ended.solved(verdict))
+
+
+def _check(scene: GraspScene | HandScene) -> None:
+    """Refuse what the problem of rods does not have, so that no grasp claims it."""
+    if isinstance(scene, HandScene):
+        return
+    if not _AIMS.issuperset(scene.aims):
+        raise InputError(f"expected aims of {sorted(_AIMS)}, got {sorted(scene.aims)}", key="objective")
+    if scene.robust is not None:
+        raise InputError("expected a known object: rods are not sought for errors of it", key="robust")
 
 
 def _outlined(result: GraspResult | HandResult) -> GraspResult | HandResult:

@@ -199,25 +199,28 @@ class ElementFinger:
         u, p = self._input, model.p_nominal
         missing, stiffness = (np.array(part) for part in model.statics(q, u, loads, p, *self._history))
         unit = self._unit * self.length * self._turns_by
-        still = np.zeros(normals.shape)
-        by_normal = np.zeros((len(q), len(normals)))
-        by_place = np.zeros((len(q), len(q)))
-        pushed = [
-            np.array(model.external_force(q, u, self._loads(each, still[:, 0]), p)).ravel()
-            for each in list(np.eye(still.size).reshape(-1, *still.shape))
-        ]
-        by_force = np.reshape(pushed, (*still.shape, len(q)))
-        turns = self._turns(points)
+        rows = np.concatenate([missing.ravel() / unit, (distance - self._half) / self.length])
+        by_force, turns = self._by_force(q), self._turns(points)
+        by_normal, by_place = np.zeros((len(q), len(normals))), np.zeros((len(q), len(q)))
         for k, (n, slope) in enumerate(zip(normals, moves, strict=True)):
             by_normal[:, k] = -(n @ by_force[k])
             # The normal turns where the place moves, and friction with it.
             turned = pressing[k] * np.eye(3) - np.outer(n, friction[k])
             by_place -= by_force[k].T @ turned @ turns[k] @ slope
-        rows = np.concatenate([missing.ravel() / unit, (distance - self._half) / self.length])
         gaps = np.einsum("ki,kij->kj", normals, moves) / self.length
         top = np.hstack([(stiffness + by_place) / unit[:, None], by_normal * self._unit / unit[:, None]])
         bottom = np.hstack([gaps, np.zeros((len(normals), len(normals)))])
         return rows, np.vstack([top, bottom])
+
+    def _by_force(self, q: Array) -> Array:
+        """Generalized forces (n, 3, coordinates) per component of the contacts' forces."""
+        size = len(self.contacts)
+        units, still = np.eye(3 * size).reshape(3 * size, size, 3), np.zeros(size)
+        each = [
+            np.array(self._model.external_force(q, self._input, self._loads(units[k], still), self._model.p_nominal))
+            for k in range(3 * size)
+        ]
+        return np.reshape(each, (size, 3, len(q)))
 
     def _turned(self, normals: Array) -> Array:
         """Friction (n, 3) of the rod's contacts, turned as far as their normals (n, 3) are."""
@@ -237,7 +240,8 @@ class ElementFinger:
         """Turn of the finger per coordinate (coordinates,)."""
         family = self._model.structure.family
         each = [family.work(element, self.lengths.tolist()) for element in range(family.elements)]
-        return np.abs(np.sum(np.array(each, dtype=float), axis=0))[: self._model.n]
+        turns: Array = np.abs(np.sum(np.array(each, dtype=float), axis=0))
+        return turns[: self._model.n]
 
     # -- result ------------------------------------------------------------------------------------------------
 

@@ -9,6 +9,7 @@ time are tried.
 from __future__ import annotations
 
 import itertools
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +18,7 @@ import numpy as np
 
 from continuum_grasp.base import InputError
 from continuum_grasp.grasp.bound import cannot_balance
-from continuum_grasp.grasp.rods.limits import LIMITS, AnyGraspScene, WidenedFriction, WidenedLimit, shown
+from continuum_grasp.grasp.rods.limits import LIMITS, AnyGraspScene, WidenedFriction, WidenedLimit, WidenedPlace, shown
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
 from continuum_grasp.grasp.rods.problem import GraspRods
 from continuum_grasp.grasp.rods.solving import RodGrasp, RodStart, StartedSearch
@@ -95,7 +96,10 @@ class LeastRepairs:
         changes = self._search.with_free_contacts()
         if not changes:
             return
-        other = self._search.with_contacts(self._scene.changed(changes))
+        scene = changed(self._scene, changes)
+        if scene is None:
+            return
+        other = self._search.with_contacts(scene)
         other.try_some(STARTS)
         if other.best is not None:
             on = other.best.start.on
@@ -113,7 +117,9 @@ class LeastRepairs:
             most = sorted((limit for limit in limits if used[limit] > USED), key=lambda limit: -used[limit])[:3]
             for pair in itertools.combinations(most, 2):
                 names = frozenset(limit.name for limit in pair)
-                if names not in known and (repair := self._least(pair)) is not None:
+                # Where either body goes, the other may go the other way.
+                twice = all(isinstance(limit, WidenedPlace) for limit in pair)
+                if names not in known and not twice and (repair := self._least(pair)) is not None:
                     yield repair
                 known.add(names)
 
@@ -129,9 +135,7 @@ class LeastRepairs:
         return None
 
     def _widened(self, near: RodGrasp | RodStart, limits: Sequence[WidenedLimit], cost: float) -> RodGrasp:
-        """Solve from a start, or next to a solution, with limits widened at a cost; everything is borne where that is the
-        aim alone.
-        """
+        """Solve from a start, or next to a solution, with limits widened at a cost; alone, everything is borne."""
 
         def loosen(numbers: SceneNumbers) -> SceneNumbers:
             for limit in limits:
@@ -151,12 +155,21 @@ class LeastRepairs:
         """A grasp of the scene with limits changed by the amounts of a solution, and a share more."""
         amounts = tuple((1.0 + spare) * amount for amount in _amounts(widened, limits))
         changes = changes_by(self._scene, limits, amounts, widened)
-        try:
-            scene = self._scene.changed(changes)
-        except InputError:
+        scene = changed(self._scene, changes)
+        if scene is None:
             return None
         grasp = self._search.solved(widened.start.changed(scene), beside=widened)
         return LeastRepair(limits, amounts, changes, grasp, widened) if grasp.holds else None
+
+
+def changed(scene: AnyGraspScene, changes: dict[str, Any]) -> Any:
+    """A scene with changed keys, without doubts about numbers that are only tried; None where they contradict it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            return scene.changed(changes)
+        except InputError:
+            return None
 
 
 def changes_by(

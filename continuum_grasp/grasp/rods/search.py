@@ -10,17 +10,19 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.body.table import DistanceTable
-from continuum_grasp.grasp.finger_map import Place, SceneMaps, places_of
+from continuum_grasp.grasp.finger_map import ROUGH, Place, SceneMaps, places_of
 from continuum_grasp.grasp.finger_map.balance import WEIGHTS, ObjectBalance, Settled
 from continuum_grasp.grasp.finger_map.fill import FingerMap
-from continuum_grasp.grasp.finger_map.rod import ROUGH
+from continuum_grasp.grasp.finger_map.rod import FOR_STARTS, FULL
 from continuum_grasp.grasp.rods.contact_sets import contact_sets, nearest_stations, neighboring_stations
-from continuum_grasp.grasp.rods.guess import ContinuedFinger, ShotFinger, filled
-from continuum_grasp.grasp.rods.numbers import SceneNumbers
+from continuum_grasp.grasp.rods.guess import ContinuedFinger, PosedFinger, ShotFinger, filled
+from continuum_grasp.grasp.rods.numbers import FingerNumbers, SceneNumbers
 from continuum_grasp.grasp.rods.planar_numbers import planar_numbers, planar_supports, planar_table
 from continuum_grasp.grasp.rods.problem import STAGES, GraspRods
 from continuum_grasp.grasp.rods.solving import RodGrasp, RodStart, StartedSearch
 from continuum_grasp.grasp.rods.supports import SupportNumbers
+from continuum_grasp.grasp.starts.rough import rough_starts
+from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import GraspScene
 
@@ -71,7 +73,9 @@ class Case:
     @cached_property
     def balance(self) -> ObjectBalance:
         """The balance of the object, as samples of the maps are combined."""
-        return ObjectBalance(self.search.scene, self.on, [one.finger for one in self._maps], self.place[0])
+        # Samples may be rough; what they settle to is not.
+        fingers = [one.finger.stepped(FULL.steps) for one in self._maps]
+        return ObjectBalance(self.search.scene, self.on, fingers, self.place[0])
 
     @cached_property
     def numbers(self) -> SceneNumbers:
@@ -92,11 +96,14 @@ class Case:
         return self.balance.candidates(self._maps)
 
     @property
-    def unsettled(self) -> list[SettledStart]:
-        """Combinations as they are sampled: nearly balanced ones, and ones of little tension in turn."""
+    def unsettled(self) -> list[SettledStart] | list[RoughStart]:
+        """Combinations as they are sampled: nearly balanced ones, and ones of little tension in turn; rough ones
+        if there are none.
+        """
         balance, x = self.balance, self._combinations
         if not len(x):
-            return []
+            pose, bases = self.place
+            return [RoughStart(self, start) for start in rough_starts(self._scene, self.on, pose, bases, ROUGH)]
         traced = balance.traced(x, slopes=False)
         total = np.zeros((len(x), 3)) + balance.loads
         for k, at in enumerate(traced):
@@ -204,6 +211,60 @@ class SettledStart(RodStart):
         return {name: np.array([*pair, self._lift]) for name, pair in zip(names, pairs, strict=True)}
 
 
+class RoughStart(RodStart):
+    """Postures that nearly touch, where fingers have empty maps: of a straight finger that just touches every bend
+    undoes that. Contacts press as their friction carries the weight.
+    """
+
+    def __init__(self, case: Case, start: GraspStart) -> None:
+        self.case, self._start, self.on = case, start, case.on
+        self.imbalance, self.aim = start.imbalance, 1.0
+        self.places = np.array([point for one in start.contacts.values() for point in one.point])
+
+    def changed(self, scene: GraspScene) -> RoughStart:
+        """The start in a scene with other limits, or other places of its bases."""
+        return RoughStart(self.case.changed(scene), self._start)
+
+    @property
+    def numbers(self) -> SceneNumbers:
+        """The scene in plain numbers."""
+        return self.case.numbers
+
+    def supports_at(self, pose: Array) -> list[SupportNumbers]:
+        """The supports of the scene as they touch the object at a pose."""
+        return self.case.supports_at(pose)
+
+    @property
+    def guesses(self) -> list[PosedFinger]:
+        """Postures of the fingers."""
+        return [self._posed(finger) for finger in self.numbers.fingers]
+
+    def _posed(self, finger: FingerNumbers) -> PosedFinger:
+        one, length = self._start.fingers[finger.name], finger.length
+        joints = dict(zip(finger.setup.middle_names, one.joints, strict=True))
+        held = {name: np.array([self._pressed / finger.force, 0.0, 0.0, 0.0]) for name in finger.contacts}
+        return PosedFinger(
+            np.array(one.knots) / length,
+            np.array(one.curvatures) * length,
+            tuple(joints[name] / length for name in finger.middles),
+            np.zeros(len(finger.pulls)),
+            held,
+        )
+
+    @property
+    def _pressed(self) -> float:
+        """Normal force [N] with which friction of all contacts carries the weight."""
+        scene = self.case.search.scene
+        frictions = sum(scene.held_friction(name) for name in self._start.contacts)
+        return float(scene.weight / max(frictions, 0.1))
+
+    @property
+    def supports(self) -> Mapping[str, Array]:
+        """Forces of supports by name [F0]."""
+        pressed = np.array([self._pressed / self.numbers.force, 0.0, 0.0])
+        return {support.name: pressed for support in self.numbers.supports if support.touches}
+
+
 class ContinuedStart(RodStart):
     """A grasp with other contacts, which press nothing at first."""
 
@@ -250,7 +311,7 @@ class RodSearch(StartedSearch):
     def __init__(self, scene: GraspScene, budget: Budget, stages: int = STAGES) -> None:
         super().__init__(budget, stages)
         self.scene = scene
-        self.maps = SceneMaps(scene, sampling=ROUGH)
+        self.maps = SceneMaps(scene, sampling=FOR_STARTS)
         self.apart = 0.25 * scene.object.size
         self._known = list[frozenset[str]]()
         if not scene.weights.greatest_friction_margin:

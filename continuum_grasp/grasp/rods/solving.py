@@ -18,7 +18,7 @@ from continuum_grasp.grasp.rods.guess import FingerGuess, Held, filled
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
 from continuum_grasp.grasp.rods.problem import STAGES, GraspRods, NearPair, StagePlace
 from continuum_grasp.grasp.rods.supports import SupportNumbers, rested
-from continuum_grasp.nlp import Attempt, Budget, Settings, Solver
+from continuum_grasp.nlp import Attempt, Budget, Settings, Solver, SolverStatus
 
 STARTS = 6
 """Starts that are solved."""
@@ -36,8 +36,11 @@ RESTED = 1e-8
 """Distance by which contacts with supports may move without being taken anew [object size]."""
 BORNE = 1e-6
 """Sum of forces and moments that nothing bears, up to which a grasp holds [F0]."""
-TIED = 1e-4
-"""Share of the aim up to which two grasps are the same."""
+RESUMED = 0.01
+"""Sum of forces and moments that nothing bears at the iteration limit, from which a solve is resumed [F0]: without it,
+`gear` of the shipped scenes has no grasp."""
+SAME_AIM = 1e-4
+"""Share of an aim up to which two starts lead to the same grasp."""
 AGREE = 0.01
 """Share of an aim by which the two choices of starts of three fingers may differ."""
 FINE = 0.1
@@ -65,8 +68,6 @@ class RodStart(ABC):
     ----------
     on
         Names of the contacts.
-    places
-        Places of the contacts, or of what else says how far starts are apart [m].
     imbalance
         What nothing bears of it, in a unit of its search.
     aim
@@ -74,9 +75,13 @@ class RodStart(ABC):
     """
 
     on: frozenset[str]
-    places: Array
     imbalance: float
     aim: float
+
+    @cached_property
+    def places(self) -> Array:
+        """Places of the contacts, or of what else says how far starts are apart [m]."""
+        raise NotImplementedError
 
     @abstractmethod
     def changed(self, scene: Any) -> RodStart:
@@ -119,6 +124,13 @@ class RodGrasp:
     attempt: Attempt
     start: RodStart
     crosses: bool
+    rough: float | None = None
+    """Objective before the grasp was solved with fine tables; None: that was not tried."""
+
+    @property
+    def compared(self) -> float:
+        """Objective with which starts are compared: of one table for all, since tables change it by up to 1 %."""
+        return self.attempt.objective if self.rough is None else self.rough
 
     @property
     def fine(self) -> bool:
@@ -159,7 +171,6 @@ class StartedSearch(ABC):
         self.budget, self.stages = budget, stages
         self.tried: list[RodGrasp] = []
         self._promising: list[RodStart] = []
-        self._refined: list[float] = []
         self._solver = rods_solver(self.iterations)
 
     @cached_property
@@ -224,21 +235,23 @@ class StartedSearch(ABC):
             self._try(self.further, most)
         while (best := self.best) is not None and self._improved(best):
             pass
+        self._confirm(most)
         if self.asked is not None:
             # From the first grasps, without what a scene asks for beyond them.
             first = sorted((g for g in self.tried if g.holds), key=lambda g: g.attempt.objective)
             rows = (g for g in first if not self.budget.over)
             self.tried = [self.solved(g.start, widen=self.asked, beside=g, fine=False) for g in rows]
         while (rough := self._rough) is not None and not self.budget.over:
-            grasp = self.solved(rough.start, widen=self.asked, beside=rough)
-            self.tried[self.tried.index(rough)] = grasp
-            if grasp.holds:
-                self._refined.append(rough.attempt.objective)
+            finer = self.solved(rough.start, widen=self.asked, beside=rough)
+            # Where finer stages and tables lead nowhere, the certificate decides about the grasp as it is.
+            better = finer if finer.holds else rough
+            self.tried[self.tried.index(rough)] = replace(better, rough=rough.attempt.objective)
 
     @property
     def _rough(self) -> RodGrasp | None:
         """The grasp with the least aim that is not fine, if it may be better than all fine ones."""
-        rough = [g for g in self.tried if g.holds and not g.fine and not any(_tied(g, aim) for aim in self._refined)]
+        refined = [grasp.rough for grasp in self.tried if grasp.fine and grasp.rough is not None]
+        rough = [g for g in self.tried if g.holds and g.rough is None and not any(_tied(g, aim) for aim in refined)]
         least = min(rough, key=lambda grasp: grasp.attempt.objective, default=None)
         best = self.best
         if least is None or best is None or (best.fine and best.attempt.objective <= least.attempt.objective):
@@ -257,7 +270,9 @@ class StartedSearch(ABC):
                 continue
             grasp = self.solved(start, fine=False)
             self.tried.append(grasp)
-            if grasp.holds and grasp.attempt.objective < best.attempt.objective - TIED * abs(best.attempt.objective):
+            if grasp.holds and grasp.attempt.objective < best.attempt.objective - SAME_AIM * abs(
+                best.attempt.objective
+            ):
                 return True
         return False
 
@@ -272,9 +287,27 @@ class StartedSearch(ABC):
         """Whether the most promising starts and those of other places lead to the same aim, within a share."""
         ends = []
         for chosen in (True, False):
-            aims = [g.attempt.objective for g in self.tried if g.holds and (g.start in self._promising) is chosen]
+            aims = [g.compared for g in self.tried if g.holds and (g.start in self._promising) is chosen]
             ends.append(min(aims, default=np.inf))
         return bool(np.isfinite(ends).all() and abs(ends[0] - ends[1]) <= share * abs(min(ends)))
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether two starts lead to the best grasp."""
+        best = self.best
+        if best is None:
+            return False
+        most = best.compared + SAME_AIM * abs(best.compared)
+        return sum(grasp.compared <= most for grasp in self.tried if grasp.holds) > 1
+
+    def _confirm(self, most: int) -> None:
+        """Solve from further starts until a second one leads to the best grasp, where no other start is left."""
+        if self.best is None or self.confirmed or len(self.tried) < len(self.starts):
+            return
+        for start in self.further[:most]:
+            if self.budget.over or self.confirmed:
+                return
+            self.tried.append(self.solved(start, fine=False))
 
     def _try(self, starts: Sequence[RodStart], most: int) -> None:
         for start in self._chosen(starts, most):
@@ -308,16 +341,21 @@ class StartedSearch(ABC):
 
     def _chosen(self, starts: Sequence[RodStart], most: int) -> Iterator[RodStart]:
         """The most promising starts; of different places of contacts where there are as many."""
-        different, left = list[RodStart](), list[RodStart]()
-        for start in starts:
-            alike = (one.on == start.on and np.linalg.norm(one.places - start.places) < self.apart for one in different)
-            (left if any(alike) else different).append(start)
         half = (most + 1) // 2
         best = starts[:half]
         self._promising = list(best)
-        others = [start for start in different if not any(start is one for one in best)]
         yield from best
-        yield from others[: most - len(best)]
+        different, others = list[RodStart](), 0
+        for k, start in enumerate(starts):
+            if others == most - len(best):
+                return
+            alike = (one.on == start.on and np.linalg.norm(one.places - start.places) < self.apart for one in different)
+            if any(alike):
+                continue
+            different.append(start)
+            if k >= len(best):
+                others += 1
+                yield start
 
     def solved(
         self,
@@ -350,7 +388,7 @@ class StartedSearch(ABC):
             else:
                 first = start.x_of(problem) if known is None else carried(known.problem, known.attempt.x, problem)
                 problem.fill(first)
-                attempt = self._solver.solve(problem.nlp, problem.start(first), self.budget)
+                attempt = self._attempt(problem, first)
             crossing = Crossing(problem, attempt.x)
             grasp = RodGrasp(problem, attempt, start, crossing.depth > CROSSED)
             if not attempt.converged or problem.unborne(attempt.x) > BORNE:
@@ -385,7 +423,17 @@ class StartedSearch(ABC):
             table = numbers.table.refined(touched_places(problem, attempt.x), step)
             numbers, known, finer = replace(numbers, table=table), grasp, finer + 1
 
+    def _attempt(self, problem: GraspRods, x: Array) -> Attempt:
+        """Solve from unknowns; once more from where the solver stopped, if that is almost a grasp.
+
+        A new run has a new barrier and knows nothing of the points that the former run refused.
+        """
+        attempt = self._solver.solve(problem.nlp, problem.start(x), self.budget)
+        if attempt.status is not SolverStatus.ITERATION_LIMIT or problem.unborne(attempt.x) > RESUMED:
+            return attempt
+        return self._solver.solve(problem.nlp, problem.start(attempt.x), self.budget)
+
 
 def _tied(grasp: RodGrasp, aim: float) -> bool:
     """Whether the aim of a grasp is another one, but for a share."""
-    return abs(grasp.attempt.objective - aim) <= TIED * abs(aim)
+    return abs(grasp.attempt.objective - aim) <= SAME_AIM * abs(aim)

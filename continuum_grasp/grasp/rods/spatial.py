@@ -23,7 +23,7 @@ class Spatial(Geometry):
 
     name = "space"
     dimensions, state, oriented, sides, pose, axes = 3, 10, 7, 2, 6, 9
-    steps, finer = 1, 2
+    steps, finer = 1, 4
 
     def tangent(self, state: Values) -> Values:
         """Direction of the finger (3,)."""

@@ -14,8 +14,6 @@ from continuum_grasp.grasp.rods.solving import AGREE, RodGrasp, StartedSearch
 from continuum_grasp.grasp.values import GraspStatus
 from continuum_grasp.scene import GraspScene
 
-SAME_AIM = 1e-4
-"""Share of an aim up to which two starts lead to the same grasp."""
 REFUSED = 3
 """Grasps that the certificate may refuse, before none is tried any more."""
 
@@ -64,7 +62,7 @@ def verdict_of(search: StartedSearch, *, interrupted: bool = False) -> RodVerdic
         held = held_rods(best)
         certificate = certify_rods(search.scene, held)
         if certificate.passed:
-            doubts = tuple(_doubts(search, best, refused is not None, interrupted))
+            doubts = tuple(_doubts(search, refused is not None, interrupted))
             status = GraspStatus.FEASIBLE if doubts else GraspStatus.OPTIMAL
             return RodVerdict(status, doubts, best, held, certificate)
         refused = refused or RodVerdict(GraspStatus.NOT_SOLVED, (Doubt.REFUSED,), best, held, certificate)
@@ -78,7 +76,7 @@ def _candidates(search: StartedSearch) -> Iterator[RodGrasp]:
         yield grasp if grasp.fine or search.budget.over else search.solved(grasp.start, beside=grasp)
 
 
-def _doubts(search: StartedSearch, best: RodGrasp, refused: bool, interrupted: bool) -> Iterator[Doubt]:
+def _doubts(search: StartedSearch, refused: bool, interrupted: bool) -> Iterator[Doubt]:
     """Why a better grasp may have been missed."""
     if refused:
         yield Doubt.REFUSED
@@ -86,17 +84,10 @@ def _doubts(search: StartedSearch, best: RodGrasp, refused: bool, interrupted: b
         yield Doubt.INTERRUPTED
     elif search.budget.cut:
         yield Doubt.CUT
-    held = [grasp for grasp in search.tried if grasp.holds]
-    # Where all starts are tried, none of another place leads to a better grasp.
-    if len(search.tried) < len(search.starts) and sum(_near(grasp, best, SAME_AIM) for grasp in held) < 2:
+    if not search.confirmed:
         yield Doubt.LONE_START
     if len(search.scene.setups) > 2 and not search.agree(AGREE):
         yield Doubt.CHOICES_DIFFER
-
-
-def _near(grasp: RodGrasp, best: RodGrasp, share: float) -> bool:
-    """Whether the aim of a grasp is that of the best one, but for a share."""
-    return grasp.attempt.objective <= best.attempt.objective + share * abs(best.attempt.objective)
 
 
 def _without(search: StartedSearch) -> RodVerdict:

@@ -81,8 +81,8 @@ def test_sensitivities_are_differences_of_tensions(name):
     )
     assert 1e-2 * known["object along y"] == pytest.approx(slope(bases, 0.0), rel=1e-3, abs=1e-5)
     supports = [f"supports.{name}.friction" for name in scene.supports or {}]
-    kept = dict.fromkeys(supports, scene.contacts.friction)
-    by_friction = slope(lambda mu: {**kept, "contacts.friction": mu}, scene.contacts.friction)
+    unchanged = dict.fromkeys(supports, scene.contacts.friction)
+    by_friction = slope(lambda mu: {**unchanged, "contacts.friction": mu}, scene.contacts.friction)
     assert known["friction between fingers and object"] == pytest.approx(by_friction, rel=1e-3)
 
 
@@ -164,6 +164,7 @@ def test_elements_that_do_not_stand_for_the_rod_are_named(tmp_path):
     assert result.read(result.save(tmp_path / "run")).meta["element_errors"]["finger"]["elements"] == 2
 
 
+@pytest.mark.deep
 def test_a_hand_is_read_and_certified_as_it_was_saved(tmp_path):
     result = result_of("hand/can")
     again = HandResult.of_run(result.save(tmp_path / "run"))
