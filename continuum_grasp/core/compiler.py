@@ -100,8 +100,12 @@ class Compiler:
 
     def is_known(self, source: str, *, quick: bool | None = None) -> bool:
         """Whether the library of a C source is in the cache."""
+        return self.known(source, quick=quick) is not None
+
+    def known(self, source: str, *, quick: bool | None = None) -> Path | None:
+        """The shared library of a C source in the cache; None if it is not there."""
         quick = quick_compile() if quick is None else quick
-        return Cache().known(self.identity(source, quick=quick)) is not None
+        return Cache().known(self.identity(source, quick=quick))
 
     def library(self, source: str, what: str = "code", *, quick: bool | None = None) -> Path:
         """The shared library of a C source, compiled unless it is in the cache; the log calls it ``what``.

@@ -16,6 +16,7 @@ from pathlib import Path
 import casadi as ca
 
 from continuum_grasp.base import InputError
+from continuum_grasp.core.background import Background
 from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.core.compiler import CompileError, Compiler
 from continuum_grasp.core.lanes import lane_function, with_loops
@@ -76,6 +77,23 @@ class CSource:
             library = str(compiler.library(self.externals(), what))
         except (CompileError, OSError):
             return None
+        return self._of(library)
+
+    def loaded_or_begun(self, what: str) -> list[ca.Function] | None:
+        """Return the functions as compiled code if the cache has it; else None, and a thread compiles it for later
+        processes.
+        """
+        compiler = Compiler.find()
+        if compiler is None:
+            return None
+        source = self.externals()
+        library = compiler.known(source)
+        if library is None:
+            Background.compiles(compiler, source, what)
+            return None
+        return self._of(str(library))
+
+    def _of(self, library: str) -> list[ca.Function]:
         return [ca.external(function.name(), library) for function in self.functions]
 
     def with_header(self, name: str) -> tuple[str, str]:

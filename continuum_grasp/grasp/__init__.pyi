@@ -13,6 +13,8 @@ from .quality.resistance import Resistance as Resistance
 from .result import GraspResult as GraspResult
 from .robust.result import GraspTrials as GraspTrials
 from .robust.result import Robustness as Robustness
+from .rods.nearby import RodsAtScene as RodsAtScene
+from .rods.nearby import RodsFollower as RodsFollower
 from .solve import optimize_grasp as optimize_grasp
 from .values import SAME as SAME
 from .values import Contact as Contact

@@ -74,10 +74,15 @@ class Memory:
     ) -> list[Scalar]:
         """Directions of friction, from -1 to 1: the clipped states or, with ``eased``, their cubic."""
         moved: Scalar = 1.0
+        given = states
         if self.moved is not None:
             moved = self.moved
             states = [z + moved * slid for z, slid in zip(states, travel(), strict=True)]
         limited = [self._limited(z) for z in states]
+        if self.rounding:
+            # Directions that are given reach 1, which rounded corners do not.
+            pairs = zip(limited, given, strict=True)
+            limited = [moved * y + (1.0 - moved) * self.clipped(z) for y, z in pairs]
         # Directions that are given and constant have no flat ends, at which a search over them would stop.
         return [self.eased(y, moved) for y in limited] if eased else limited
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from continuum_grasp.base import Array, InputError
+from continuum_grasp.base import Array
 from continuum_grasp.model.laws import laws_of
 from continuum_grasp.model.parameters import Parameters
 from continuum_grasp.model.pieces import DEGREE, CurvePiece, pieces_of
@@ -55,7 +55,8 @@ class Section:
     stiffness: float  # B0 [N m2], of the rod itself at the base
     pieces: tuple[CurvePiece, ...]
     pulls: tuple[SectionPull, ...]
-    tip_mass: float  # point masses at the tip, which no piece has
+    tip_mass: float  # masses at the tip, which no piece has
+    tip_arms: tuple[float, float]  # mass of the body at the tip times where its center is: across and along
     rest_slides: tuple[float, ...]  # per set, length that the unloaded shape draws in, per arm [rad]
     _numbers: tuple[tuple[float, ...], ...]
 
@@ -66,18 +67,11 @@ class Section:
         Parameters
         ----------
         finger
-            Rod, tendons, chambers, masses and laws. Its base pose and its damping in motion have no effect here.
+            Rod, tendons, chambers, masses and laws. Its base pose, its damping in motion and what tensions shorten it
+            by have no effect here.
         rounding
             Width of the corners of the direction of friction [1]; 0: sharp ones.
-
-        Raises
-        ------
-        InputError
-            If tendons shorten the finger, or a body is fastened to its tip.
         """
-        for key in ("gyration_radius", "tip_body"):
-            if getattr(finger, key) is not None:
-                raise InputError("exact rods at rest have no such part: leave it out", key=key)
         return _Making(finger, rounding).section
 
     @property
@@ -102,7 +96,7 @@ class Section:
 
     @property
     def mass(self) -> float:
-        """Mass of the finger with all point masses, as a force per m/s^2."""
+        """Mass of the finger with all point masses and the body at the tip, as a force per m/s^2."""
         return float(self.form.at(1.0, self._numbers[-1]).mass) + self.tip_mass
 
     def piece_at(self, s: float) -> int:
@@ -205,10 +199,16 @@ class _Making:
     def section(self) -> Section:
         """The sections of the finger."""
         finger, form = self._finger, self._form
-        tip = sum(mass.mass * self._per_mass for mass in finger.masses if finger.rod.is_tip(mass.at))
+        at_tip = [mass.mass for mass in finger.masses if finger.rod.is_tip(mass.at)]
+        body, arms = finger.tip_body, (0.0, 0.0)
+        if body is not None:
+            at_tip.append(body.mass)
+            across, along = (body.mass * self._per_mass * offset / self._length for offset in body.center_of_mass)
+            arms = across, along
         slides = tuple(sum(_slide(piece, channel) for piece in self._pieces) for channel, _ in form.sets)
         numbers = tuple(self._numbers())
-        return Section(form, self._length, self._stiffness, self._pieces, self._pulls, tip, slides, numbers)
+        tip = sum(at_tip) * self._per_mass
+        return Section(form, self._length, self._stiffness, self._pieces, self._pulls, tip, arms, slides, numbers)
 
 
 def _slide(piece: CurvePiece, channel: int) -> float:

@@ -1,3 +1,4 @@
+from .active_set import ActiveSet as ActiveSet
 from .attempt import Attempt as Attempt
 from .attempt import Budget as Budget
 from .attempt import Multipliers as Multipliers
@@ -5,11 +6,13 @@ from .attempt import SolverStatus as SolverStatus
 from .attempt import Start as Start
 from .blocks import BlockKind as BlockKind
 from .blocks import BlockProblem as BlockProblem
+from .blocks import IncludedProblem as IncludedProblem
 from .blocks import Lookup as Lookup
 from .problem import NLP as NLP
 from .problem import Block as Block
 from .problem import Constraints as Constraints
 from .problem import Violation as Violation
+from .slopes import SolutionSlopes as SolutionSlopes
 from .solver import Settings as Settings
 from .solver import Solver as Solver
 from .sums import Summand as Summand

@@ -12,8 +12,8 @@ The objective is c' x + x' diag(s) x / 2 with costs c and s.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -29,6 +29,9 @@ from continuum_grasp.nlp.sums import entries_at, scattered
 
 ORDER = 4
 """Coefficients of a cubic spline per axis that act in a cell."""
+LONG = 500
+"""Instructions of second derivatives from which on functions of a kind are compiled: an interpreter takes 10 to 14
+times as long for thousands of them, and hardly longer for a few (`benchmarks.bench_rods`, with and without ``CC=``)."""
 _STORED = 64
 """Structures whose problems are stored in a process."""
 _problems: dict[tuple[object, ...], NLP] = {}
@@ -78,9 +81,6 @@ class BlockKind:
     rows : casadi.SX
         Expression of these, and of ``lookup.found``.
     lookup : Lookup, optional
-    compiled : bool
-        Whether its functions are compiled, once per machine, if there is a compiler. An interpreter takes 10 to 14
-        times as long for rows of thousands of operations.
     """
 
     def __init__(
@@ -90,10 +90,9 @@ class BlockKind:
         data: ca.SX,
         rows: ca.SX,
         lookup: Lookup | None = None,
-        *,
-        compiled: bool = False,
     ) -> None:
         self.name = name
+        self._symbols, self._lookup = (unknowns, data, rows), lookup
         self.unknowns = int(unknowns.numel())
         self.data = int(data.numel())
         self.count = int(rows.numel())
@@ -107,22 +106,41 @@ class BlockKind:
         self.values = ca.Function(f"{name}_rows", given, [ca.densify(rows)], {"cse": True})
         self.slopes = ca.Function(f"{name}_slopes", given, [ca.densify(rows), jacobian.nz[:]], {"cse": True})
         self.curvature = ca.Function(f"{name}_curvature", [*given, forces], [hessian.nz[:]], {"cse": True})
+        self.first: int | None = None
         if lookup is not None:
+            (self.first,) = ca.jacobian(lookup.first, data).sparsity().get_col()
             read = [lookup.at, lookup.first, lookup.counts, lookup.given]
             self.read = ca.Function(f"{name}_read", [unknowns, data], read, {"cse": True})
             self.series = lookup.series
-        if compiled:
+        if self.curvature.n_instructions() > LONG:
             self._compile()
 
+    @cached_property
+    def tangent(self) -> BlockKind:
+        """Changes of the rows to first order: a kind of the unknowns, followed by as many changes of them."""
+        unknowns, data, rows = self._symbols
+        changes = ca.SX.sym("changes", self.unknowns)
+        both = ca.vertcat(unknowns, changes)
+        changed = ca.jtimes(rows, unknowns, changes)
+        return BlockKind(f"{self.name}_tangent", both, data, changed, self._lookup)
+
     def _compile(self) -> None:
-        """Take compiled functions, where there is a compiler; once per machine, as kinds are few."""
+        """Take compiled functions if they are there; else have them compiled once per machine, as kinds are few."""
         names = ["values", "slopes", "curvature", *(["read", "series"] if self.axes else [])]
-        functions = CSource([getattr(self, name) for name in names]).loaded(f"{self.name} of grasps")
+        functions = CSource([getattr(self, name) for name in names]).loaded_or_begun(f"{self.name} of grasps")
         for name, function in zip(names, functions or [], strict=False):
             setattr(self, name, function)
 
-    def found(self, unknowns: ca.MX, data: ca.MX, table: ca.MX, count: int) -> ca.MX:
-        """Values that the lookups of blocks find, a column each."""
+    def moved(self, data: Array, by: int) -> Array:
+        """Data of a block whose coefficients are so many places further in the table."""
+        if self.first is None or by == 0:
+            return data
+        moved = data.copy()
+        moved[self.first] += by
+        return moved
+
+    def found(self, unknowns: ca.MX, data: ca.MX, numbers: ca.MX, table: int, count: int) -> ca.MX:
+        """Values that the lookups of blocks find, a column each; the table starts at a place among the numbers."""
         if not self.axes:
             return ca.MX(0, count)
         at, first, counts, given = self.read.map(count)(unknowns, data)
@@ -133,19 +151,31 @@ class BlockKind:
             along = ca.repmat(cell[axis, :] - 1.0, ORDER**self.axes, 1) + ca.repmat(_offsets(self.axes)[axis], 1, count)
             place = place + along * stride
             stride = stride * ca.repmat(counts[axis, :], ORDER**self.axes, 1)
-        coefficients = ca.reshape(table[ca.vec(place)], ORDER**self.axes, count)
+        # From the numbers themselves: a part of them would be a copy of the table in each call.
+        coefficients = ca.reshape(numbers[ca.vec(place) + table], ORDER**self.axes, count)
         return self.series.map(count)(given, cell, coefficients)
 
     def value(self, unknowns: Array, data: Array, table: Array) -> Array:
         """Rows (count,) of one block by values."""
-        found = np.zeros(0)
-        if self.axes:
-            at, first, counts, given = (np.array(part).ravel() for part in self.read(unknowns, data))
-            cell = _cell(at, counts, np)
-            grid = table[int(first[0]) :][: int(counts.prod())].reshape(counts.astype(int))
-            near = grid[tuple(slice(int(c) - 1, int(c) - 1 + ORDER) for c in cell)]
-            found = self.series(given, cell, near.ravel())
-        return np.array(self.values(unknowns, data, found)).ravel()
+        return np.array(self.values(unknowns, data, self._found(unknowns, data, table))).ravel()
+
+    def slope(self, unknowns: Array, data: Array, table: Array) -> Array:
+        """Derivatives (count, unknowns) of the rows of one block by values."""
+        slopes = np.zeros((self.count, self.unknowns))
+        entries = self.slopes(unknowns, data, self._found(unknowns, data, table))[1]
+        i, j = self.jacobian_pattern.get_triplet()
+        slopes[i, j] = np.array(entries).ravel()
+        return slopes
+
+    def _found(self, unknowns: Array, data: Array, table: Array) -> Any:
+        """Values that the lookup of one block finds."""
+        if not self.axes:
+            return np.zeros(0)
+        at, first, counts, given = (np.array(part).ravel() for part in self.read(unknowns, data))
+        cell = _cell(at, counts, np)
+        grid = table[int(first[0]) :][: int(counts.prod())].reshape(counts.astype(int))
+        near = grid[tuple(slice(int(c) - 1, int(c) - 1 + ORDER) for c in cell)]
+        return self.series(given, cell, near.ravel())
 
 
 def _cell(at: Any, counts: Any, lib: Any) -> Any:
@@ -169,6 +199,15 @@ class _Blocks:
     data: list[Array]
 
 
+@dataclass(frozen=True, eq=False)
+class IncludedProblem:
+    """Places of a problem's unknowns and rows in another one that includes it."""
+
+    problem: BlockProblem
+    unknowns: Indices
+    rows: Indices
+
+
 class BlockProblem(Constraints):
     """A problem that is written as unknowns by name, rows by name, and blocks between them.
 
@@ -184,6 +223,7 @@ class BlockProblem(Constraints):
         super().__init__()
         self.name = name
         self.table = np.asarray(table, dtype=float)
+        self._tables = [(self.table, 0)]
         self.at: dict[str, Indices] = {}
         self._low: list[float] = []
         self._high: list[float] = []
@@ -194,23 +234,56 @@ class BlockProblem(Constraints):
 
     def unknown(self, name: str, low: ArrayLike, high: ArrayLike) -> Indices:
         """Add unknowns between bounds (size,); their places."""
-        lows, highs = np.broadcast_arrays(np.atleast_1d(np.asarray(low, float)), np.asarray(high, float))
-        at = np.arange(len(self._low), len(self._low) + lows.size)
-        self._low += lows.tolist()
-        self._high += highs.tolist()
+        lows, highs = np.asarray(low, float), np.asarray(high, float)
+        size = max(lows.size, highs.size)
+        at = np.arange(len(self._low), len(self._low) + size)
+        self._low += np.full(size, lows).tolist()
+        self._high += np.full(size, highs).tolist()
         self.at[name] = at
         return at
 
     def add(self, kind: BlockKind, unknowns: ArrayLike, rows: ArrayLike, data: ArrayLike) -> None:
         """Add a block of a kind by the places of its unknowns and rows, and its data."""
         blocks = self._blocks.setdefault(kind.name, _Blocks(kind, [], [], []))
-        sizes = kind.unknowns, kind.count, kind.data
-        parts = np.ravel(np.asarray(unknowns, int)), np.ravel(np.asarray(rows, int)), np.ravel(np.asarray(data, float))
-        if tuple(part.size for part in parts) != sizes:
-            raise ValueError(f"{kind.name}: {[part.size for part in parts]} unknowns, rows and data for {sizes}")
-        blocks.unknowns.append(parts[0])
-        blocks.rows.append(parts[1])
-        blocks.data.append(parts[2])
+        at, own, numbers = np.array(unknowns, int).ravel(), np.array(rows, int).ravel(), np.array(data, float).ravel()
+        if (at.size, own.size, numbers.size) != (kind.unknowns, kind.count, kind.data):
+            sizes = kind.unknowns, kind.count, kind.data
+            raise ValueError(f"{kind.name}: {[at.size, own.size, numbers.size]} unknowns, rows and data for {sizes}")
+        blocks.unknowns.append(at)
+        blocks.rows.append(own)
+        blocks.data.append(numbers)
+
+    def of_kind(self, name: str) -> Iterator[tuple[BlockKind, Indices, Indices, Array]]:
+        """Blocks of a kind by its name: the kind, places of unknowns and rows, and data."""
+        if name in self._blocks:
+            blocks = self._blocks[name]
+            for at, rows, data in zip(blocks.unknowns, blocks.rows, blocks.data, strict=True):
+                yield blocks.kind, at, rows, data
+
+    def include(self, name: str, part: BlockProblem) -> IncludedProblem:
+        """Add all that another problem consists of: unknowns, rows, blocks, and costs."""
+        unknowns = self.unknown(name, *part.limits)
+        rows = np.arange(self.count, self.count + part.count)
+        self.blocks += [
+            replace(block, name=f"{name}, {block.name}", rows=block.rows + self.count) for block in part.blocks
+        ]
+        self.count += part.count
+        first = self._first_of(part.table)
+        for blocks in part._blocks.values():
+            for at, of, data in zip(blocks.unknowns, blocks.rows, blocks.data, strict=True):
+                self.add(blocks.kind, unknowns[at], rows[of], blocks.kind.moved(data, first))
+        for place, costs in part._costs.items():
+            self.cost(unknowns[place], *costs)
+        return IncludedProblem(part, unknowns, rows)
+
+    def _first_of(self, table: Array) -> int:
+        """Place of the first coefficient of another problem's table, which is appended if it is a new one."""
+        for known, first in self._tables:
+            if known is table:
+                return first
+        self._tables.append((table, self.table.size))
+        self.table = np.concatenate([self.table, table])
+        return self._tables[-1][1]
 
     def cost(self, at: ArrayLike, linear: float, square: float = 0.0) -> None:
         """Add costs of unknowns to the objective: linear x + square x^2 / 2."""
@@ -225,6 +298,27 @@ class BlockProblem(Constraints):
             if values is not None:
                 for place, value in zip(places, np.broadcast_to(np.asarray(values, float), len(places)), strict=True):
                     bounds[place] = float(value)
+
+    @cached_property
+    def free_row(self) -> int:
+        """A row without bounds, for rows of blocks that do not matter."""
+        return int(self.rows("free", self.name, "1", 1, 1.0, -np.inf, np.inf).item())
+
+    def add_tangents(self, changes: Indices, rows: Indices) -> None:
+        """Add the changes of rows to first order.
+
+        Parameters
+        ----------
+        changes : ndarray of int, shape (size before,)
+            Place of the unknown that is the change of each unknown.
+        rows : ndarray of int, shape (count before,)
+            Place of the row that is the change of each row; -1 of rows whose changes do not matter.
+        """
+        places = np.where(rows < 0, self.free_row, rows)
+        for blocks in list(self._blocks.values()):
+            for at, own, data in zip(blocks.unknowns, blocks.rows, blocks.data, strict=True):
+                if own.max() < len(rows) and (rows[own] >= 0).any():
+                    self.add(blocks.kind.tangent, [*at, *changes[at]], places[own], data)
 
     # -- solving -----------------------------------------------------------------------------------------------
 
@@ -246,6 +340,10 @@ class BlockProblem(Constraints):
             costs[:, place] = pair
         data = [np.concatenate(blocks.data) for blocks in self._blocks.values()]
         return np.concatenate([*data, self.table, *costs])
+
+    def objective(self, x: Array) -> float:
+        """Costs of unknowns (size,)."""
+        return float(sum(c * x[at] + 0.5 * s * x[at] ** 2 for at, (c, s) in self._costs.items()))
 
     def start(self, x: Array) -> Start:
         """A start of a solver at unknowns (size,)."""
@@ -287,7 +385,8 @@ class _Sum:
         ends = np.cumsum([0, *sizes, table, size, size]).tolist()
         self.x, self.p = ca.MX.sym("x", size), ca.MX.sym("p", ends[-1])
         self._f_force, self._forces = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", count)
-        *owned, self._table, self._linear, self._square = (self.p[a:b] for a, b in itertools.pairwise(ends))
+        *owned, _, self._linear, self._square = (self.p[a:b] for a, b in itertools.pairwise(ends))
+        self._table = ends[-4]
         self._given = [self._given_to(b, data) for b, data in zip(blocks, owned, strict=True)]
         self._blocks = blocks
 
@@ -296,7 +395,7 @@ class _Sum:
         kind, count = blocks.kind, len(blocks.data)
         unknowns = ca.reshape(self.x[np.concatenate(blocks.unknowns).tolist()], kind.unknowns, count)
         data = ca.reshape(data, kind.data, count)
-        return unknowns, data, kind.found(unknowns, data, self._table, count)
+        return unknowns, data, kind.found(unknowns, data, self.p, self._table, count)
 
     @cached_property
     def nlp(self) -> NLP:

@@ -25,6 +25,7 @@ from .document import KeyPath as KeyPath
 from .document import refuse_what_is_no_file as refuse_what_is_no_file
 from .doubts import doubt as doubt
 from .doubts import doubts_refused as doubts_refused
+from .drives import DriveLaw as DriveLaw
 from .drives import LengthDrive as LengthDrive
 from .drives import MotorDrive as MotorDrive
 from .drives import Pull as Pull

@@ -27,6 +27,9 @@ _TOLERANCE = 1e-11
 """Missing force per size of the forces that balance [1]; a few digits above rounding."""
 _MAX_ITERATIONS = 500
 """Iterations after which the search is given up [1]."""
+_MOST_PARTS = 12
+"""Parts of a step that are tried [1]: down to 1/2048 of it. Of the 197 searches of ``-m deep -k path_of_equilibria`` of
+the tests, with a presliding of 1 um, none fails; with whole steps, 28 of 214 do."""
 _NEAR_BUCKLING, _NEAR_BUCKLING_ARCS = 0.02, 0.25
 """Least stiffness per stiffness of the unloaded finger [1] below which the shape is sensitive to the model's own
 error; the second for families of order 2, arcs, divided by the square of their number. Column under P: below 0.02, 2
@@ -221,8 +224,7 @@ class EquilibriumSearch:
             limit = 0.25 * self._reach()
             change = np.linalg.solve(stiffness + (shift + 2.0 * max(0.0, -weakest)) * mass, -missing)
             change *= min(1.0, limit / max(np.abs(change).max(), 1e-300))
-            trial = q + change
-            after, stiffness_after = self._statics(trial)
+            trial, after, stiffness_after = self._stepped(q, change, missing)
             if not np.all(np.isfinite(after)):
                 shift = 10.0 * max(shift, rate)
                 continue
@@ -246,6 +248,25 @@ class EquilibriumSearch:
             violated=[f"generalized force missing: {np.abs(missing).max():.3g} (scale {scale:.3g})"],
             advice="take more elements, lower the loads, or give a guess nearer to the shape",
         )
+
+    def _stepped(self, q: Array, change: Array, missing: Array) -> tuple[Array, Array, Array]:
+        """Take a step, or the part of it along which the missing force does work; return the shape, the missing force
+        there and the stiffness.
+
+        Friction that turns within a small slide acts against a whole step, and against the next one back.
+        """
+        ahead, behind, share = 0.0, 1.0, 1.0
+        work = float(missing @ change)
+        for _ in range(_MOST_PARTS):
+            trial = q + share * change
+            after, stiffness = self._statics(trial)
+            left = float(after @ change) / work if work else 0.0
+            # -0.5, 0.5: work along the step, per that at its start, between which a part of a step is long enough
+            if left >= -0.5 and (share == 1.0 or left < 0.5):
+                break
+            ahead, behind = (ahead, share) if left < 0.0 else (share, behind)
+            share = 0.5 * (ahead + behind)
+        return trial, after, stiffness
 
     def _scales(self, q: Array) -> tuple[float, float]:
         """Size of the forces that balance, and that below which they may be rounding."""

@@ -94,7 +94,7 @@ def test_a_rod_without_forces_is_an_arc(curvature):
     end = finger.curve(np.array([curvature, 0.0, 0.0, curvature]))[-1, 2:]
     x, y, angle = finger.base
     turned = np.array([math.cos(angle + curvature) - math.cos(angle), math.sin(angle + curvature) - math.sin(angle)])
-    remainder = 2.0 * abs(curvature) ** 3 / rod.STEPS**4 / 720.0
+    remainder = 2.0 * abs(curvature) ** 3 / finger.sampling.steps**4 / 720.0
     assert end == pytest.approx(np.array([x, y]) / finger.length + turned / curvature, abs=remainder + 1e-12)
 
 

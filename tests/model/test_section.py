@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from continuum_grasp.base import InputError
 from continuum_grasp.model import Memory, Section
 from tests.rod_stages import LENGTH, OFFSET, PAIR, ROD, STIFFNESS, finger
 
@@ -293,13 +292,12 @@ def test_a_rounded_clip_is_odd_bounded_and_sharp_in_the_limit():
         assert np.abs(values - sharp).max() == pytest.approx(1.0 - 0.5 * (np.hypot(2.0, width) - width))
 
 
-def test_what_exact_rods_do_not_know_is_refused():
-    with pytest.raises(InputError, match="leave it out") as raised:
-        Section.of(finger(gyration_radius=0.001))
-    assert raised.value.key == "gyration_radius"
-    with pytest.raises(InputError) as raised:
-        Section.of(finger(tip_body={"mass": 0.01}))
-    assert raised.value.key == "tip_body"
+def test_at_rest_a_rod_keeps_its_length_and_carries_the_body_at_its_tip():
+    assert Section.of(finger(gyration_radius=0.001)) == Section.of(finger())
+    body = {"mass": 0.01, "rotary_inertia": 1e-4, "center_of_mass": [0.02, 0.03]}
+    plain, loaded = Section.of(finger()), Section.of(finger(tip_body=body))
+    assert (loaded.mass - plain.mass) * plain.force == pytest.approx(0.01)
+    assert np.array(loaded.tip_arms) * plain.moment == pytest.approx([0.01 * 0.02, 0.01 * 0.03])
 
 
 def test_the_path_of_a_tendon_at_rest_is_that_of_the_rest_curvature():

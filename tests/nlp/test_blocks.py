@@ -129,3 +129,33 @@ def test_a_block_that_does_not_fit_its_kind_is_refused():
     problem, nodes = chain(3, 1.2)
     with pytest.raises(ValueError, match=r"link: \[4, 1, 2\] unknowns, rows and data for \(4, 1, 1\)"):
         problem.add(link_kind(), [*nodes[0], *nodes[1]], [0], [1.0, 2.0])
+
+
+def test_problems_that_another_includes_keep_their_solutions():
+    """A chain, and another one beside it."""
+    one, nodes = chain(6, 1.5)
+    other, own = chain(4, 1.2)
+    both = BlockProblem("both")
+    first, second = both.include("one", one), both.include("other", other)
+    guess = np.concatenate([[k / 6, -0.4 * np.sin(np.pi * k / 6)] for k in range(7)])
+    short = np.concatenate([[k / 4, -0.3 * np.sin(np.pi * k / 4)] for k in range(5)])
+    x = np.zeros(both.size)
+    x[first.unknowns], x[second.unknowns] = guess, short
+    solver = Settings().solver()
+    found = solver.solve(both.nlp, both.start(x), Budget())
+    for part, problem, begin in ((first, one, guess), (second, other, short)):
+        alone = solver.solve(problem.nlp, problem.start(begin), Budget())
+        assert found.x[part.unknowns] == pytest.approx(alone.x, abs=1e-6)
+    assert len(nodes) + len(own) == both.size // 2
+
+
+def test_a_problem_that_another_includes_reads_its_own_table():
+    random = np.random.default_rng(3)
+    parts = [table_problem(2, (8, 11), random)[0] for _ in range(2)]
+    both = BlockProblem("both", parts[0].table)
+    included = [both.include(f"part {k}", part) for k, part in enumerate([*parts, parts[0]])]
+    assert both.table.size == sum(part.table.size for part in parts)
+    x = random.uniform(1.0, 6.0, both.size)
+    g = np.array(both.nlp.functions["jac_g"](x, both.parameters)[0]).ravel()
+    for part in included:
+        assert g[part.rows] == pytest.approx(part.problem.row_values(x[part.unknowns], np.arange(2)), rel=1e-12)

@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
 import numpy as np
-from scipy.optimize import Bounds, minimize
+from scipy.optimize import Bounds, linprog, minimize
 from scipy.stats.qmc import Halton
 
 from continuum_grasp.addons.design.evaluation import HOLDS, DesignProblem, Evaluation, Signs
@@ -32,6 +33,11 @@ _FINE = 0.02
 """Accuracy of an optimum, as a part [1]: of the cost, its slope over the range of a variable; of a range, half the
 width of the box where the search ends; of what errors change in the cost, the excess of a worse combination of errors.
 """
+_WIDEST, _NARROWEST = 0.1, 1e-5
+"""Greatest and least half width of the box in which a kink is followed, per range of a variable [1]: planes of designs
+within twice the width model the cost."""
+_KINK = 1e-2
+"""Distance of designs on both sides of a kink, per range of a variable [1]."""
 _LOST = 1e2
 """Cost of a design without a grasp, in units of the first one: any other is better."""
 
@@ -163,6 +169,36 @@ class _Box:
         return costs, by_cost, np.append(z[n] - costs, limits), both
 
 
+def _lowest(best: Evaluation, near: Sequence[Evaluation], half: float) -> Array:
+    """Coordinates of the least cost by the planes of designs, within a box around the best one."""
+    at, n = best.coordinates, best.coordinates.size
+    rows, limits = list[Array](), list[Any]()
+    for each in near:
+        away = at - each.coordinates
+        for cost in each.costs:
+            rows.append(np.append(cost.slope[:n], -1.0))
+            limits.append(-(cost.value + cost.slope[:n] @ away))
+        for limit in each.limits:
+            rows.append(np.append(-limit.slope[:n], 0.0))
+            # A limit that is violated is so no more than at the best design.
+            limits.append(max(limit.value + limit.slope[:n] @ away, best.violation))
+    low, high = np.maximum(-half, -at), np.minimum(half, 1.0 - at)
+    found = linprog(np.eye(n + 1)[n], rows, limits, bounds=[*zip(low, high, strict=True), (None, None)])
+    return at + found.x[:n] if found.status == 0 else at
+
+
+def _with_planes(best: Evaluation, known: Sequence[Evaluation]) -> Evaluation:
+    """A design with the costs of those on the other side of a kink, by their planes."""
+    n, costs = best.coordinates.size, list(best.costs)
+    for each in known:
+        away = best.coordinates - each.coordinates
+        if 0.0 < np.abs(away).max() <= _KINK:
+            costs += [
+                replace(cost, value=min(cost.value + float(cost.slope[:n] @ away), best.cost)) for cost in each.costs
+            ]
+    return replace(best, costs=tuple(costs))
+
+
 class _DesignSearch:
     """A search: trial designs, then rounds of improvement and full search."""
 
@@ -179,6 +215,8 @@ class _DesignSearch:
         self.began = time.monotonic()
         self.best: Evaluation | None = None
         self._first: Evaluation | None = None
+        self._near: Sequence[Evaluation] = ()
+        """Designs on both sides of a kink at which the best one lies."""
         self._before: dict[str, GraspResult] = {}
         self._scale, self._grasps, self._why = 1.0, self.problem.snapshot(), ""
         self._round = 0
@@ -203,7 +241,7 @@ class _DesignSearch:
             settled = not self._missed(worst)
             if settled:
                 break
-        best = self._best
+        best = self.best = _with_planes(self._best, self._near)
         if best.violation > HOLDS:
             row = min(best.limits, key=lambda limit: limit.value)
             message = f"no design satisfies {row.name} ({row.case}): off by {-row.size * row.value:.3g} at the closest"
@@ -282,7 +320,28 @@ class _DesignSearch:
             if half < _FINE:
                 self._ended = "beside this design grasps are lost"
                 self._converged = False
-                return
+                break
+        if self._best.left > _FINE * self._scale:
+            self._follow_kink()
+
+    def _follow_kink(self) -> None:
+        """Follow a kink of the cost, beside which other contacts or limits of a grasp act, by linear programs.
+
+        Each takes the design that is best by the planes of all designs that were tried nearby, cost and limits, within
+        a box; where it is not better, its plane joins and the box shrinks.
+        """
+        known, half = [self._best], _WIDEST
+        # 3: designs per variable and halving
+        for _ in range(3 * len(self.space.coordinates) * 14):
+            best = self._best
+            near = [e for e in known if np.abs(e.coordinates - best.coordinates).max() <= 2.0 * half]
+            if half < _NARROWEST:
+                break
+            tried = self._followed(_lowest(best, near, half))
+            if tried is not None:
+                known.append(tried)
+            half = min(2.0 * half, _WIDEST) if self._best is tried else 0.5 * half
+        self._near = known
 
     def _descend(self, half: float) -> bool:
         """Run SLSQP once within a box around the best design; whether a grasp was lost."""

@@ -119,6 +119,26 @@ class DistanceTable:
             coefficients.append(patch.coefficients)
         return replace(self, coefficients=np.concatenate(coefficients), patches=patches)
 
+    def of_body(self, body: Body, unit: float) -> DistanceTable:
+        """Return the table of another body on the same grids, with lengths in another unit, of so many meters."""
+        whole = self._on_grid(self.data, body, unit)
+        parts, patches = [whole.coefficients], {}
+        for name, data in self.patches.items():
+            patch = self._on_grid(data, body, unit)
+            patches[name] = patch.data
+            patches[name][body.dimensions + 1] = sum(map(len, parts))
+            parts.append(patch.coefficients)
+        return replace(whole, coefficients=np.concatenate(parts), patches=patches)
+
+    @staticmethod
+    def _on_grid(data: Array, body: Body, unit: float) -> DistanceTable:
+        """Return a table of a body on the grid of some data."""
+        d = body.dimensions
+        step = 1.0 / data[d]
+        low = data[:d] + step
+        high = low + step * (data[d + 2 :] - 3.0)
+        return DistanceTable.of(body, unit * low, unit * high, unit * step).scaled(unit)
+
     def data_at(self, name: str) -> Array:
         """Return the data of the fine table around a named place, or of the whole table if there is none."""
         return self.patches.get(name, self.data)

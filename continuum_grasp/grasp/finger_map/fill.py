@@ -24,13 +24,9 @@ LIGHT = 3.0
 """Normal force [E I / L^2] up to which its changes count, and not changes of its logarithm."""
 ENTERED = 0.005
 """Depth in obstacles [L] that samples may have: the finger's own elements bend otherwise than the exact rod."""
-LOWS, SEEDS, ONTO = 2500, 600, 40
-"""Most rods with a middle contact that are given forces; seeds that are brought onto the set at first, and in how many
-steps: of three fingers that wrap a jar, with 20 steps none leads to the part of the set with the least tension."""
-ENOUGH = 30
-"""Seeds that arrive after which no more are tried: of a thin set the nearest may all miss it."""
-CURVATURES, DIRECTIONS, FORCES = 25, 36, 10
-"""Size of the grid of rods: curvatures at the base, directions and sizes of the force there."""
+ONTO = 40
+"""Steps in which seeds are brought onto the set: of three fingers that wrap a jar, with 20 steps none leads to the part
+of the set with the least tension."""
 ON_SET = 1e-3
 """Residual up to which an equilibrium touches, in lengths and forces of the finger."""
 WITHIN = 0.01
@@ -108,7 +104,7 @@ class FingerMap:
     @staticmethod
     def of(finger: MapFinger) -> FingerMap:
         """Sample a finger's equilibria."""
-        return FingerMap._from(finger, _onto(finger, _seeds(finger), SEEDS, ENOUGH))
+        return FingerMap._from(finger, _onto(finger, _seeds(finger), finger.sampling.seeds, finger.sampling.enough))
 
     def followed_by(self, finger: MapFinger) -> FingerMap:
         """The map of few elements from the map of the exact rod."""
@@ -135,15 +131,16 @@ class FingerMap:
 
 def _grid(finger: MapFinger) -> tuple[tuple[int, int, int], Array]:
     """Rods of a grid of curvature at the base and force there (N, n), without middle contacts."""
+    curvature_count, direction_count, force_count = finger.sampling.grid if finger.middles else finger.sampling.of_tips
     bends = [n * finger.bending_range for n in finger.elements]
     most = min(1.3 * sum(bends), 14.0)
     strongest = finger.greatest_force * math.hypot(1.0, finger.friction) * (1 + finger.middles)
     # 0.12: arm [L] at which the tendons' greatest moment is a force
     strongest = min(strongest, 2.5 * finger.greatest_moment / 0.12)
-    curvatures = np.linspace(-most, most, CURVATURES)
+    curvatures = np.linspace(-most, most, curvature_count)
     # From the base, so that a scene that is turned has the same rods.
-    directions = finger.base[2] + (np.arange(DIRECTIONS) + 0.5) * (math.tau / DIRECTIONS)
-    sizes = np.append(0.0, np.geomspace(min(0.05, 0.5 * strongest), strongest, FORCES - 1))
+    directions = finger.base[2] + (np.arange(direction_count) + 0.5) * (math.tau / direction_count)
+    sizes = np.append(0.0, np.geomspace(min(0.05, 0.5 * strongest), strongest, force_count - 1))
     bent, turn, size = np.meshgrid(curvatures, directions, sizes, indexing="ij")
     z = np.stack([bent, size * np.cos(turn), size * np.sin(turn), np.zeros(bent.shape)], axis=-1)
     return bent.shape, z.reshape(-1, 4)
@@ -180,7 +177,8 @@ def _seeds(finger: MapFinger) -> Array:
         before = plain if contact == 0 else finger.exactly(contact)
         seeds = _with_middle(before, seeds, shape if contact == 0 else None)
         # of these, drawn evenly
-        seeds = seeds[np.linspace(0, len(seeds) - 1, min(len(seeds), LOWS)).astype(int)] if len(seeds) else seeds
+        lows = min(len(seeds), finger.sampling.lows)
+        seeds = seeds[np.linspace(0, len(seeds) - 1, lows).astype(int)] if len(seeds) else seeds
         finger_here = finger.exactly(contact + 1)
         seeds = _with_forces(finger_here, seeds)
         if not len(seeds):

@@ -12,6 +12,7 @@ import ctypes
 import math
 import os
 from collections.abc import Collection
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from importlib.resources import files
@@ -28,9 +29,8 @@ from continuum_grasp.grasp.starts.supports import object_outlines
 from continuum_grasp.grasp.starts.values import Pose
 from continuum_grasp.scene import FAMILIES, FingerSetup, GraspScene
 
-STEPS, STEPS_OF_ELEMENTS = 40, 48
-"""Steps along the finger: of shipped scenes the tensions of exact rods differ from a result with 400 steps by 0.1 %;
-along a rod of up to four elements, each has as many."""
+STEPS_OF_ELEMENTS = 48
+"""Steps along a rod of up to four elements, each of which has as many."""
 FEW = 4
 """Elements up to which fingers bend otherwise than exact rods do: with eight, samples alone held 2 of 266 random
 scenes (`benchmarks.grasp_images`, `benchmarks.grasp_populations`)."""
@@ -91,6 +91,42 @@ def _library(lanes: int, wide: int, _named: str | None, _path: str | None) -> ct
     return ctypes.CDLL(str(compiler.library(f"{sizes}#pragma GCC optimize({options})\n{source}", "the map of fingers")))
 
 
+@dataclass(frozen=True)
+class Sampling:
+    """Effort of a map.
+
+    Attributes
+    ----------
+    steps
+        Steps along the finger.
+    lows
+        Most rods with a middle contact that are given forces.
+    seeds
+        Seeds that are brought onto the set at first.
+    enough
+        Seeds that arrive after which no more are tried: of a thin set the nearest may all miss it.
+    grid, of_tips
+        Curvatures at the base, directions and sizes of the force there of the rods between which seeds are sought: with
+        a middle contact, and without one.
+    """
+
+    steps: int = 40
+    lows: int = 2500
+    seeds: int = 600
+    enough: int = 30
+    grid: tuple[int, int, int] = (25, 36, 10)
+    of_tips: tuple[int, int, int] = (25, 36, 10)
+
+
+FULL = Sampling()
+"""For fingers whose equilibria are starts as they are: of shipped scenes the tensions of exact rods differ from those
+with 400 steps by 0.1 %."""
+FOR_STARTS = Sampling(steps=28, lows=1500, seeds=600, enough=10, of_tips=(37, 54, 15))
+"""For starts of a solver that brings them onto exact rods: with 20 steps or 200 seeds, 4 of 95 random scenes were held
+with more tension than with `FULL`; with the other grid of tips a part of a map was missed, and three fingers were held
+with 10.25 for 9.27 N (``python -m benchmarks.bench_rods three 0 20``)."""
+
+
 class ObjectTable:
     """Signed distance of a scene's object on a grid in the object's frame [m]."""
 
@@ -149,9 +185,11 @@ class MapFinger:
         *,
         exact: bool = False,
         itself: bool = False,
+        sampling: Sampling = FULL,
     ) -> None:
         self._given = scene, setup, table, base, pose
         self.itself = itself
+        self.sampling = sampling
         self.is_exact = exact or setup.elements > FEW
         self.names = tuple(name for name in setup.middle_names if name in on)
         self.tip = setup.tip_name in on
@@ -189,7 +227,7 @@ class MapFinger:
         self.bending_range = setup.bending_range
         before = [count for name, count in zip(setup.middle_names, setup.before, strict=True) if name in self.names]
         self.elements = tuple(b - a for a, b in pairwise((0, *before, setup.elements)))  # per segment
-        steps = STEPS if self.is_exact or self.middles else STEPS_OF_ELEMENTS
+        steps = sampling.steps if self.is_exact or self.middles else STEPS_OF_ELEMENTS
         per_segment = 3 * steps // 5 if self.middles else steps
         self._weights = np.zeros((0, 3, 0)) if self.is_exact else _weights(setup.family, self.elements, per_segment)
         self.coordinates: int = self._weights.shape[2]
@@ -230,7 +268,14 @@ class MapFinger:
     def exactly(self, middles: int) -> MapFinger:
         """The exact rod with so many of the middle contacts, the first ones."""
         on = {*self.names[:middles], *([self.setup.tip_name] if self.tip else [])}
-        return MapFinger(*self._given, on, exact=True)
+        return MapFinger(*self._given, on, exact=True, sampling=self.sampling)
+
+    def stepped(self, steps: int) -> MapFinger:
+        """The finger with so many steps along it."""
+        made = copy(self)
+        made.struct = _Rod.from_buffer_copy(self.struct)
+        made.struct.steps = steps
+        return made
 
     def followed(self, z: Array) -> Array:
         """Exact rods (B, 4 + 3 k) as its elements nearly bend (B, n)."""

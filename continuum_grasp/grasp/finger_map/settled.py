@@ -11,7 +11,7 @@ from continuum_grasp.base import Numbers as Array
 from continuum_grasp.core import Compiler
 from continuum_grasp.grasp.finger_map.balance import ObjectBalance, Settled
 from continuum_grasp.grasp.finger_map.fill import FingerMap
-from continuum_grasp.grasp.finger_map.rod import FEW, MapFinger, ObjectTable, Traced
+from continuum_grasp.grasp.finger_map.rod import FEW, FULL, MapFinger, ObjectTable, Sampling, Traced
 from continuum_grasp.grasp.finger_map.stability import not_unstable
 from continuum_grasp.grasp.starts.rough import rough_starts
 from continuum_grasp.grasp.starts.supports import base_poses, nearest_contact, object_poses
@@ -51,13 +51,18 @@ def places_of(scene: GraspScene, on: frozenset[str]) -> list[Place]:
 class SceneMaps:
     """The maps of a scene's fingers, made when they are first needed; as parts of the maps of a ``wider`` scene, which
     has the same fingers with greater limits, where that is given. Fingers that are ``apart``, two by name, keep clear
-    of each other, or one of itself; all others may cross, which few do.
+    of each other, or one of itself; all others may cross, which few do. ``sampling`` is the effort of each map.
     """
 
     def __init__(
-        self, scene: GraspScene, wider: SceneMaps | None = None, apart: frozenset[tuple[str, str]] = frozenset()
+        self,
+        scene: GraspScene,
+        wider: SceneMaps | None = None,
+        apart: frozenset[tuple[str, str]] = frozenset(),
+        sampling: Sampling = FULL,
     ) -> None:
         self.scene = scene
+        self._sampling = sampling
         self.apart: frozenset[tuple[str, str]] = apart if wider is None else apart | wider.apart
         self._wider = wider
         self._maps: dict[tuple[str, Pose, Pose, frozenset[str], bool], FingerMap] = {}
@@ -75,7 +80,8 @@ class SceneMaps:
         key = name, base, pose, mine, exact or setup.elements > FEW
         if key not in self._maps:
             itself = (name, name) in self.apart
-            finger = MapFinger(self.scene, setup, self._table, base, pose, mine, exact=exact, itself=itself)
+            given = self.scene, setup, self._table, base, pose, mine
+            finger = MapFinger(*given, exact=exact, itself=itself, sampling=self._sampling)
             if self._wider is not None:
                 wider = self._wider.map_of(name, base, pose, on, exact=exact)
                 same = self._wider.scene is self.scene and wider.finger.itself == itself

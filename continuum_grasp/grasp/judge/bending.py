@@ -1,4 +1,4 @@
-"""Bending of a finger's sections under a moment: stiffness, tendons, and friction of a finger that was pulled.
+"""Bending of a finger's sections under a moment: stiffness, tendons, and friction by how a finger came to rest.
 
     B (x + sum clip(k_j x, M_j) / B_0) = M + m,  x = k3 - k0,  m = sum arm T exp(-side l) shape
     l' = mu |k3| (3 d - d^3) / 2,  d = clip(offset w / presliding),  l(0) = 0,    w' = -shape x,  w(L) = 0
@@ -6,7 +6,8 @@
 m is the moment of the tendons. By the capstan equation the tension falls by exp(-l) from the base on where a tendon
 slides toward it, and rises where one on the other side slides away. w is the length, per offset in the base, that the
 bend beyond s draws in. Branches of dry friction k_j, M_j hold in the base, and go with the bending stiffness. Sections
-are taken to be bent one way from rest on, as pulling does.
+are taken to be bent one way from rest on, as pulling does. Of another history the directions z from -1 to 1 are given
+in cells along the finger: d = z, and each branch has the moment z M_j.
 """
 
 from __future__ import annotations
@@ -31,6 +32,15 @@ class SectionState(NamedTuple):
     """Change of the length drawn in [1/m]."""
 
 
+class FrictionCells(NamedTuple):
+    """Cells along a finger in which friction has one direction each."""
+
+    ends: Array
+    """Positions of their ends (cells,) [m]."""
+    directions: Array
+    """Directions from -1 to 1 (cells, frictions): of the tendons, then of branches of dry friction."""
+
+
 Bends = Callable[[float, float, float, float], SectionState]
 """State of a section by its position [m], its moment M [N m], l and w."""
 
@@ -38,13 +48,19 @@ Bends = Callable[[float, float, float, float], SectionState]
 class SectionBending:
     """The sections of a finger at tensions (T,) [N]."""
 
-    def __init__(self, setup: FingerSetup, tensions: Array) -> None:
+    def __init__(self, setup: FingerSetup, tensions: Array, history: FrictionCells | None = None) -> None:
+        """Take tensions (T,) [N], and a history of friction; None: pulled."""
+        self._history = history
         self._profile = setup.finger.profile
         self._channels = [
             (channel.shape, [(arm * channel.gain * float(t), float(np.sign(arm))) for arm, t in pulls])
             for channel in setup.finger.channels
             for pulls in [list(zip(channel.arms, tensions, strict=True))]
         ]
+        self.shape = setup.finger.channels[0].shape
+        """Moment of a tendon along the finger, per that in the base."""
+        self.end = setup.finger.tendon_list[0].end(self._profile.length)
+        """Where tendons end [m]."""
         self._friction = setup.tendons.friction
         self._per_path = setup.tendons.offset / setup.finger.tendon_list[0].presliding_length
         self._branches = sorted(
@@ -54,8 +70,13 @@ class SectionBending:
 
     @property
     def slides(self) -> bool:
-        """Whether tendons have friction."""
-        return self._friction > 0.0
+        """Whether tendons have friction whose direction depends on the shape."""
+        return self._friction > 0.0 and self._history is None
+
+    @property
+    def ends(self) -> list[float]:
+        """Ends of the cells of a history [m]."""
+        return [] if self._history is None else self._history.ends.tolist()
 
     @property
     def curves(self) -> list[Curve]:
@@ -70,6 +91,7 @@ class SectionBending:
         base = float(self._profile.bending_stiffness(0.0))
         channels = [(value_of(shape, middle), pulls) for shape, pulls in self._channels]
         friction, per_path, branches = self._friction, self._per_path, self._branches
+        way, held = self._directions(middle)
 
         def bends(s: float, moment: float, loss: float, path: float) -> SectionState:
             shaped = 0.0
@@ -78,17 +100,30 @@ class SectionBending:
                 for pull, side in pulls:
                     moment += shaped * (pull if loss == 0.0 else pull * float(np.exp(-side * loss)))
             elastic = moment / stiffness(s)
-            if branches:
+            if held is not None:
+                elastic -= held / base
+            elif branches:
                 elastic = _yielded(elastic, base, branches)
             curvature = rest(s) + elastic
             if not friction:
                 return SectionState(curvature, 0.0, 0.0)
+            if way is not None:
+                return SectionState(curvature, friction * abs(curvature) * way, -shaped * elastic)
             slid = min(max(per_path * path, -1.0), 1.0) if shaped else 0.0
             return SectionState(
                 curvature, friction * abs(curvature) * 0.5 * slid * (3.0 - slid * slid), -shaped * elastic
             )
 
         return bends
+
+    def _directions(self, middle: float) -> tuple[float | None, float | None]:
+        """Direction of the friction of tendons, and moment of dry friction in the base [N m]; None: pulled."""
+        if self._history is None:
+            return None, None
+        cell = int(np.searchsorted(self._history.ends[:-1], middle))
+        own = self._history.directions[cell].tolist()
+        way = own.pop(0) if self._friction else 0.0
+        return way, sum(z * most for z, (_, most) in zip(own, self._branches, strict=True))
 
 
 def _yielded(elastic: float, stiffness: float, branches: list[tuple[float, float]]) -> float:

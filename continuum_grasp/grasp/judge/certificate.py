@@ -9,19 +9,31 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.judge.clearance import Gap, SampledRod, apart, apart_from_itself
-from continuum_grasp.grasp.judge.findings import CROSSING, EXACT, FOLLOWED, Finding, Requirement, greatest
+from continuum_grasp.grasp.judge.drives import drive_findings
+from continuum_grasp.grasp.judge.findings import CROSSING, EXACT, FOLLOWED, SHORT, Finding, Requirement, greatest
 from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, HeldSupport
 from continuum_grasp.grasp.judge.obstacles import ExactObject, Obstacle
+from continuum_grasp.grasp.judge.pushed import (
+    GIVE,
+    IDLE,
+    PressedContact,
+    PushedFinger,
+    PushedGrasp,
+    PushedPart,
+    PushedSupport,
+    rolls,
+)
 from continuum_grasp.grasp.judge.space_rod import TOLERANCE, RodLoad, SpaceRod
 from continuum_grasp.grasp.judge.stage import GraspStage
-from continuum_grasp.scene import FingerSetup, GraspScene, HandScene, MotorDrive
+from continuum_grasp.scene import FingerSetup, GraspScene, HandScene
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +43,20 @@ class RodCertificate:
     findings: tuple[Finding, ...]
     rods: tuple[SpaceRod, ...] = field(default=(), repr=False)
     """Shapes of the fingers; none where the grasp is not one of the scene."""
+    pushed: PushedGrasp | None = field(default=None, repr=False)
+    """Answers of the grasp to a push; None where the grasp is not one of the scene."""
+
+    @cached_property
+    def pushes(self) -> dict[str, float]:
+        """Push in every direction that each contact that presses bears [N], at constant tensions, to first order."""
+        return {} if self.pushed is None else self.pushed.pushes
+
+    @property
+    def push(self) -> float:
+        """Push on the object in the worst direction that the grasp bears [N]: then a contact slips, parts or is pressed
+        too hard. Zero if nothing presses or the object moves away at constant tensions.
+        """
+        return min(self.pushes.values(), default=0.0)
 
     @property
     def passed(self) -> bool:
@@ -96,7 +122,13 @@ def certify_rods(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: fl
         return RodCertificate(tuple(findings))
     with np.errstate(all="ignore"):
         grasp = _Grasp(stage, held, tolerance)
-        return RodCertificate((*findings, *grasp.findings()), tuple(line.rod for line in grasp.lines))
+        findings += grasp.findings()
+        certificate = RodCertificate(tuple(findings), tuple(line.rod for line in grasp.lines), grasp.pushed)
+        asked = scene.contacts.push or 0.0
+        if not asked:
+            return certificate
+        missing = Finding(Requirement.PUSH, "", asked - certificate.push, SHORT * asked, "N")
+        return replace(certificate, findings=(*findings, missing))
 
 
 def rods_of(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: float = TOLERANCE) -> tuple[SpaceRod, ...]:
@@ -127,10 +159,9 @@ def _strangers(stage: GraspStage, held: HeldRods) -> int:
 
 
 def _not_certified(stage: GraspStage) -> int:
-    """Count of what a scene asks for that the certificate does not know: all histories of friction, one pulley."""
+    """Count of what a scene asks for that the certificate does not know: all histories of friction."""
     setups = stage.setups.values()
-    histories = stage.scene.friction_states == "any" and any(setup.friction_states for setup in setups)
-    return histories + sum(setup.drive is not None and setup.drive.pulley for setup in setups)
+    return int(stage.scene.friction_states == "any" and any(setup.friction_states for setup in setups))
 
 
 def support_of(stage: GraspStage, contact: str) -> str:
@@ -235,7 +266,7 @@ class _Grasp:
             here = used in ("both", side)
             over += [tension - (setup.max_tension if here else 0.0), tendons.min_tension * here - tension]
         yield Finding(Requirement.TENSION, name, greatest(over), EXACT * setup.max_tension, "N")
-        yield from _torque(setup, finger)
+        yield from drive_findings(setup, rod, finger.tensions)
         strain = setup.finger.strain_limit
         depth = setup.finger.profile.half_depth
         if strain is not None and depth is not None:
@@ -271,6 +302,59 @@ class _Grasp:
     def _above_object(self, line: SampledRod) -> Gap:
         """Gap between a finger and the object along the finger."""
         return lambda s, points: self.body.distance(points) - line.rod.half(s)
+
+    # -- pushes ------------------------------------------------------------------------------------------------
+
+    @property
+    def pushed(self) -> PushedGrasp:
+        """The grasp with an object that is pushed."""
+        stage, center = self.stage, self.stage.center(self.held)
+        lengths = [line.rod.length for line in self.lines]
+        stiffest = max(line.rod.setup.stiffness / line.rod.length**3 for line in self.lines)
+        parts = list[PushedPart]()
+        for finger, line in zip(self.held.fingers, self.lines, strict=True):
+            touches = [self._touch(finger, line, contact)[0] for contact in finger.contacts]
+            pressed = [self._pressed(touch, finger.axes[:, 2]) for touch in touches if self._presses(touch)]
+            if pressed:
+                parts.append(
+                    PushedFinger(stage, self.body, finger, line.rod, pressed, center, stage.axes, GIVE / stiffest)
+                )
+        for contact in self.held.supports:
+            touch = self._support_touch(contact)
+            if self._presses(touch):
+                parts.append(self._pushed_support(touch, center, GIVE / stiffest))
+        units = np.array([*[min(lengths)] * 3, *[1.0] * 3])
+        return PushedGrasp(parts, units, stage.moves, len(stage.axes))
+
+    def _presses(self, touch: _Touch) -> bool:
+        return touch.pressing > IDLE * self.scale
+
+    def _pressed(self, touch: _Touch, across: Array) -> PressedContact:
+        """A contact with all of its friction: the reserve is there for what a push needs."""
+        held, reserve = touch.contact, 1.0 - self.stage.scene.contacts.reserve
+        return PressedContact(
+            held.name,
+            held.force,
+            held.moment,
+            touch.point,
+            touch.normal,
+            across,
+            touch.friction / reserve,
+            touch.torsional,
+            touch.most,
+        )
+
+    def _pushed_support(self, touch: _Touch, center: Array, give: float) -> PushedSupport:
+        """A support; a face that lies on it by several points does not roll."""
+        planar = len(self.stage.axes) == 2
+        # Any fixed direction will do that is not along the normal; in a plane, the one out of it.
+        across = np.eye(3)[2 if planar else np.abs(touch.normal).argmin()]
+        contact = self._pressed(touch, across)
+        name = support_of(self.stage, contact.name)
+        same = sum(support_of(self.stage, each.name) == name for each in self.held.supports)
+        obstacle = next(each for each in self.stage.obstacles if each.name == name)
+        way = rolls(self.body, contact, self.stage.size, obstacle.curvature, planar=planar)
+        return PushedSupport(contact, center, way if same == 1 else np.zeros((3, 3)), self.stage.axes, give)
 
     # -- contacts ----------------------------------------------------------------------------------------------
 
@@ -331,10 +415,3 @@ class _Grasp:
 def _above(obstacle: Obstacle, line: SampledRod, start: float, before: float) -> Gap:
     """Gap between a finger and an obstacle: of its skin from a position on, and before of its center line."""
     return lambda s, points: obstacle.distance(points) - np.where(s < start, before, line.rod.half(s))
-
-
-def _torque(setup: FingerSetup, finger: HeldFinger) -> Iterator[Finding]:
-    """Torque with which each motor reaches its tension, its dry friction included."""
-    if setup.drive is not None and isinstance(motor := setup.drive.drive, MotorDrive):
-        torque = float(finger.tensions.max()) * motor.winch_radius + motor.coulomb_friction
-        yield Finding(Requirement.TORQUE, finger.name, torque - motor.torque_max, EXACT * motor.torque_max, "N m")

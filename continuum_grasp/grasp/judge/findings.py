@@ -19,6 +19,9 @@ surfaces [rad], friction, per greatest force, and moments, per greatest force an
 CROSSING = 1e-4
 """Limit of the depth of fingers in each other and in themselves, per length of the finger: the problem looks at chords
 between its nodes, and so does the certificate, whose 400 chords are up to 2e-5 off."""
+SHORT = 0.01
+"""Share of a push that may be missing: the problem has tables of bodies, whose curvatures are up to 1e-3 off, and the
+certificate has differences."""
 
 
 class Requirement(Enum):
@@ -35,7 +38,9 @@ class Requirement(Enum):
     PLACE = "place along the finger"
     PRESSING = "normal force"
     FRICTION = "friction cone"
+    HISTORIES = "friction cone whatever the friction states"
     TENSION = "tension of a tendon"
+    DRIVE = "tendons on one pulley"
     TORQUE = "torque of a motor"
     STRAIN = "bending strain"
     DEPTH = "depth in the object"
@@ -45,6 +50,7 @@ class Requirement(Enum):
     CROSSED = "depth in another finger"
     FORCE = "balance of forces"
     MOMENT = "balance of moments"
+    PUSH = "missing of a push in every direction"
 
 
 @dataclass(frozen=True)

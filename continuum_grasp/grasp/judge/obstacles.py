@@ -90,6 +90,8 @@ class Obstacle(ABC):
         self.name, self.touch = name, touch
         self.friction = friction
         """Coefficient with which contacts are certified [1]."""
+        self.curvature = 0.0
+        """Curvature of the surface, convex positive [1/m]."""
 
     @staticmethod
     def each(scene: GraspScene | HandScene) -> list[Obstacle]:
@@ -173,6 +175,7 @@ class _Round(Obstacle):
     def __init__(self, peg: Peg, friction: float) -> None:
         super().__init__(peg.name, peg.touch, friction)
         self._center, self._radius = np.array([*peg.position, 0.0]), peg.radius
+        self.curvature = 1.0 / peg.radius if peg.radius else np.inf
 
     def distance(self, points: Array) -> Array:
         return np.asarray(np.linalg.norm(points - self._center, axis=1) - self._radius)

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.judge.bending import SectionBending, value_of
+from continuum_grasp.grasp.judge.bending import FrictionCells, SectionBending, value_of
 from continuum_grasp.scene import FingerSetup
 
 TOLERANCE = 1e-10
@@ -35,6 +35,8 @@ _PATHS = 8
 """Integrations until the path of tendons with friction is found; each leaves a tenth or less."""
 _HALVINGS = 6
 """Halvings of a step that leaves more at the tip."""
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 Couple = Callable[[Array], Array]
 """Couple (3,) of a load at a place (3,) [N m]."""
@@ -50,6 +52,8 @@ class RodLoad:
     """Force (3,) [N]."""
     couple: Couple | None = None
     """Couple by the place of the center line; None: there is none."""
+    arm: tuple[float, float] = (0.0, 0.0)
+    """Place of the force from the center line, across and along the rod [m]."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +91,12 @@ class SpaceRod:
         section: SideStiffness,
         *,
         tolerance: float = TOLERANCE,
+        history: FrictionCells | None = None,
     ) -> None:
-        """Integrate a finger from its base (position (3,) [m], axes (3, 3)) under loads and gravity (3,) [m/s2]."""
+        """Integrate a finger from its base (position (3,) [m], axes (3, 3)) under loads and gravity (3,) [m/s2].
+
+        With a history of friction, its directions are constant; else the finger was pulled.
+        """
         self.setup = setup
         self.position, self.axes = base
         self.profile = setup.finger.profile
@@ -98,9 +106,11 @@ class SpaceRod:
         self._gravity = self.axes.T @ gravity
         self._section, self._tolerance = section, tolerance
         self._soft = [0, 1, 2] if np.isfinite(section.torsion) else [2]
-        self._bending = SectionBending(setup, tensions)
+        self._bending = SectionBending(setup, tensions, history)
         self._path = 0.0  # drawn in by the whole finger, per offset in the base
         weights = [RodLoad(mass.at, mass.mass * gravity) for mass in setup.finger.masses]
+        if (body := setup.finger.tip_body) is not None:
+            weights.append(RodLoad(self.length, body.mass * gravity, arm=body.center_of_mass))
         self.loads = sorted([*loads, *weights], key=lambda load: load.at)
         self._weight = self.profile.linear_density.integral()
         self._solutions: list[tuple[float, float, Any]] = []
@@ -111,6 +121,7 @@ class SpaceRod:
     def edges(self) -> list[float]:
         """Positions between which all is smooth [m]."""
         inside = {at for curve in self._bending.curves for at in curve.edges} | {load.at for load in self.loads}
+        inside |= set(self._bending.ends)
         return [0.0, *sorted(at for at in inside if 0.0 < at < self.length), self.length]
 
     def integrate(self, moment: Array) -> None:
@@ -191,6 +202,10 @@ class SpaceRod:
                 if load.couple is not None:
                     place = self.position + self.length * self.axes @ state[:3]
                     state[7:10] -= self.axes.T @ load.couple(place) / self._moment
+                if any(load.arm):
+                    across, along, _ = _axes(state[3:7])
+                    arm = load.arm[0] * across + load.arm[1] * along
+                    state[7:10] -= np.cross(arm, force) / self._moment
         return state[[7, 8, 9, 12]]
 
     def _rates(self, beyond: Array, middle: float) -> Callable[[float, Array], list[float]]:
@@ -241,17 +256,10 @@ class SpaceRod:
     def at(self, s: Array) -> RodPlaces:
         """Places at positions (n,) along the rod [m]."""
         states = self._states(np.asarray(s, dtype=float))
-        a, b, c, d = states[3:7]
-        axes = np.array(
-            [
-                [a * a + b * b - c * c - d * d, 2.0 * (b * c - a * d), 2.0 * (b * d + a * c)],
-                [2.0 * (b * c + a * d), a * a - b * b + c * c - d * d, 2.0 * (c * d - a * b)],
-                [2.0 * (b * d - a * c), 2.0 * (c * d + a * b), a * a - b * b - c * c + d * d],
-            ]
-        )
+        axes = _axes(states[3:7])
         points = self.position + self.length * states[:3].T @ self.axes.T
         moment = self._moment * states[7:10].T @ self.axes.T
-        return RodPlaces(points, np.einsum("ij,jkn->nik", self.axes, axes), moment)
+        return RodPlaces(points, np.einsum("ij,kjn->nik", self.axes, axes), moment)
 
     def curvature(self, s: Array) -> Array:
         """Curvature (n,) about d3 at positions (n,) [1/m]."""
@@ -267,6 +275,22 @@ class SpaceRod:
             found[inside] = np.where(np.abs(found[inside]) > np.abs(bent), found[inside], bent)
         return found
 
+    def cables(self) -> tuple[float, Array]:
+        """Length that the bend draws in from straight on, per offset in the base [rad], and mean shares of tensions.
+
+        The shares (2,) are those of the left and the right tendon, from the base to where both end.
+        """
+        shape, end = self._bending.shape, self._bending.end
+        drawn, shares = 0.0, np.zeros(2)
+        for a, b, _ in self._solutions:
+            if a >= end:
+                break
+            s, weights = 0.5 * (a + b) + 0.5 * (b - a) * _NODES, 0.5 * (b - a) * _WEIGHTS
+            own = value_of(shape, 0.5 * (a + b))
+            drawn += float((self.curvature(s) * [own(at) for at in s.tolist()]) @ weights)
+            shares += np.exp(np.outer([-1.0, 1.0], self._states(s)[11])) @ weights
+        return drawn, shares / end
+
     def _states(self, s: Array) -> Array:
         """States (13, n) at positions [m]."""
         states = np.full((13, s.size), np.nan)
@@ -279,3 +303,15 @@ class SpaceRod:
     def half(self, s: Array) -> Array:
         """Half the thickness at positions [m]."""
         return np.asarray(self.profile.half_thickness(s))
+
+
+def _axes(quaternion: Array) -> Array:
+    """Rows (3, 3, ...): the axes of sections by their unit quaternions (4, ...), the real part first."""
+    a, b, c, d = quaternion
+    return np.array(
+        [
+            [a * a + b * b - c * c - d * d, 2.0 * (b * c + a * d), 2.0 * (b * d - a * c)],
+            [2.0 * (b * c - a * d), a * a - b * b + c * c - d * d, 2.0 * (c * d + a * b)],
+            [2.0 * (b * d + a * c), 2.0 * (c * d - a * b), a * a - b * b - c * c + d * d],
+        ]
+    )

@@ -58,6 +58,16 @@ class GraspStage(ABC):
         """Greatest moment of a contact about its normal, per normal force [m]."""
         return 0.0
 
+    @property
+    def moves(self) -> list[int]:
+        """Components of the object's small motions, of three shifts and three turns."""
+        return [0, 1, 2, 3, 4, 5]
+
+    @property
+    def axes(self) -> list[int]:
+        """Directions, of a contact's normal, along the surface, and to the side, in which forces answer a push."""
+        return [0, 1, 2]
+
     @abstractmethod
     def section(self, setup: FingerSetup) -> SideStiffness:
         """Section of a finger."""
@@ -101,6 +111,14 @@ class _PlaneStage(GraspStage):
     @property
     def finger_gravity(self) -> Array:
         return self.gravity * [1.0, 1.0, 0.0]
+
+    @property
+    def moves(self) -> list[int]:
+        return [0, 1, 5]
+
+    @property
+    def axes(self) -> list[int]:
+        return [0, 1]
 
     def section(self, setup: FingerSetup) -> SideStiffness:
         return SideStiffness()

@@ -49,7 +49,7 @@ _SHAPES = (
     ((0, 1, 2, 3, 4), (-25 / 12, 48 / 12, -36 / 12, 16 / 12, -3 / 12)),
     ((0, -1, -2, -3, -4), (25 / 12, -48 / 12, 36 / 12, -16 / 12, 3 / 12)),
 )
-_STEP = 1e-3
+STEP = 1e-3
 """Step of these differences, per range of a variable: they are then good to 1e-11, as much as rounding."""
 
 
@@ -74,14 +74,14 @@ class Stencil:
         failures: list[InputError] = []
         for offsets, weights in _SHAPES:
             try:
-                return cls(offsets, weights, tuple(along(offset * _STEP) for offset in offsets))
+                return cls(offsets, weights, tuple(along(offset * STEP) for offset in offsets))
             except InputError as error:
                 failures.append(error)
         raise failures[0]
 
     def difference(self, values: Sequence[Any]) -> Any:
         """Derivative of numbers or arrays, given for each scene."""
-        return sum(weight * value for weight, value in zip(self.weights, values, strict=True)) / _STEP
+        return sum(weight * value for weight, value in zip(self.weights, values, strict=True)) / STEP
 
     def change(self, change: Callable[[GraspScene], GraspScene]) -> Stencil:
         return replace(self, scenes=tuple(change(scene) for scene in self.scenes))
@@ -167,7 +167,7 @@ class HeldGrasp:
         x = self._tangent(near, numbers, low, high)
         samples: list[dict[str, float]] = []
         for offset, scene, there in zip(near.offsets, near.scenes, numbers, strict=True):
-            at = self.attempt.x + offset * _STEP * x
+            at = self.attempt.x + offset * STEP * x
             arrays = self.solver.arrays(scene, replace(self.attempt, x=at, numbers=there))
             samples.append(self._quantities(scene, at, arrays))
         quantities = {name: float(near.difference([sample[name] for sample in samples])) for name in self.quantities}

@@ -39,13 +39,12 @@ from continuum_grasp.grasp.robust.result import ERRORS
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.starts.supports import object_outlines, pinned_by, settle, support_contacts
 from continuum_grasp.grasp.starts.values import ContactStart, GraspStart, Pose
-from continuum_grasp.scene import GraspScene, Robust, Shape
+from continuum_grasp.scene import GraspScene, HandScene, Robust, Shape
 
 OBJECT = len(ERRORS)
 """Columns of errors of the object, before the friction states."""
 BOUNDS = ("position", *(name for name in ERRORS if name not in ("x", "y")))
 """Keys of the bounds of these errors."""
-_SHAPE = Shape(GraspScene)
 
 
 def corners(bounds: Robust) -> Array:
@@ -201,8 +200,9 @@ class InError:
         return self.scene.model_copy(update={"object": body})
 
 
-def scaled(body: Any, factor: float) -> Any:
-    """An object all lengths of whose shape are a factor longer; its pose stays."""
+def scaled(body: Any, factor: float, scene: type[GraspScene | HandScene] = GraspScene) -> Any:
+    """An object of a kind of scene all lengths of whose shape are a factor longer; its pose stays."""
+    shape = Shape(scene)
     data = {"object": body.model_dump()}
 
     def grown(path: tuple[str | int, ...], value: Any) -> Any:
@@ -210,9 +210,9 @@ def scaled(body: Any, factor: float) -> Any:
             return {key: grown((*path, key), entry) for key, entry in value.items()}
         if isinstance(value, list | tuple):
             return tuple(grown((*path, k), entry) for k, entry in enumerate(value))
-        is_length = isinstance(value, float) and _SHAPE.unit(path, data) == "m"
+        is_length = isinstance(value, float) and shape.unit(path, data) == "m"
         return factor * value if is_length else value
 
-    placed = ("position", "free")
+    placed = ("position", "free", "rotation")
     new = {key: value if key in placed else grown(("object", key), value) for key, value in data["object"].items()}
     return type(body)(**new)

@@ -15,7 +15,7 @@ def carried(before: GraspRods, x: Array, problem: GraspRods) -> Array:
     """Unknowns of a problem with as many stages as another, or a multiple, by those of the other."""
     y = np.zeros(problem.size)
     for name, at in problem.at.items():
-        if name in before.at and not name.startswith("node "):
+        if name in before.at and len(before.at[name]) == len(at) and not name.startswith("node "):
             y[at] = x[before.at[name]]
     for index in range(len(problem.parts)):
         _set_nodes(before, x, problem, index, y)
@@ -36,12 +36,11 @@ def _set_nodes(before: GraspRods, x: Array, problem: GraspRods, index: int, y: A
             y[part.nodes[first]] = state
             if k == 0 and node in coarse.touching:
                 state[geometry.moments] = x[coarse.turns[coarse.touching.index(node)]]
-            for between in range(first + 1, first + times):
-                unknowns = [*state, *np.zeros(len(state)), *y[span.force], *y[part.pulls], *y[span.ends]]
-                data = [*finger.acting(span.piece), *span.shares(between)]
-                # The row is where the stage leads less where it ends.
-                state = stage.value(np.array(unknowns), np.array(data), np.zeros(0))
-                y[part.nodes[between]] = state
+            if times > 1:
+                acting = [*y[span.force], *y[part.pulls], *y[span.ends]]
+                nodes = range(first + 1, first + times)
+                data = [[*finger.acting(span.piece, part.along(n)), *span.shares(n)] for n in nodes]
+                y[np.array(part.nodes[first + 1 : first + times])] = kinds.led(stage, state, np.array(acting), data)
     y[part.nodes[-1]] = x[coarse.nodes[-1]]
 
 

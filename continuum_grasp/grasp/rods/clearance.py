@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from continuum_grasp.base import Array
+from continuum_grasp.grasp.rods.guess import nodes_along
+from continuum_grasp.grasp.rods.obstacles import FingerObstacle
 from continuum_grasp.grasp.rods.problem import GraspRods, NearPair, StagePlace
 from continuum_grasp.grasp.rods.rod import between
+from continuum_grasp.grasp.rods.supports import PegSupport
 
 DEEP = 3e-6
 """Depth between nodes at which a row is added there [L]."""
@@ -21,29 +24,56 @@ MISSED, LEANS = 3e-7, 3e-7
 
 
 def deep_places(problem: GraspRods, x: Array) -> list[StagePlace]:
-    """The deepest place of each stage in which a finger is in the object between its nodes."""
-    pose = x[problem.pose]
+    """The deepest place of each stage in which a finger is in the object, or in an obstacle, between its nodes."""
     found = list[StagePlace]()
-    for k, (finger, part) in enumerate(zip(problem.numbers.fingers, problem.parts, strict=True)):
-        states = x[np.array(part.nodes)][:, : problem.geometry.oriented]
-        s = places_of_nodes(problem, x, k)
-        share = (np.arange(1, FINE) / FINE)[:, None]
-        place = between(problem.geometry, states[:-1].T, states[1:].T, np.diff(s), share)
-        gap, _ = problem.numbers.seen(finger, np.stack([part.ravel() for part in place], axis=1), pose)
-        half = finger.half(s[:-1] + np.diff(s) * share)
-        depth = half - gap.reshape(share.size, -1) - problem.numbers.deviation / finger.length
-        for j in np.flatnonzero(depth.max(axis=0) > DEEP).tolist():
-            found.append(StagePlace(k, j + 1, float(share[depth[:, j].argmax(), 0])))
+    for k, finger in enumerate(problem.numbers.fingers):
+        line = _SampledLine(problem, x, k)
+        found += line.deepest(None, line.depth_in_object())
+        for m, obstacle in enumerate(finger.obstacles):
+            found += line.deepest(m, line.depth_in(obstacle, m))
     return found
+
+
+class _SampledLine:
+    """Places of a finger between its nodes: `FINE` - 1 in each stage, the share within the stage first (m, stages)."""
+
+    def __init__(self, problem: GraspRods, x: Array, index: int) -> None:
+        self._problem, self._x, self._index = problem, x, index
+        self.finger = problem.numbers.fingers[index]
+        states = x[np.array(problem.parts[index].nodes)][:, : problem.geometry.oriented]
+        s = places_of_nodes(problem, x, index)
+        self.shares = np.arange(1, FINE) / FINE
+        share = self.shares[:, None]
+        place = between(problem.geometry, states[:-1].T, states[1:].T, np.diff(s), share)
+        self.points = np.stack([part.ravel() for part in place], axis=1)
+        self.half = self.finger.half(s[:-1] + np.diff(s) * share)
+
+    def depth_in_object(self) -> Array:
+        """Depths in the object [L]."""
+        numbers = self._problem.numbers
+        gap, _ = numbers.seen(self.finger, self.points, self._x[self._problem.pose])
+        return np.asarray(self.half - gap.reshape(self.half.shape) - numbers.deviation / self.finger.length)
+
+    def depth_in(self, obstacle: FingerObstacle, index: int) -> Array:
+        """Depths in an obstacle by index, where the finger keeps clear of it [L]."""
+        heights = obstacle.height(self.points).reshape(self.half.shape)
+        depth = np.empty(heights.shape)
+        for j in range(len(heights.T)):
+            at, emerges = self._problem.beside(StagePlace(self._index, j + 1, 0.5, index))
+            clear = obstacle.emerging if emerges and obstacle.emerging is not None else self.half[:, j]
+            depth[:, j] = clear - heights[:, j] if at >= obstacle.first else -np.inf
+        return depth
+
+    def deepest(self, obstacle: int | None, depth: Array) -> list[StagePlace]:
+        """The deepest place of each stage that is deeper than `DEEP`."""
+        rows = depth.argmax(axis=0)
+        deep = np.flatnonzero(depth.max(axis=0) > DEEP).tolist()
+        return [StagePlace(self._index, j + 1, float(self.shares[rows[j]]), obstacle) for j in deep]
 
 
 def places_of_nodes(problem: GraspRods, x: Array, finger: int) -> Array:
     """Places of a finger's nodes along it [L]."""
-    places = [np.zeros(1)]
-    for span in problem.parts[finger].spans:
-        begin, end = x[span.ends]
-        places.append(begin + (end - begin) * np.arange(1, span.stages + 1) / span.stages)
-    return np.concatenate(places)
+    return nodes_along(problem.parts[finger], x)
 
 
 class Crossing:
@@ -113,19 +143,25 @@ class Crossing:
 
 
 def touched_places(problem: GraspRods, x: Array) -> dict[str, Array]:
-    """Places of the contacts of fingers in the object's frame (dimensions,) [object size], by name."""
-    d, found = problem.geometry.dimensions, dict[str, Array]()
-    for finger, part in zip(problem.numbers.fingers, problem.parts, strict=True):
+    """Places in the object's frame (dimensions,) [object size] at which the problem reads its table at contacts, by
+    name: of fingers those of their center lines, of pegs their centers.
+    """
+    d, numbers, found = problem.geometry.dimensions, problem.numbers, dict[str, Array]()
+    pose = x[problem.pose]
+    for finger, part in zip(numbers.fingers, problem.parts, strict=True):
         for name, node in zip(finger.contacts, part.touching, strict=True):
             place = x[part.nodes[node]][None, :d]
-            found[name] = problem.numbers.local(finger, place, x[problem.pose])[0]
+            found[name] = numbers.local(finger, place, pose)[0]
+    for support in numbers.supports:
+        if isinstance(support, PegSupport) and support.touches:
+            found[support.name] = numbers.in_object(support.position, pose)
     return found
 
 
 def table_misses(problem: GraspRods, x: Array) -> bool:
     """Whether the tables at contacts are less exact than they can be: in the distance or the normal."""
     table = problem.numbers.table
-    if problem.numbers.deviation:
+    if table.body.least_step:
         # Facets are less exact than the table of them.
         return False
     least = min(finger.length for finger in problem.numbers.fingers)

@@ -38,8 +38,6 @@ class Geometry(StageEquations):
     """Steps of the fourth-order rule of Runge and Kutta in a stage."""
     finer: int
     """Factor on the stages of a search for the grasp that it returns: directions are exact to 5e-7 rad then."""
-    compiled: bool
-    """Whether kinds of blocks are so large that they are compiled."""
     pose: int
     """Numbers of an object's pose, the place first."""
     axes: int
@@ -55,12 +53,24 @@ class Geometry(StageEquations):
         """Direction of the finger (dimensions,)."""
 
     @abstractmethod
+    def across(self, state: Values) -> Values:
+        """Direction across the finger in the plane of bending (dimensions,)."""
+
+    @abstractmethod
     def bent(self, base: Array, x: float, y: float, angle: float, moment: float) -> Array:
         """State (state,) of a finger that bends about one axis, by what its base (oriented,) sees."""
 
     @abstractmethod
     def turn(self, pose: Values, axes: Values) -> Matrix:
         """Axes of the object as columns."""
+
+    @abstractmethod
+    def section_turn(self, state: Values, change: Values) -> list[Any]:
+        """Small turn (3,) of a section by the change (oriented,) of its place and direction."""
+
+    @abstractmethod
+    def object_turn(self, pose: Values, change: Values) -> list[Any]:
+        """Small turn (3,) of the object by the change (pose,) of its pose."""
 
     @abstractmethod
     def cuts(self, p: Array, q: Array) -> Array:

@@ -13,7 +13,7 @@ from continuum_grasp.base import Array
 from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.geometry import cross, exerted
 from continuum_grasp.grasp.rods.numbers import FingerNumbers
-from continuum_grasp.grasp.rods.problem import FingerPlaces, GraspRods
+from continuum_grasp.grasp.rods.problem import FingerPlaces, GraspRods, StageSpan
 from continuum_grasp.model import SectionForm
 
 Held = Mapping[str, Array]
@@ -25,22 +25,25 @@ _FINE = 800
 class FingerGuess(ABC):
     """Knowledge about a finger from which its unknowns follow."""
 
-    middles: tuple[float, ...]
-    """Places of its middle contacts [L]."""
+    @property
+    @abstractmethod
+    def joints(self) -> tuple[float, ...]:
+        """Places of its middle contacts [L]."""
 
     @abstractmethod
     def fill(self, problem: GraspRods, index: int, x: Array) -> None:
         """Set the unknowns of a finger by index, with the pose as it is in the unknowns."""
 
 
-def filled(problem: GraspRods, guesses: Sequence[FingerGuess], supports: Held) -> Array:
-    """Unknowns from what is known of all fingers, and the forces of supports [F0]."""
+def filled(problem: GraspRods, guesses: Sequence[FingerGuess], supports: Held, pose: Array | None = None) -> Array:
+    """Unknowns from what is known of all fingers, the forces of supports [F0], and the pose if it is another one."""
     numbers, x = problem.numbers, np.zeros(problem.size)
-    x[problem.pose] = numbers.pose
+    x[problem.pose] = numbers.pose if pose is None else pose
     for index, guess in enumerate(guesses):
         guess.fill(problem, index, x)
     for name, held in supports.items():
         x[problem.contacts[name][: len(held)]] = held
+    problem.wind(x)
     problem.bear(x)
     return x
 
@@ -59,6 +62,11 @@ class ShotFinger(FingerGuess):
     held: Sequence[Array]  # (N, f) of each
     lift: float = 0.0
 
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Places of its middle contacts."""
+        return self.middles
+
     def fill(self, problem: GraspRods, index: int, x: Array) -> None:
         """Set the unknowns of a finger by integration from its base."""
         finger, part, geometry = problem.numbers.fingers[index], problem.parts[index], problem.geometry
@@ -71,9 +79,10 @@ class ShotFinger(FingerGuess):
         )
         resisted = bent_moment(finger, 0.0, self.bend)
         base = geometry.bent(finger.base, 0.0, 0.0, 0.0, resisted - load)
-        for slides in (self._still(form), None):
-            state = np.concatenate([base, self._still(form) if slides is not None else -self._slid(form, x, part)])
-            self._shoot(problem, finger, part, x, state)
+        still = self._still(form)
+        self._shoot(problem, finger, part, x, np.concatenate([base, still]))
+        if still.size:
+            self._shoot(problem, finger, part, x, np.concatenate([base, -self._slid(form, x, part)]))
 
     @staticmethod
     def _still(form: SectionForm) -> Array:
@@ -82,7 +91,7 @@ class ShotFinger(FingerGuess):
 
     def _slid(self, form: SectionForm, x: Array, part: FingerPlaces) -> Array:
         """Slides at the tip of tendons that do not slide at the base."""
-        end = x[part.nodes[-1]][-len(form.sliding_names) :] if form.sliding_names else np.zeros(0)
+        end = x[part.nodes[-1]][-len(form.sliding_names) :]
         return np.array([value * name.startswith("slide") for value, name in zip(end, form.sliding_names, strict=True)])
 
     def _ends(self, finger: FingerNumbers) -> list[tuple[float, float]]:
@@ -100,12 +109,13 @@ class ShotFinger(FingerGuess):
         out = self.lift * problem.numbers.force / finger.force
         for span in part.spans:
             x[span.force] = force
-            for node in range(span.first + 1, span.first + span.stages + 1):
-                unknowns = [*state, *np.zeros(len(state)), *force, *x[part.pulls], *x[span.ends]]
-                data = [*finger.acting(span.piece), *span.shares(node)]
-                # The row is where the stage leads less where it ends.
-                state = stage.value(np.array(unknowns), np.array(data), np.zeros(0))
-                x[part.nodes[node]] = state
+            node = span.first + span.stages
+            acting = [*force, *x[part.pulls], *x[span.ends]]
+            nodes = range(span.first + 1, node + 1)
+            data = [[*finger.acting(span.piece, part.along(k)), *span.shares(k)] for k in nodes]
+            states = kinds.led(stage, state, np.array(acting), np.array(data))
+            x[np.array(part.nodes[span.first + 1 : node + 1])] = states
+            state = states[-1]
             if node not in part.touching:
                 continue
             k = part.touching.index(node)
@@ -131,7 +141,7 @@ def bent_moment(finger: FingerNumbers, s: float, curvature: float) -> float:
     numbers = section.numbers(section.piece_at(s))
     place = section.form.at(s, numbers)
     own = [value for of_law in place.own for value in of_law]
-    resisted = section.form.resisting(curvature - place.rest, place.rest, own, numbers, finger.history)
+    resisted = section.form.resisting(curvature - place.rest, place.rest, own, numbers, finger.history[0])
     return float(place.stiffness * resisted)
 
 
@@ -145,6 +155,11 @@ class PosedFinger(FingerGuess):
     pulls: Array  # (2,) moments of the tendons
     held: Held
 
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Places of its middle contacts."""
+        return self.middles
+
     def fill(self, problem: GraspRods, index: int, x: Array) -> None:
         """Set the unknowns of a finger: states along the line, moments by its curvature, forces by its contacts."""
         finger, part, geometry = problem.numbers.fingers[index], problem.parts[index], problem.geometry
@@ -153,7 +168,7 @@ class PosedFinger(FingerGuess):
             part.spans, itertools.pairwise(sorted([*finger.section.places, *self.middles])), strict=True
         ):
             x[span.ends] = ends
-        s = self._nodes(part, x)
+        s = nodes_along(part, x)
         fine = np.union1d(np.linspace(0.0, 1.0, _FINE + 1), s)
         step = np.diff(fine)
         angle = np.concatenate([[0.0], np.cumsum(self._bent(0.5 * (fine[1:] + fine[:-1])) * step)])
@@ -170,15 +185,6 @@ class PosedFinger(FingerGuess):
             state = geometry.bent(finger.base, 0.0, 0.0, angle[i], self._moment(finger, joint, joint + 2e-3))
             x[part.turns[k]] = state[geometry.moments]
         self._forces(problem, finger, part, x)
-
-    @staticmethod
-    def _nodes(part: FingerPlaces, x: Array) -> Array:
-        """Places of the nodes along the finger."""
-        places = [np.zeros(1)]
-        for span in part.spans:
-            begin, end = x[span.ends]
-            places.append(begin + (end - begin) * np.arange(1, span.stages + 1) / span.stages)
-        return np.concatenate(places)
 
     def _bent(self, s: Array | float) -> Array:
         return np.asarray(np.interp(s, self.places, self.curvatures))
@@ -203,3 +209,58 @@ class PosedFinger(FingerGuess):
                 normal = problem.numbers.seen(finger, x[part.nodes[node]][None, :d], x[problem.pose])[1][0]
                 force = force + exerted(self.held[name], normal, finger.across)[:d]
             x[span.force] = force
+
+
+@dataclass(frozen=True, eq=False)
+class ContinuedFinger(FingerGuess):
+    """A finger of a solution, by index, whose numbers have other contacts now: new ones press nothing."""
+
+    before: GraspRods
+    x: Array
+    index: int
+    now: FingerNumbers
+
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Places of its middle contacts: as before, new ones in the middle of their bounds."""
+        part, known = self.before.parts[self.index], self.before.numbers.fingers[self.index]
+        places = {
+            name: float(self.x[part.span_of(node).ends[1]])
+            for name, node in zip(known.contacts, part.touching, strict=True)
+        }
+        pairs = zip(self.now.middles, self.now.places, strict=True)
+        return tuple(float(np.clip(places.get(name, 0.5 * (low + high)), low, high)) for name, (low, high) in pairs)
+
+    def fill(self, problem: GraspRods, index: int, x: Array) -> None:
+        """Set the unknowns of a finger: states between those of the solution, forces of its spans and contacts."""
+        part, former = problem.parts[index], self.before.parts[self.index]
+        x[part.pulls] = self.x[former.pulls]
+        bounds = sorted([*self.now.section.places, *self.joints])
+        for span, ends in zip(part.spans, itertools.pairwise(bounds), strict=True):
+            x[span.ends] = ends
+            x[span.force] = self.x[self._span_at(former, 0.5 * (ends[0] + ends[1])).force]
+        old, new = (nodes_along(one, y) for one, y in ((former, self.x), (part, x)))
+        states = self.x[np.array(former.nodes)]
+        for node, place in zip(part.nodes, new, strict=True):
+            x[node] = [np.interp(place, old, column) for column in states.T]
+        moments = problem.geometry.moments
+        held = {name: self.x[self.before.contacts[name]] for name in self.before.numbers.fingers[self.index].contacts}
+        for name in self.now.contacts:
+            x[problem.contacts[name]] = held.get(name, np.zeros(kinds.HELD))
+        for k, turns in enumerate(part.turns):
+            # Just beyond a contact that was there the moment has its step.
+            beyond = self.joints[k] + 0.5 * float(np.diff(old).min())
+            x[turns] = [np.interp(beyond, old, column) for column in states[:, moments].T]
+
+    def _span_at(self, part: FingerPlaces, place: float) -> StageSpan:
+        """Span of the solution at a place."""
+        return next((span for span in part.spans if place <= self.x[span.ends[1]]), part.spans[-1])
+
+
+def nodes_along(part: FingerPlaces, x: Array) -> Array:
+    """Places of the nodes along a finger [L]."""
+    places = [np.zeros(1)]
+    for span in part.spans:
+        begin, end = x[span.ends]
+        places.append(begin + (end - begin) * np.arange(1, span.stages + 1) / span.stages)
+    return np.concatenate(places)

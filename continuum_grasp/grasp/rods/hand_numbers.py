@@ -14,11 +14,11 @@ from continuum_grasp.grasp.rods.numbers import (
     FingerNumbers,
     GraspAims,
     SceneNumbers,
-    SupportNumbers,
-    WallNumbers,
     unit,
 )
+from continuum_grasp.grasp.rods.obstacles import PlaneObstacle
 from continuum_grasp.grasp.rods.spatial import SPACE, quaternion_of
+from continuum_grasp.grasp.rods.supports import FlatSupport, SupportNumbers
 from continuum_grasp.scene import FingerSetup, HandScene
 
 STEP = 0.42
@@ -34,17 +34,18 @@ def hand_numbers(scene: HandScene, on: frozenset[str], table: DistanceTable) -> 
     frames = PlaneFrame.each(scene)
     fingers = [_finger(scene, setup, frame, on) for setup, frame in zip(scene.setups, frames, strict=True)]
     force = max(scene.weight, *(finger.force for finger in fingers))
-    supports = []
+    supports = list[SupportNumbers]()
     for contact in scene.support_contacts:
         if contact.name not in on:
             continue
         normal = -np.array(contact.support.normal)
         # The axis that is farthest from the normal.
         across = unit(np.cross(normal, np.eye(3)[np.abs(normal).argmin()]))
-        arm = (np.array(contact.position) - solid.com) / size
+        point = (np.array(contact.position) - np.array(solid.position)) @ axes / size
         friction = contact.support.friction * (1.0 - scene.contacts.reserve)
-        most = scene.contacts.normal_force_max / force
-        supports.append(SupportNumbers(contact.name, arm, normal, across, friction, most))
+        limits = contact.name, across, friction, scene.contacts.normal_force_max / force, True
+        level = float(normal @ np.array(contact.support.point)) / size
+        supports.append(FlatSupport(*limits, normal, level, point, 0.0))
     pose = np.array([*(np.array(solid.position) / size), 0.0, 0.0, 0.0])
     count = len(fingers)
     return SceneNumbers(
@@ -66,6 +67,7 @@ def hand_numbers(scene: HandScene, on: frozenset[str], table: DistanceTable) -> 
         penetration=scene.solver.penetration_tolerance,
         deviation=scene.object.deviation,
         least_normal=PRESSED * scene.weight / force if supports else 0.0,
+        reserve=scene.contacts.reserve,
     )
 
 
@@ -74,20 +76,23 @@ def _finger(scene: HandScene, setup: FingerSetup, frame: PlaneFrame, on: frozens
     section: Any = setup.finger
     length, half = section.rod.length, section.thickness_radius
     base, along = (tuple(part.tolist()) for part in (frame.base, frame.axes[:, 1]))
-    walls = []
+    obstacles = []
     for support in scene.supports:
         normal = np.array(support.normal)
         level = float(normal @ np.array(support.point)) / length
-        walls.append(WallNumbers(normal, level, support.clear_from(base, along, half) / length))
+        first = support.clear_from(base, along, half) / length
+        obstacles.append(PlaneObstacle(first, None, support.name, normal, level))
+    placed = np.concatenate([frame.base / length, quaternion_of(frame.axes)])
     return FingerNumbers.of(
         setup,
         on,
         np.array(scene.acceleration),
         sides=(section.cross_section.lateral, section.cross_section.torsion),
-        base=np.concatenate([frame.base / length, quaternion_of(frame.axes)]),
+        base=placed,
+        base_bounds=(placed, placed),
         across=frame.axes[:, 2],
         arm=scene.contacts.torsional_friction / setup.friction / length,
-        walls=tuple(walls),
+        obstacles=tuple(obstacles),
     )
 
 

@@ -15,9 +15,12 @@ from functools import cache
 from typing import Any
 
 import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
 
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.body.table import DistanceTable
-from continuum_grasp.grasp.rods.geometry import Geometry, cross, dot, exerted, transposed, turned
+from continuum_grasp.grasp.rods.geometry import Geometry, Value, cross, dot, exerted, library, transposed, turned
 from continuum_grasp.grasp.rods.rod import THICKNESS, between, half_thickness, taper
 from continuum_grasp.model import RodLoads, SectionForm, stage_end
 from continuum_grasp.nlp import BlockKind, Lookup
@@ -62,8 +65,7 @@ class _Parts:
         """The kind of these symbols."""
         name = name if self._geometry is None else f"{name}_{self._geometry.name}"
         data = ca.vertcat(*self._data) if self._data else ca.SX(0, 1)
-        compiled = self._geometry is not None and self._geometry.compiled
-        return BlockKind(name, ca.vertcat(*self._unknowns), data, ca.vertcat(*rows), lookup, compiled=compiled)
+        return BlockKind(name, ca.vertcat(*self._unknowns), data, ca.vertcat(*rows), lookup)
 
 
 class _Sight:
@@ -76,8 +78,8 @@ class _Sight:
         self, parts: _Parts, geometry: Geometry, place: Sequence[Any], pose: Any, ratio: Any, order: int
     ) -> None:
         d = geometry.dimensions
-        axes, table = parts.datum("axes", geometry.axes), parts.datum("table", 2 * d + 2)
-        self.turn = geometry.turn(pose, axes)
+        self.axes, table = parts.datum("axes", geometry.axes), parts.datum("table", 2 * d + 2)
+        self.turn = geometry.turn(pose, self.axes)
         self.place = [ratio * part for part in geometry.in_space(place)]  # [object size]
         self.center = geometry.place(pose)
         away = [a - b for a, b in zip(self.place, self.center, strict=True)]
@@ -147,6 +149,27 @@ def stage_kind(geometry: Geometry, form: SectionForm) -> BlockKind:
     return parts.kind(f"stage_{form.key}", [a - b for a, b in zip(reached, ca.vertsplit(end), strict=True)])
 
 
+def led(stage: BlockKind, state: Array, acting: Array, data: ArrayLike) -> Array:
+    """States (n, states) at the ends of stages of a kind one after the other, from the one at the begin of the first.
+
+    ``acting`` are the unknowns of a stage beyond its states, ``data`` (n, stage.data) those of each.
+    """
+    given = np.asarray(data, dtype=float)
+    return np.array(_leading(stage, len(given))(state, acting, given.T)).T
+
+
+@cache
+def _leading(stage: BlockKind, count: int) -> ca.Function:
+    """States at the ends of so many stages."""
+    acting, data = ca.MX.sym("acting", stage.unknowns - 2 * stage.count), ca.MX.sym("data", stage.data)
+    state = ca.MX.sym("state", stage.count)
+    # The row is where the stage leads less where it ends.
+    end = stage.values(ca.vertcat(state, ca.MX.zeros(stage.count), acting), data, ca.MX(0, 1))
+    one = ca.Function("led", [state, acting, data], [end])
+    given = ca.MX.sym("given", stage.data, count)
+    return ca.Function("leading", [state, acting, given], [one.mapaccum(count)(state, acting, given)])
+
+
 @cache
 def enter_kind(form: SectionForm) -> BlockKind:
     """Rows: the losses that tendons have where they enter the finger."""
@@ -162,7 +185,8 @@ def enter_kind(form: SectionForm) -> BlockKind:
 @cache
 def contact_kind(geometry: Geometry, *, tip: bool) -> BlockKind:
     """Rows of a contact: the gap, its direction along the finger, the force and the moment beyond it, or at the tip,
-    and the balance of the object (6). Forces have the weight of everything before; ``load`` is that of all at the tip.
+    and the balance of the object (6). Forces have the weight of everything before; ``load`` is that of all at the tip,
+    ``arms`` are those of the weight of a body there.
     """
     parts = _Parts(geometry)
     d, moments = geometry.dimensions, len(geometry.moments)
@@ -175,6 +199,7 @@ def contact_kind(geometry: Geometry, *, tip: bool) -> BlockKind:
     load, center = parts.datum("load", d), parts.datum("center", 3)
     across, thickness = parts.datum("across", 3), parts.datum("thickness", THICKNESS)
     state = ca.vertsplit(at)
+    weighing = _tip_couple(parts, geometry, state) if tip else [0.0] * moments
     sight = _Sight(parts, geometry, state[:d], pose, ratio, 3)
     half, n = half_thickness(thickness, s), sight.normal
     # Directions of the finger and of the surface are the same but for the finger's taper.
@@ -183,12 +208,20 @@ def contact_kind(geometry: Geometry, *, tip: bool) -> BlockKind:
     couple = [part - half * other for part, other in zip(twist, cross(n, on_finger), strict=True)]
     rows = [sight.gap - half, direction]
     rows += [after[k] - force[k] + on_finger[k] + (load[k] if tip else 0.0) for k in range(d)]
-    turning = zip(turns, (state[k] for k in geometry.moments), geometry.moment(couple), strict=True)
-    rows += [last - first + own for last, first, own in turning]
+    turning = zip(turns, (state[k] for k in geometry.moments), geometry.moment(couple), weighing, strict=True)
+    rows += [last - first + own + other for last, first, own, other in turning]
     com = turned(sight.turn, ca.vertsplit(center))
     lever = [sight.place[k] - ratio * half * n[k] - sight.center[k] - com[k] for k in range(3)]
     rows += _on_object([unit * part for part in on_finger], lever, [unit * ratio * part for part in twist])
     return parts.kind("tip" if tip else "middle", rows, sight.lookup)
+
+
+def _tip_couple(parts: _Parts, geometry: Geometry, state: Sequence[Any]) -> list[Any]:
+    """Moment of the weight of a body fastened to the tip, by its mass times where its center is."""
+    arms, gravity = parts.datum("arms", 2), parts.datum("tip gravity", geometry.dimensions)
+    axes = zip(geometry.across(state), geometry.tangent(state), strict=True)
+    arm = geometry.in_space([arms[0] * across + arms[1] * along for across, along in axes])
+    return geometry.moment(cross(arm, geometry.in_space(ca.vertsplit(gravity))))
 
 
 def _on_object(force: Sequence[Any], lever: Sequence[Any], twist: Sequence[Any]) -> list[Any]:
@@ -198,23 +231,138 @@ def _on_object(force: Sequence[Any], lever: Sequence[Any], twist: Sequence[Any])
 
 
 @cache
-def support_kind() -> BlockKind:
-    """Rows (6): the force of a support on an object that does not move."""
-    parts = _Parts()
-    held = parts.unknown("held", HELD)
-    arm, n, across = parts.datum("arm", 3), parts.datum("normal", 3), parts.datum("across", 3)
-    force = exerted(held, ca.vertsplit(n), ca.vertsplit(across))
-    return parts.kind("support", _on_object(force, ca.vertsplit(arm), [0.0] * 3))
+def support_kind(geometry: Geometry) -> BlockKind:
+    """Rows (6): the force of a flat support on the object, which touches it with a ball about a point."""
+    parts = _Parts(geometry)
+    held, pose = parts.unknown("held", HELD), parts.unknown("pose", geometry.pose)
+    n, point, radius = parts.datum("normal", 3), parts.datum("point", 3), parts.datum("radius")
+    across, center, axes = parts.datum("across", 3), parts.datum("center", 3), parts.datum("axes", geometry.axes)
+    force = exerted(held, n := ca.vertsplit(n), ca.vertsplit(across))
+    arm = turned(geometry.turn(pose, axes), ca.vertsplit(point - center))
+    lever = [a + radius * b for a, b in zip(arm, n, strict=True)]
+    return parts.kind("support", _on_object(force, lever, [0.0] * 3))
+
+
+@cache
+def rest_kind(geometry: Geometry) -> BlockKind:
+    """Row: the gap between a flat support and a ball about a point of the object."""
+    parts = _Parts(geometry)
+    pose = parts.unknown("pose", geometry.pose)
+    n, point, radius = parts.datum("normal", 3), parts.datum("point", 3), parts.datum("radius")
+    level, axes = parts.datum("level"), parts.datum("axes", geometry.axes)
+    arm = turned(geometry.turn(pose, axes), ca.vertsplit(point))
+    place = [a + b for a, b in zip(geometry.place(pose), arm, strict=True)]
+    return parts.kind("rest", [level - dot(ca.vertsplit(n), place) - radius])
+
+
+@cache
+def peg_kind(geometry: Geometry) -> BlockKind:
+    """Rows (6): the force of a round peg on the object."""
+    parts = _Parts(geometry)
+    held, pose = parts.unknown("held", HELD), parts.unknown("pose", geometry.pose)
+    position, radius = parts.datum("position", geometry.dimensions), parts.datum("radius")
+    sight = _Sight(parts, geometry, ca.vertsplit(position), pose, 1.0, 3)
+    center, across = parts.datum("center", 3), parts.datum("across", 3)
+    com = turned(sight.turn, ca.vertsplit(center))
+    lever = [sight.place[k] - radius * sight.normal[k] - sight.center[k] - com[k] for k in range(3)]
+    force = exerted(held, sight.normal, ca.vertsplit(across))
+    return parts.kind("peg", _on_object(force, lever, [0.0] * 3), sight.lookup)
+
+
+@cache
+def peg_gap_kind(geometry: Geometry) -> BlockKind:
+    """Row: the gap between a round peg and the object."""
+    parts = _Parts(geometry)
+    pose = parts.unknown("pose", geometry.pose)
+    position, radius = parts.datum("position", geometry.dimensions), parts.datum("radius")
+    sight = _Sight(parts, geometry, ca.vertsplit(position), pose, 1.0, 2)
+    return parts.kind("peg_gap", [sight.gap - radius], sight.lookup)
+
+
+@cache
+def slip_kind(geometry: Geometry, form: SectionForm, *, tip: bool) -> BlockKind:
+    """Rows of a contact (4): shift and turn of the finger's material there past the object's, to first order.
+
+    The shift is along n, a and b [L], the turn about n. Where a contact jumps in curvature, the mean of both sides
+    counts. ``moved``, ``along`` and ``shifted`` are the changes of the node, of its place and of the pose.
+    """
+    parts = _Parts(geometry)
+    d, oriented = geometry.dimensions, geometry.oriented
+    at = ca.vertsplit(parts.unknown("at", states(geometry, form)))
+    turns = [] if tip else ca.vertsplit(ca.vertcat(parts.unknown("turns", len(geometry.moments))))
+    acting, s = parts.acting(geometry, form), parts.unknown("s")
+    pose, moved = parts.unknown("pose", geometry.pose), parts.unknown("moved", oriented)
+    along, shifted = parts.unknown("along"), parts.unknown("shifted", geometry.pose)
+    ratio, across, thickness = parts.datum("ratio"), parts.datum("across", 3), parts.datum("thickness", THICKNESS)
+    sight = _Sight(parts, geometry, at[:d], pose, ratio, 3)
+    before, sliding = at[: geometry.state], at[geometry.state :]
+    sides = [
+        _rates(geometry, form, acting, s, own, sliding) for own in (before, [*before[:oriented], *turns])[: 2 - tip]
+    ]
+    # The node moves along the finger with the contact, its material does not.
+    material = [moved[k] - along * sum(rates[k] for rates in sides) / len(sides) for k in range(oriented)]
+    turn, own_turn = geometry.section_turn(before, material), geometry.object_turn(pose, shifted)
+    n, half = sight.normal, half_thickness(thickness, s)
+    skin = [a - half * b for a, b in zip(geometry.in_space(material[:d]), cross(turn, n), strict=True)]
+    arm = [a - ratio * half * b - c for a, b, c in zip(sight.place, n, sight.center, strict=True)]
+    surface = zip(geometry.place(shifted), cross(own_turn, arm), strict=True)
+    apart = [a - (b + c) / ratio for a, (b, c) in zip(skin, surface, strict=True)]
+    beside = exerted([0.0, 1.0, 0.0], n, ca.vertsplit(across))
+    rows = [dot(n, apart), dot(beside, apart), dot(cross(n, beside), apart), dot(n, turn) - dot(n, own_turn)]
+    return parts.kind(f"slip_{'tip' if tip else 'middle'}_{form.key}", rows, sight.lookup)
+
+
+def _rates(
+    geometry: Geometry, form: SectionForm, acting: RodLoads, s: ca.SX, own: Sequence[Any], sliding: Sequence[Any]
+) -> Sequence[Any]:
+    """Derivatives of a finger's own states along it at a place; those of moments are not used."""
+    _, total = form.curvature(s, geometry.bending(own), acting.pulls, sliding, acting.numbers, acting.history)
+    stiffness = form.at(s, acting.numbers).stiffness
+    return geometry.rates(own, ca.vertsplit(ca.vertcat(acting.force)), total, stiffness, ca.vertsplit(acting.sides))
+
+
+@cache
+def rate_kind(geometry: Geometry, form: SectionForm) -> BlockKind:
+    """Rows (oriented): derivatives of place and direction along the finger at a node."""
+    parts = _Parts(geometry)
+    at, acting = ca.vertsplit(parts.unknown("at", states(geometry, form))), parts.acting(geometry, form)
+    ends, u = parts.unknown("ends", 2), parts.datum("u")
+    s = ends[0] + u * (ends[1] - ends[0])
+    rates = _rates(geometry, form, acting, s, at[: geometry.state], at[geometry.state :])
+    return parts.kind(f"rate_{form.key}", rates[: geometry.oriented])
+
+
+@cache
+def support_slip_kind(geometry: Geometry) -> BlockKind:
+    """Rows of a support, to first order: shift of the object there along n, a and b (3), and the moment on the object
+    as its center of mass shifts and the contact rolls (3). ``rolls`` is the way of the contact per turn, a tensor.
+    """
+    parts = _Parts(geometry)
+    held, pose = parts.unknown("held", HELD), parts.unknown("pose", geometry.pose)
+    shifted = parts.unknown("shifted", geometry.pose)
+    arm, n, across = (ca.vertsplit(parts.datum(name, 3)) for name in ("arm", "normal", "across"))
+    center, rolls = ca.vertsplit(parts.datum("center", 3)), parts.datum("rolls", 9)
+    axes = parts.datum("axes", geometry.axes)
+    turn = geometry.object_turn(pose, shifted)
+    com = cross(turn, turned(geometry.turn(pose, axes), center))
+    com = [a + b for a, b in zip(geometry.place(shifted), com, strict=True)]
+    moved = [a + b for a, b in zip(com, cross(turn, arm), strict=True)]
+    rolled = turned([[rolls[3 * i + j] for j in range(3)] for i in range(3)], cross(n, turn))
+    lever = [a - b for a, b in zip(rolled, com, strict=True)]
+    beside = exerted([0.0, 1.0, 0.0], n, across)
+    rows = [dot(n, moved), dot(beside, moved), dot(cross(n, beside), moved)]
+    return parts.kind("support_slip", [*rows, *(-part for part in cross(lever, exerted(held, n, across)))])
 
 
 @cache
 def free_tip_kind(geometry: Geometry) -> BlockKind:
-    """Rows: at a tip that touches nothing, the force is that of its load and the moment is zero."""
+    """Rows: at a tip that touches nothing, force and moment are those of the weight there."""
     parts = _Parts(geometry)
     d = geometry.dimensions
-    moments, force = parts.unknown("moments", len(geometry.moments)), parts.unknown("force", d)
+    at, force = ca.vertsplit(parts.unknown("at", geometry.state)), parts.unknown("force", d)
     load = parts.datum("load", d)
-    return parts.kind("free_tip", [*(load[k] - force[k] for k in range(d)), *ca.vertsplit(ca.vertcat(moments))])
+    moments = zip((at[k] for k in geometry.moments), _tip_couple(parts, geometry, at), strict=True)
+    return parts.kind("free_tip", [*(load[k] - force[k] for k in range(d)), *(own - other for own, other in moments)])
 
 
 @cache
@@ -227,6 +375,66 @@ def cone_kind(*, spatial: bool) -> BlockKind:
     if spatial:
         return parts.kind("cone", [most - ca.sqrt(ca.sumsqr(held[1:]) + apex**2)])
     return parts.kind("wedge", [most - held[1], most + held[1]])
+
+
+@cache
+def pushed_kind(directions: int) -> BlockKind:
+    """Rows: a contact is within its cone for changes of its force in every direction of a push.
+
+    The normal force less, and with, what the push changes of it; then f' S f - e - sum l^2 over the last row of L; then
+    L L' less the rest of the matrix. With S = diag(mu^2, -1, -1, -1), load f and changes G (4, directions), all f + G d,
+    |d| <= 1, are within the cone if some e >= 0 and lower triangular L make
+
+        [ G' S G + e 1    G' S f     ]
+        [ f' S G          f' S f - e ]  =  L L',
+
+    that is, positive semidefinite (`continuum_grasp.grasp.certificate.push`). The last entry of L is a bound. Pivots in
+    place of L would not do: the last one has the sign of a fraction where another one is zero.
+    """
+    parts, size = _Parts(), directions + 1
+    held, changes = parts.unknown("held", HELD), parts.unknown("changes", HELD * directions)
+    spare, entries = parts.unknown("spare"), parts.unknown("factor", size * (size + 1) // 2 - 1)
+    friction = parts.datum("friction")
+    slope = ca.reshape(changes, HELD, directions)
+    matrix = pushed_matrix(slope, held, friction, spare)
+    places = [(i, j) for i in range(size) for j in range(i + 1)]
+    factor = ca.SX(size, size)
+    for k, place in enumerate(places[:-1]):
+        factor[place] = entries[k]
+    square = factor @ factor.T
+    # 1e-24: keeps the root differentiable where nothing changes
+    opening = ca.sqrt(ca.sumsqr(slope[0, :]) + 1e-24)
+    left = [square[place] - matrix[place] for place in places]
+    return parts.kind(f"pushed_{directions}", [held[0] - opening, held[0] + opening, -left[-1], *left[:-1]])
+
+
+def pushed_matrix(slope: Any, load: Any, friction: Value, spare: Value) -> Any:
+    """Matrix (K + 1, K + 1) of `pushed_kind` by the changes (4, K) of a load (4,); of CasADi or NumPy."""
+    lib = library(load)
+    whole = ca.horzcat(slope, load) if lib is ca else np.column_stack([slope, load])
+    form = [friction**2, *[-1.0] * (HELD - 1)]
+    form = ca.diag(ca.vertcat(*form)) if lib is ca else np.diag(form)
+    count = whole.shape[1] - 1
+    spares = ca.diag(ca.vertcat(*[spare] * count, -spare)) if lib is ca else np.diag([*[spare] * count, -spare])
+    return whole.T @ form @ whole + spares
+
+
+@cache
+def moved_kind() -> BlockKind:
+    """Rows (2): normal force of a contact after a change, and what its friction cone leaves then."""
+    parts = _Parts()
+    held, change = parts.unknown("held", HELD), parts.unknown("change", HELD)
+    friction, apex = parts.datum("friction"), parts.datum("apex")
+    now = held + change
+    return parts.kind("moved", [now[0], friction * now[0] - ca.sqrt(ca.sumsqr(now[1:]) + apex**2)])
+
+
+@cache
+def sum_kind() -> BlockKind:
+    """Row: the sum of two unknowns."""
+    parts = _Parts()
+    first, last = parts.unknown("first"), parts.unknown("last")
+    return parts.kind("sum", [first + last])
 
 
 @cache
@@ -244,15 +452,44 @@ def clear_kind(geometry: Geometry) -> BlockKind:
     return parts.kind("clear", [sight.gap - half], sight.lookup)
 
 
+def _beside(parts: _Parts, geometry: Geometry) -> tuple[Any, Any]:
+    """Place of a stage (dimensions,), and what is to be clear there: half a thickness, or a height if it emerges."""
+    begin, end = parts.unknown("begin", geometry.oriented), parts.unknown("end", geometry.oriented)
+    ends = parts.unknown("ends", 2)
+    u0, u1, share = (parts.datum(name) for name in ("u0", "u1", "share"))
+    emerging, height, thickness = parts.datum("emerging"), parts.datum("height"), parts.datum("thickness", THICKNESS)
+    span = ends[1] - ends[0]
+    place = between(geometry, ca.vertsplit(begin), ca.vertsplit(end), span * (u1 - u0), share)
+    half = half_thickness(thickness, ends[0] + (u0 + share * (u1 - u0)) * span)
+    return ca.vertcat(*place), (1.0 - emerging) * half + emerging * height
+
+
 @cache
 def wall_kind(geometry: Geometry) -> BlockKind:
-    """Row: the height of a node above a plane, less half a thickness; nothing is taken off where it emerges."""
+    """Row: the height of a place of a stage above a plane, less what is to be clear there."""
     parts = _Parts(geometry)
-    at, ends = parts.unknown("at", geometry.dimensions), parts.unknown("ends", 2)
-    u, height, emerging = (parts.datum(name) for name in ("u", "height", "emerging"))
-    n, thickness = parts.datum("normal", geometry.dimensions), parts.datum("thickness", THICKNESS)
-    half = (1.0 - emerging) * half_thickness(thickness, ends[0] + u * (ends[1] - ends[0]))
-    return parts.kind("wall", [ca.dot(n, at) - height - half])
+    place, clear = _beside(parts, geometry)
+    n, level = parts.datum("normal", geometry.dimensions), parts.datum("level")
+    return parts.kind("wall", [ca.dot(n, place) - level - clear])
+
+
+@cache
+def post_kind(geometry: Geometry) -> BlockKind:
+    """Row: the distance of a place of a stage from a segment with a radius, less what is to be clear there."""
+    parts = _Parts(geometry)
+    place, clear = _beside(parts, geometry)
+    first, last = (parts.datum(name, geometry.dimensions) for name in ("first", "last"))
+    away = _from_chord(place, first, last)
+    # 1e-16: a distance with derivatives everywhere
+    return parts.kind("post", [ca.sqrt(ca.sumsqr(away) + 1e-16) - parts.datum("radius") - clear])
+
+
+def _from_chord(place: Any, first: Any, last: Any) -> Any:
+    """Way (dimensions,) to a place from the nearest point of a chord."""
+    along = last - first
+    # 1e-12: no division by zero where a chord has no length
+    share = ca.fmin(ca.fmax(ca.dot(place - first, along) / (ca.sumsqr(along) + 1e-12), 0.0), 1.0)
+    return place - first - share * along
 
 
 @cache
@@ -266,6 +503,30 @@ def bend_kind(geometry: Geometry, form: SectionForm) -> BlockKind:
     s = ends[0] + u * (ends[1] - ends[0])
     bend, _ = form.curvature(s, geometry.bending(own), acting.pulls, sliding, acting.numbers, acting.history)
     return parts.kind(f"bend_{form.key}", [bend])
+
+
+@cache
+def landing_kind(geometry: Geometry) -> BlockKind:
+    """Rows (dimensions - 1): along its surface, an object is touched where a tip landed on it.
+
+    The tip is where the object touches it in ``first``, a grasp in which the object has the pose ``landed`` less an
+    error ``off``; the object was off before it yielded to the tip.
+    """
+    parts = _Parts(geometry)
+    d = geometry.dimensions
+    at, pose = parts.unknown("at", d), parts.unknown("pose", geometry.pose)
+    first, landed = parts.unknown("first", d), parts.unknown("landed", geometry.pose)
+    ratio, off, across = parts.datum("ratio"), parts.datum("off", geometry.pose), parts.datum("across", 3)
+    sight = _Sight(parts, geometry, ca.vertsplit(at), pose, ratio, 3)
+    before = ca.vertsplit(landed + off)
+    center, turn = geometry.place(before), geometry.turn(before, sight.axes)
+    place = geometry.in_space([ratio * part for part in ca.vertsplit(first)])
+    own = turned(transposed(turn), [a - b for a, b in zip(place, center, strict=True)])
+    moved = zip(sight.place, sight.center, turned(sight.turn, own), strict=True)
+    away = [place - center - part for place, center, part in moved]
+    a = cross(ca.vertsplit(across), sight.normal)
+    along = [dot(a, away), dot(cross(sight.normal, a), away)]
+    return parts.kind("landing", along[: d - 1], sight.lookup)
 
 
 @cache
@@ -289,9 +550,5 @@ def chord_kind(geometry: Geometry) -> BlockKind:
     parts = _Parts(geometry)
     node, first, last = (parts.unknown(name, geometry.dimensions) for name in ("node", "first", "last"))
     ratio, reach = parts.datum("ratio"), parts.datum("reach")
-    a, b = ratio * first, ratio * last
-    along = b - a
-    # 1e-12: no division by zero where a chord has no length
-    share = ca.fmin(ca.fmax(ca.dot(node - a, along) / (ca.sumsqr(along) + 1e-12), 0.0), 1.0)
-    away = node - a - share * along
+    away = _from_chord(node, ratio * first, ratio * last)
     return parts.kind("chord", [(ca.sumsqr(away) - reach**2) / (2.0 * reach)])

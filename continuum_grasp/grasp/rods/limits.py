@@ -1,297 +1,379 @@
-"""Reasons why a scene has no grasp: its limits, one at a time, widened at a cost in the same problem.
+"""Limits of a scene that may be in the way of a grasp, in the plane and of hands.
 
-A limit says how the problem is widened, how much of that a solution uses, and how the scene's keys change by as much.
-The least amount is found by going down: from the amount that the cost leaves, until 0.97 of it holds from no start.
+A limit says how a problem is widened, how much of that a solution uses, and how the scene's keys change by as much.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.base import Array, Indices, InputError
+from continuum_grasp.base import Array, Indices
 from continuum_grasp.grasp.rods import kinds
+from continuum_grasp.grasp.rods.numbers import FingerNumbers, SceneNumbers
 from continuum_grasp.grasp.rods.problem import GraspRods
-from continuum_grasp.grasp.rods.search import RodSearch
-from continuum_grasp.grasp.rods.solving import RodGrasp
-from continuum_grasp.grasp.values import Reason
-from continuum_grasp.scene import GraspScene
+from continuum_grasp.scene import FingerSetup, GraspScene, HandScene, MotorDrive
 
+AnyGraspScene = GraspScene | HandScene
 FAR = 16.0
-"""Factor on a limit from which on it is no reason."""
-COST = 3.0
-"""Cost of a limit's relative amount, of which an unborne force costs 100 and all tensions together 1."""
-SURE = 0.97
-"""Share of a change that must not hold."""
-STARTS = 6
-"""Starts from which a limit is widened."""
+"""Factor on a limit from which on it is no reason [1]."""
 MOVED = 0.1
-"""Greatest shift of a base that is tried, per length."""
-UNUSUAL = 1.0
-"""Friction coefficient that few surfaces have."""
+"""Greatest shift of a base that is tried, per length of the finger [1]: farther is another hand."""
+SHIFTED = 0.5
+"""Greatest shift of the object that is tried, per size [1]: farther, other parts of it are touched."""
+DIGITS = 6
+"""Digits of places per size or length [1]: an object touches a support to within 1e-6 of its size."""
+
+
+@dataclass(frozen=True)
+class KeyNumber:
+    """A number that a scene states, a part of which a limit multiplies."""
+
+    key: str
+    value: float
+    unit: str
+    apart: float = 0.0  # part of it that is not multiplied
+
+    def times(self, factor: float) -> float:
+        """Return it with the limit times a factor, rounded beyond that to four digits."""
+        return _beyond(self.apart + factor * (self.value - self.apart), up=factor > 1.0)
+
+
+def _beyond(value: float, *, up: bool) -> float:
+    """A number of four digits beyond another."""
+    digit = 10.0 ** (math.floor(math.log10(abs(value))) - 3) if value else 1.0
+    # 1e-9: a number of four digits stays as it is
+    away = math.ceil(value / digit - 1e-9) if up else math.floor(value / digit + 1e-9)
+    return float(f"{away * digit:.4g}")
 
 
 class WidenedLimit(ABC):
     """A limit of a scene that may be in the way of a grasp."""
 
     name: ClassVar[str]
-    unit: ClassVar[str]
+    loads: ClassVar[bool] = False
+    """Whether it is about the weight and the forces that bear it, wherever fingers touch."""
 
-    def applies(self, scene: GraspScene) -> bool:
+    def applies(self, scene: AnyGraspScene) -> bool:
         """Whether a scene has this limit."""
         return True
 
+    def loosened(self, numbers: SceneNumbers) -> SceneNumbers:
+        """Give the numbers of a scene that has the limit no more."""
+        return numbers
+
     @abstractmethod
-    def widen(self, problem: GraspRods) -> None:
-        """Let the problem go beyond the limit, at a cost."""
+    def widen(self, problem: GraspRods, cost: float) -> None:
+        """Let the problem go beyond the limit, at a cost of its relative amount."""
 
     @abstractmethod
     def used(self, problem: GraspRods, x: Array) -> float:
         """Relative amount, zero or more, by which a solution goes beyond the limit."""
 
     @abstractmethod
-    def changes(self, scene: GraspScene, amount: float, grasp: RodGrasp) -> dict[str, Any]:
-        """Changes of keys of a scene that widen its limit by a relative amount, towards a grasp that uses it."""
+    def changes(self, scene: AnyGraspScene, amount: float, problem: GraspRods, x: Array) -> dict[str, Any]:
+        """Changes of keys of a scene that widen its limit by a relative amount, towards a solution that uses it."""
+
+    @abstractmethod
+    def words(self, scene: AnyGraspScene, changes: dict[str, Any]) -> tuple[str, str, float, float]:
+        """Return a sentence about the changes, the unit, the limit, and the number that is needed."""
 
 
-def _multiplied(scene: GraspScene, paths: Mapping[str, float | None], factor: float) -> dict[str, Any]:
-    """Changes by a factor of the numbers that a scene states, by their paths."""
-    return {path: _rounded(factor * value, factor) for path, value in paths.items() if value}
+class NumberLimit(WidenedLimit):
+    """A limit of numbers in the scene, all of which are multiplied by the same factor."""
+
+    sentence: ClassVar[str]
+    grows: ClassVar[bool] = True
+
+    @abstractmethod
+    def numbers(self, scene: AnyGraspScene) -> Iterator[KeyNumber]:
+        """Return the numbers, the one that the sentence is about first."""
+
+    def applies(self, scene: AnyGraspScene) -> bool:
+        """Whether a scene has this limit."""
+        return any(math.isfinite(number.value) and number.value > 0.0 for number in self.numbers(scene))
+
+    def changes(self, scene: AnyGraspScene, amount: float, problem: GraspRods, x: Array) -> dict[str, Any]:
+        """Changes of the numbers."""
+        factor = 1.0 + amount if self.grows else 1.0 - amount
+        return {number.key: number.times(factor) for number in self.numbers(scene) if number.value}
+
+    def words(self, scene: AnyGraspScene, changes: dict[str, Any]) -> tuple[str, str, float, float]:
+        """Return a sentence about the first number."""
+        number = next(number for number in self.numbers(scene) if number.key in changes)
+        needed = float(changes[number.key])
+        text = self.sentence.format(limit=shown(number.value, number.unit), needed=shown(needed, number.unit))
+        return text, number.unit, number.value, needed
 
 
-def _rounded(value: float, factor: float) -> float:
-    """A number of four digits beyond another, up for factors above one, else down."""
-    digit = 10.0 ** (math.floor(math.log10(abs(value))) - 3)
-    away = math.ceil if factor > 1.0 else math.floor
-    return float(f"{away(value / digit) * digit:.4g}")
-
-
-def _fingers(scene: GraspScene) -> dict[str, str]:
-    """Path of each finger by name."""
-    return {setup.name: setup.where for setup in scene.setups}
-
-
-class WidenedFriction(WidenedLimit):
+class WidenedFriction(NumberLimit):
     """Friction coefficients of all contacts."""
 
-    name, unit = "friction", "1"
+    name = "friction"
+    loads = True
+    sentence = "friction is too low: its coefficient is {limit}, and a grasp needs {needed}"
 
-    def widen(self, problem: GraspRods) -> None:
+    def numbers(self, scene: AnyGraspScene) -> Iterator[KeyNumber]:
+        """Return those of all contacts, of supports and of fingers."""
+        yield KeyNumber("contacts.friction", scene.contacts.friction, "1")
+        yield from (KeyNumber(f"{key}.friction", value, "1") for key, value in _own_frictions(scene))
+        yield from _stated(scene, "friction", "1")
+
+    def widen(self, problem: GraspRods, cost: float) -> None:
+        """Let the friction margin be negative."""
         problem.bound(problem.margin, low=1.0 - FAR)
-        problem.cost(problem.margin, -COST)
+        problem.cost(problem.margin, -cost)
 
     def used(self, problem: GraspRods, x: Array) -> float:
+        """Share by which friction exceeds its limit."""
         return max(0.0, -float(x[problem.margin][0]))
 
-    def changes(self, scene: GraspScene, amount: float, grasp: RodGrasp) -> dict[str, Any]:
-        paths: dict[str, float | None] = {"contacts.friction": scene.contacts.friction}
+
+def _own_frictions(scene: AnyGraspScene) -> Iterator[tuple[str, float]]:
+    """Keys of supports with a friction coefficient of their own."""
+    if isinstance(scene, GraspScene):
         for name, body in (scene.supports or {}).items():
-            paths[f"supports.{name}.friction"] = body.friction
-        for setup in scene.setups:
-            own = setup.finger.contacts.stated().get("friction")
-            paths[f"{setup.where}.contacts.friction"] = own
-        return _multiplied(scene, paths, 1.0 + amount)
+            if body.friction is not None:
+                yield f"supports.{name}", body.friction
+    else:
+        yield from ((body.key, body.friction) for body in scene.supports if body.has_own_friction)
 
 
-class WidenedTension(WidenedLimit):
-    """Greatest tensions of all tendons."""
+def _stated(scene: AnyGraspScene, key: str, unit: str) -> Iterator[KeyNumber]:
+    """A key of ``contacts`` where fingers have one of their own."""
+    for setup in _different(scene):
+        value = setup.finger.contacts.stated().get(key)
+        if value is not None:
+            yield KeyNumber(f"{setup.where}.contacts.{key}", value, unit)
 
-    name, unit = "tension", "N"
 
-    def widen(self, problem: GraspRods) -> None:
-        more = problem.unknown("more tension", 0.0, FAR - 1.0)
-        problem.cost(more, COST)
+def _different(scene: AnyGraspScene) -> Iterator[FingerSetup]:
+    """Fingers of a scene that have keys of their own."""
+    yield from {setup.where: setup for setup in scene.setups}.values()
+
+
+class WidenedBounds(NumberLimit):
+    """A limit that is an upper bound of unknowns."""
+
+    @abstractmethod
+    def bounds(self, problem: GraspRods) -> Iterator[tuple[int, float, float]]:
+        """Places of unknowns, their bounds, and by how much those grow per relative amount."""
+
+    def widen(self, problem: GraspRods, cost: float) -> None:
+        """Let the unknowns exceed their bounds by a share of them."""
+        more = problem.unknown(f"more {self.name}", 0.0, FAR - 1.0)
+        problem.cost(more, cost)
+        for at, most, grows in list(self.bounds(problem)):
+            problem.bound(at, high=np.inf)
+            row = problem.rows("widened", "limit", "1", 1, 1.0, -most, np.inf)
+            problem.add(kinds.share_kind(), more, row, [grows])
+            problem.add(kinds.share_kind(), np.array([at]), row, [-1.0])
+
+    def used(self, problem: GraspRods, x: Array) -> float:
+        """Share by which bounds are exceeded."""
+        return max(0.0, float(x[problem.at[f"more {self.name}"]][0]))
+
+
+class WidenedTension(WidenedBounds):
+    """Greatest tensions of all tendons, and torques of motors that limit them."""
+
+    name = "tension"
+    sentence = "the tendons are too weak: {limit} at most, and a grasp needs {needed}"
+
+    def numbers(self, scene: AnyGraspScene) -> Iterator[KeyNumber]:
+        """Return tensions, and torques less what friction of the motor takes."""
+        for setup in _different(scene):
+            law = setup.drive
+            if law is not None and isinstance(law.drive, MotorDrive) and not law.pulley:
+                motor = law.drive
+                yield KeyNumber(
+                    f"{setup.where}.tendons.drive.torque_max", motor.torque_max, "N m", motor.coulomb_friction
+                )
+            if law is None or setup.max_tension >= setup.tendons.max_tension:
+                yield KeyNumber(f"{setup.where}.tendons.max_tension", setup.tendons.max_tension, "N")
+
+    def bounds(self, problem: GraspRods) -> Iterator[tuple[int, float, float]]:
+        """Pulls of tendons that are used: they are above the least ones."""
         for part, finger in zip(problem.parts, problem.numbers.fingers, strict=True):
             for at, most, pull in zip(part.pulls, finger.pulls, finger.section.pulls, strict=True):
                 if most > 0.0:
-                    _share(problem, at, most, most + pull.least, more)
-
-    def used(self, problem: GraspRods, x: Array) -> float:
-        return float(x[problem.at["more tension"]][0])
-
-    def changes(self, scene: GraspScene, amount: float, grasp: RodGrasp) -> dict[str, Any]:
-        paths = {f"{setup.where}.tendons.max_tension": setup.tendons.max_tension for setup in scene.setups}
-        return _multiplied(scene, paths, 1.0 + amount)
+                    yield int(at), most, most + pull.least
 
 
-class WidenedNormalForce(WidenedLimit):
+class WidenedNormalForce(WidenedBounds):
     """Greatest normal forces of all contacts."""
 
-    name, unit = "normal force", "N"
+    name = "normal force"
+    loads = True
+    sentence = "contacts must bear more: {limit} is allowed, and a grasp needs {needed}"
 
-    def applies(self, scene: GraspScene) -> bool:
-        return math.isfinite(scene.contacts.normal_force_max)
+    def numbers(self, scene: AnyGraspScene) -> Iterator[KeyNumber]:
+        """Return those of all contacts and of fingers."""
+        if math.isfinite(scene.contacts.normal_force_max):
+            yield KeyNumber("contacts.normal_force_max", scene.contacts.normal_force_max, "N")
+        yield from _stated(scene, "normal_force_max", "N")
 
-    def widen(self, problem: GraspRods) -> None:
-        more = problem.unknown("more force", 0.0, FAR - 1.0)
-        problem.cost(more, COST)
-        _, high = problem.limits
+    def bounds(self, problem: GraspRods) -> Iterator[tuple[int, float, float]]:
+        """Normal forces."""
+        high = problem.limits[1]
         for held in problem.contacts.values():
             if math.isfinite(high[held[0]]):
-                _share(problem, held[0], high[held[0]], high[held[0]], more)
-
-    def used(self, problem: GraspRods, x: Array) -> float:
-        return float(x[problem.at["more force"]][0])
-
-    def changes(self, scene: GraspScene, amount: float, grasp: RodGrasp) -> dict[str, Any]:
-        paths: dict[str, float | None] = {"contacts.normal_force_max": scene.contacts.normal_force_max}
-        for setup in scene.setups:
-            own = setup.finger.contacts.stated().get("normal_force_max")
-            paths[f"{setup.where}.contacts.normal_force_max"] = own
-        return _multiplied(scene, paths, 1.0 + amount)
+                yield int(held[0]), high[held[0]], high[held[0]]
 
 
-class WidenedMass(WidenedLimit):
+class WidenedMass(NumberLimit):
     """Mass of the object."""
 
-    name, unit = "mass", "kg"
+    name = "mass"
+    loads = True
+    sentence = "the object is too heavy: {limit}, of which a grasp holds {needed}"
+    grows = False
 
-    def applies(self, scene: GraspScene) -> bool:
-        return scene.object.mass > 0.0 and any(scene.gravity)
+    def applies(self, scene: AnyGraspScene) -> bool:
+        """Whether the object has a weight."""
+        return scene.weight > 0.0
 
-    def widen(self, problem: GraspRods) -> None:
-        less = problem.unknown("less mass", 0.0, 1.0)
-        problem.cost(less, COST)
-        for row, weight in zip(problem.balance, problem.numbers.weight, strict=True):
-            if weight:
-                problem.add(kinds.share_kind(), less, [row], [-weight])
+    def numbers(self, scene: AnyGraspScene) -> Iterator[KeyNumber]:
+        """Return mass or density."""
+        if scene.object.mass is not None:
+            yield KeyNumber("object.mass", scene.object.mass, "kg")
+        elif (density := getattr(scene.object, "density", None)) is not None:
+            yield KeyNumber("object.density", density, "kg/m3")
 
-    def used(self, problem: GraspRods, x: Array) -> float:
-        return float(x[problem.at["less mass"]][0])
-
-    def changes(self, scene: GraspScene, amount: float, grasp: RodGrasp) -> dict[str, Any]:
-        return _multiplied(scene, {"object.mass": scene.object.mass}, 1.0 - amount)
-
-
-def _share(problem: GraspRods, at: int, most: float, greatest: float, more: Indices) -> None:
-    """Let an unknown exceed its bound by a share of its greatest value."""
-    problem.bound(at, high=np.inf)
-    row = problem.rows("widened", "limit", "1", 1, 1.0, -most, np.inf)
-    problem.add(kinds.share_kind(), more, row, [greatest])
-    problem.add(kinds.share_kind(), at, row, [-1.0])
-
-
-class WidenedBase(WidenedLimit):
-    """Places of the bases that may not move by themselves."""
-
-    name, unit = "base place", "m"
-
-    def applies(self, scene: GraspScene) -> bool:
-        return all(setup.finger.base_free is None for setup in scene.setups)
-
-    def widen(self, problem: GraspRods) -> None:
-        for part, finger in zip(problem.parts, problem.numbers.fingers, strict=True):
-            for at, place in zip(part.nodes[0][:2], finger.base[:2], strict=True):
-                problem.bound(at, low=place - MOVED, high=place + MOVED)
-                problem.cost(at, -2.0 * COST / MOVED * place, 2.0 * COST / MOVED)
+    def widen(self, problem: GraspRods, cost: float) -> None:
+        """Let a share of the weight be gone."""
+        less = problem.unknown("less mass", 0.0, 1.0 - 1.0 / FAR)
+        problem.cost(less, cost)
+        problem.add_load_share(less)
 
     def used(self, problem: GraspRods, x: Array) -> float:
-        return max(float(np.linalg.norm(shift)) for shift in self._shifts(problem, x))
+        """Share of the mass that is too much."""
+        return max(0.0, float(x[problem.at["less mass"]][0]))
 
-    def changes(self, scene: GraspScene, amount: float, grasp: RodGrasp) -> dict[str, Any]:
-        problem, x = grasp.problem, grasp.attempt.x
+
+class WidenedPlace(WidenedLimit):
+    """Places that are fixed: of the bases or of the object."""
+
+    what: ClassVar[str]
+    farthest: ClassVar[float]
+    """Greatest way that is tried, in the unit of the place [1]."""
+
+    @abstractmethod
+    def placed(self, problem: GraspRods) -> Iterator[tuple[Indices, Array, float]]:
+        """Unknown places, where the scene has them, and their unit [m]."""
+
+    @abstractmethod
+    def keys(self, scene: AnyGraspScene) -> Iterator[tuple[str, Any]]:
+        """Keys of the places, and the positions there [m]."""
+
+    def widen(self, problem: GraspRods, cost: float) -> None:
+        """Let the places move, at a cost of the square of the way."""
+        for at, place, _ in self.placed(problem):
+            for one, value in zip(at, place, strict=True):
+                problem.bound(one, low=value - self.farthest, high=value + self.farthest)
+                problem.cost(one, -2.0 * cost / self.farthest**2 * value, 2.0 * cost / self.farthest**2)
+
+    def used(self, problem: GraspRods, x: Array) -> float:
+        """Greatest way, per the greatest one that is tried."""
+        return max(float(np.linalg.norm(x[at] - place)) / self.farthest for at, place, _ in self.placed(problem))
+
+    def changes(self, scene: AnyGraspScene, amount: float, problem: GraspRods, x: Array) -> dict[str, Any]:
+        """Positions on the way to those of a solution."""
         share = amount / max(self.used(problem, x), 1e-12)
         changes = dict[str, Any]()
-        for setup, finger, shift in zip(scene.setups, problem.numbers.fingers, self._shifts(problem, x), strict=True):
-            place = np.array(setup.finger.base.position) + share * finger.length * shift
-            changes[f"{setup.where}.base.position"] = tuple(float(f"{value:.4g}") for value in place)
+        for (key, position), (at, place, unit) in zip(self.keys(scene), self.placed(problem), strict=True):
+            shift = share * unit * (x[at] - place)
+            # As fine as a touch of a support asks for, and no finer.
+            decimals = DIGITS - math.floor(math.log10(unit))
+            values = (round(value + by, decimals) + 0.0 for value, by in zip(position, shift.tolist(), strict=True))
+            changes[key] = tuple(values)
         return changes
 
-    @staticmethod
-    def _shifts(problem: GraspRods, x: Array) -> list[Array]:
-        """Shifts (2,) of the bases [L]."""
-        pairs = zip(problem.parts, problem.numbers.fingers, strict=True)
-        return [x[part.nodes[0][:2]] - np.array(finger.base[:2]) for part, finger in pairs]
+    def words(self, scene: AnyGraspScene, changes: dict[str, Any]) -> tuple[str, str, float, float]:
+        """Return a sentence about how far the places move."""
+        positions = dict(self.keys(scene))
+        far = max(math.dist(positions[key], needed) for key, needed in changes.items())
+        return f"{self.what}: a grasp needs it {shown(far, 'm')} from there", "m", 0.0, far
+
+
+class WidenedBase(WidenedPlace):
+    """Places of the bases that may not move by themselves."""
+
+    name, what, farthest = "base place", "the base is in the wrong place", MOVED
+
+    def applies(self, scene: AnyGraspScene) -> bool:
+        """Whether each finger has a base of its own, which is fixed."""
+        if isinstance(scene, HandScene):
+            return scene.hand.ring is None
+        return all(setup.finger.base_free is None for setup in scene.setups)
+
+    def loosened(self, numbers: SceneNumbers) -> SceneNumbers:
+        """Give the numbers with bases that may move."""
+        d = numbers.geometry.dimensions
+
+        def moving(finger: FingerNumbers) -> FingerNumbers:
+            reach = self.farthest * (np.arange(len(finger.base)) < d)
+            return replace(finger, base_bounds=(finger.base - reach, finger.base + reach))
+
+        return replace(numbers, fingers=[moving(finger) for finger in numbers.fingers])
+
+    def placed(self, problem: GraspRods) -> Iterator[tuple[Indices, Array, float]]:
+        """Bases."""
+        d = problem.geometry.dimensions
+        for part, finger in zip(problem.parts, problem.numbers.fingers, strict=True):
+            yield part.nodes[0][:d], finger.base[:d], finger.length
+
+    def keys(self, scene: AnyGraspScene) -> Iterator[tuple[str, Any]]:
+        """Keys of the bases."""
+        if isinstance(scene, HandScene):
+            for name, base in scene.hand.named_bases.items():
+                yield f"hand.bases.{name}.position", base.position
+        else:
+            yield from ((f"{setup.where}.base.position", setup.finger.base.position) for setup in scene.setups)
+
+
+class WidenedObjectPlace(WidenedPlace):
+    """Place of the object."""
+
+    name, what, farthest = "object place", "the object is in the wrong place", SHIFTED
+
+    def applies(self, scene: AnyGraspScene) -> bool:
+        """Whether the object is fixed, and not by a support that it is put against."""
+        return scene.object.against is None and getattr(scene.object, "free", None) is None
+
+    def loosened(self, numbers: SceneNumbers) -> SceneNumbers:
+        """Give the numbers with an object that may move."""
+        reach = self.farthest * (np.arange(len(numbers.pose)) < numbers.geometry.dimensions)
+        return replace(numbers, pose_bounds=(numbers.pose - reach, numbers.pose + reach))
+
+    def placed(self, problem: GraspRods) -> Iterator[tuple[Indices, Array, float]]:
+        """Place of the object."""
+        d = problem.geometry.dimensions
+        yield problem.pose[:d], problem.numbers.pose[:d], problem.numbers.size
+
+    def keys(self, scene: AnyGraspScene) -> Iterator[tuple[str, Any]]:
+        """Key of the place."""
+        yield "object.position", scene.object.position
 
 
 LIMITS: tuple[WidenedLimit, ...] = (
+    WidenedObjectPlace(),
     WidenedBase(),
     WidenedTension(),
     WidenedNormalForce(),
     WidenedMass(),
     WidenedFriction(),
 )
-"""Limits in the order in which they are named where they are off by equal factors."""
+"""Limits in the order in which they are named."""
 
 
-@dataclass(frozen=True, eq=False)
-class LeastRepair:
-    """Changes of a scene with which it has a grasp."""
-
-    limit: WidenedLimit
-    amount: float
-    changes: dict[str, Any]
-    grasp: RodGrasp
-
-
-class LeastRepairs:
-    """Least amounts of the limits of a scene without a grasp."""
-
-    def __init__(self, search: RodSearch) -> None:
-        self._search, self._scene = search, search.scene
-        self._starts = search.starts[:STARTS]
-
-    def found(self) -> Iterator[LeastRepair]:
-        """A repair per limit that alone is enough."""
-        for limit in LIMITS:
-            if limit.applies(self._scene) and (repair := self._least(limit)) is not None:
-                yield repair
-
-    def _least(self, limit: WidenedLimit) -> LeastRepair | None:
-        """The least amount of a limit with which a start holds."""
-        widened = [self._search.solved(start, widen=limit.widen) for start in self._starts]
-        used = [(limit.used(grasp.problem, grasp.attempt.x), grasp) for grasp in widened if grasp.holds]
-        for amount, grasp in sorted(used, key=lambda pair: pair[0]):
-            best = self._held(limit, amount, grasp)
-            if best is None:
-                continue
-            while (less := self._held(limit, SURE * best.amount, grasp)) is not None:
-                best = less
-            return best
-        return None
-
-    def _held(self, limit: WidenedLimit, amount: float, widened: RodGrasp) -> LeastRepair | None:
-        """A grasp of the scene with a limit changed by an amount, towards a grasp with the limit widened."""
-        changes = limit.changes(self._scene, amount, widened)
-        try:
-            scene = self._scene.changed(changes)
-        except InputError:
-            return None
-        for start, beside in [(widened.start, widened), *((start, None) for start in self._starts)]:
-            grasp = self._search.solved(start.changed(scene), beside=beside)
-            if grasp.holds:
-                return LeastRepair(limit, amount, changes, grasp)
-        return None
-
-
-def reason_of(scene: GraspScene, repair: LeastRepair) -> Reason:
-    """A repair in words."""
-    key, needed = next(iter(repair.changes.items()))
-    before = _at(scene, key)
-    unit = "" if repair.limit.unit == "1" else f" {repair.limit.unit}"
-    advice = " and ".join(f"{path} = {_shown(value)}{unit}" for path, value in repair.changes.items())
-    if isinstance(needed, tuple):
-        shift = math.dist(before, needed)
-        text = f"{repair.limit.name}: a grasp needs the base {shift:.3g} m from here"
-        return Reason(repair.limit.name, key, repair.limit.unit, 0.0, shift, text, advice)
-    limit = float(before)
-    unusual = ", which few surfaces have" if repair.limit.name == "friction" and needed > UNUSUAL else ""
-    text = f"{repair.limit.name} limit: {limit:.4g}{unit}; a grasp needs {needed:.4g}{unit}{unusual}"
-    return Reason(repair.limit.name, key, repair.limit.unit, limit, needed, text, advice)
-
-
-def _shown(value: Any) -> str:
-    """A number, or a list of numbers, as it is typed."""
-    return f"[{', '.join(f'{part:.4g}' for part in value)}]" if isinstance(value, tuple) else f"{value:.4g}"
-
-
-def _at(scene: Any, key: str) -> Any:
-    """Value of a scene at a path."""
-    for name in key.split("."):
-        scene = scene[name] if isinstance(scene, dict) else getattr(scene, name)
-    return scene
+def shown(value: Any, unit: str = "1") -> str:
+    """A number with its unit, or a list of numbers, as it is typed."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(f'{part:.{DIGITS + 1}g}' for part in value)}]"
+    return value if isinstance(value, str) else f"{value:.4g}" + (f" {unit}" if unit != "1" else "")

@@ -9,8 +9,11 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.body.table import DistanceTable
+from continuum_grasp.grasp.rods.drives import DriveNumbers, drives_of
 from continuum_grasp.grasp.rods.geometry import Geometry
+from continuum_grasp.grasp.rods.obstacles import FingerObstacle
 from continuum_grasp.grasp.rods.rod import half_thickness
+from continuum_grasp.grasp.rods.supports import SupportNumbers
 from continuum_grasp.model import Section, SectionPull
 from continuum_grasp.scene import FingerSetup
 
@@ -21,17 +24,6 @@ REACH = 2.5
 
 
 @dataclass(frozen=True, eq=False)
-class WallNumbers:
-    """A plane of which a finger keeps clear, in units of the finger."""
-
-    normal: Array
-    level: float  # place along the normal
-    first: float = 0.0  # place along the finger from which on it keeps clear
-    emerging: float | None = None
-    """Level of which the finger's line keeps clear before its first contact, if its base is in the wall."""
-
-
-@dataclass(frozen=True, eq=False)
 class FingerNumbers:
     """A finger at its base, in units of its section."""
 
@@ -39,16 +31,19 @@ class FingerNumbers:
     section: Section
     sides: tuple[float, ...]  # stiffnesses out of the plane of bending, per that of bending
     base: Array  # place and direction (`Geometry.oriented`,)
+    base_bounds: tuple[Array, Array]  # within which they may be
     across: Array  # (3,) axis of bending at the base
     gravity: Array  # (dimensions,) [m/s2]
-    history: Array  # of its friction
+    history: Array  # of its friction: a row for each of as many cells of the same number of stages
     pulls: Array  # (pulls,) greatest ones
     arm: float  # of torsional friction, per friction
-    places: tuple[float, float]  # of middle contacts
+    friction: float  # coefficient, less the reserve
+    places: tuple[tuple[float, float], ...]  # bounds of each middle contact
     curvature_limit: float
     middles: tuple[str, ...]
     tip: str | None
-    walls: tuple[WallNumbers, ...]
+    obstacles: tuple[FingerObstacle, ...]
+    drives: tuple[DriveNumbers, ...] = ()
 
     @property
     def length(self) -> float:
@@ -71,6 +66,11 @@ class FingerNumbers:
         return self.section.mass * self.gravity
 
     @property
+    def at_tip(self) -> Array:
+        """Numbers of the body fastened to the tip: mass times where its center is (2,), and gravity (dimensions,)."""
+        return np.array([*self.section.tip_arms, *self.gravity])
+
+    @property
     def name(self) -> str:
         """Name of the finger."""
         return self.setup.name
@@ -80,9 +80,14 @@ class FingerNumbers:
         """Names of its contacts, from the base on."""
         return [*self.middles, *([self.tip] if self.tip else [])]
 
-    def acting(self, piece: int) -> Array:
-        """Numbers of what acts on a piece, without its force and pulls."""
-        return np.array([*self.gravity, *self.history, *self.section.numbers(piece), *self.sides])
+    def history_at(self, along: float) -> Array:
+        """History in the stage that begins at a share of all stages."""
+        # 1e-6: rounding of the share
+        return np.asarray(self.history[int(along * len(self.history) + 1e-6)])
+
+    def acting(self, piece: int, along: float = 0.0) -> Array:
+        """Numbers of what acts in the stage that begins at a share of all stages, without its force and pulls."""
+        return np.array([*self.gravity, *self.history_at(along), *self.section.numbers(piece), *self.sides])
 
     def thickness(self, piece: int) -> Array:
         """Numbers of the half thickness on a piece (`THICKNESS`,)."""
@@ -106,21 +111,27 @@ class FingerNumbers:
     def of(setup: FingerSetup, on: frozenset[str], acceleration: Array, **placed: Any) -> FingerNumbers:
         """The numbers of a finger with the contacts ``on`` by name, under gravity (dimensions,) [m/s2].
 
-        ``placed`` are the numbers that depend on where it is: base, across, sides, arm and walls.
+        ``placed`` are the numbers that depend on where it is: base, its bounds, across, sides, arm and
+        obstacles.
         """
         finger = setup.finger
         section = Section.of(finger)
-        first, last = setup.middle_bounds
+        bounds = dict(zip(setup.middle_names, setup.contact_bounds, strict=True))
+        middles = tuple(name for name in setup.middle_names if name in on)
         return FingerNumbers(
             setup=setup,
             section=section,
             gravity=acceleration,
-            history=section.pulled,
+            history=section.pulled[None],
             pulls=np.array([_greatest(setup, pull) for pull in section.pulls]),
-            places=(first / section.length, last / section.length),
+            friction=setup.held_friction,
+            places=tuple(
+                (low / section.length, high / section.length) for low, high in (bounds[name] for name in middles)
+            ),
             curvature_limit=min(finger.curvature_limit * section.length, UNIFORM),
-            middles=tuple(name for name in setup.middle_names if name in on),
+            middles=middles,
             tip=setup.tip_name if setup.tip_name in on else None,
+            drives=drives_of(setup, section),
             **placed,
         )
 
@@ -133,23 +144,14 @@ def _greatest(setup: FingerSetup, pull: SectionPull) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class SupportNumbers:
-    """Contact of a support with an object that does not move."""
-
-    name: str
-    arm: Array  # (3,) from the center of mass [object size]
-    normal: Array  # (3,)
-    across: Array  # (3,) a direction along the surface
-    friction: float
-    most: float  # [F0]
-
-
-@dataclass(frozen=True, eq=False)
 class GraspAims:
-    """Aims of a grasp as costs: of the tension, per sum of the greatest ones, and of the friction margin."""
+    """Aims of a grasp as costs: of the tension, per sum of the greatest ones, of the friction margin, and of the
+    greatest normal force, per F0.
+    """
 
     tension: float = 1.0
     margin: float = 0.0
+    normal: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +176,17 @@ class SceneNumbers:
     penetration: float  # depth of a finger that is allowed [L]
     deviation: float = 0.0  # of the object's surface from the one that it stands for [m]
     least_normal: float = 0.0  # force of a contact of a finger [F0]
+    reserve: float = 0.0  # share of all friction that stays free
+
+    def unit(self, contact: str) -> float:
+        """Unit of the force of a contact by name [F0]."""
+        return next((finger.force for finger in self.fingers if contact in finger.contacts), self.force) / self.force
+
+    def friction(self, contact: str) -> float:
+        """Friction coefficient of a contact by name, with the reserve."""
+        held = {support.name: support.friction for support in self.supports}
+        held |= {name: finger.setup.held_friction for finger in self.fingers for name in finger.contacts}
+        return held[contact] / (1.0 - self.reserve)
 
     def seen(self, finger: FingerNumbers, points: Array, pose: Array, contact: str = "") -> tuple[Array, Array]:
         """Gaps (n,) of the object at points (n, dimensions) of a finger [L], and normals (n, 3) as the hand sees them.
@@ -187,6 +200,18 @@ class SceneNumbers:
         # 1e-30: no division by zero where a table is flat
         normal[:, :d] = slope / (np.linalg.norm(slope, axis=1, keepdims=True) + 1e-30)
         return gap * self.size / finger.length, normal @ turn.T
+
+    def distance(self, place: Array, pose: Array, contact: str = "") -> tuple[float, Array]:
+        """Distance of a place (3,) from the object, both per its size, and outward normal (3,) of the object."""
+        (gap,), (slope,) = self.table.values(self.in_object(place, pose)[None], contact)
+        normal = np.array(self.geometry.turn(pose, self.axes), dtype=float)[:, : len(slope)] @ slope
+        return float(gap), np.asarray(normal / np.linalg.norm(normal))
+
+    def in_object(self, place: Array, pose: Array) -> Array:
+        """A place (3,) in the object's frame (dimensions,), both per its size."""
+        turn: Array = np.array(self.geometry.turn(pose, self.axes), dtype=float)
+        away = place - np.array(self.geometry.place(pose), dtype=float)
+        return np.asarray(away @ turn)[: self.geometry.dimensions]
 
     def local(self, finger: FingerNumbers, points: Array, pose: Array) -> Array:
         """Points (n, dimensions) of a finger [L] in the object's frame [object size]."""

@@ -18,9 +18,10 @@ from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.result import GraspResult, with_outline
 from continuum_grasp.grasp.rods.arrays import RodArrays
 from continuum_grasp.grasp.rods.hand_search import HandRodSearch
-from continuum_grasp.grasp.rods.limits import LeastRepairs, reason_of
 from continuum_grasp.grasp.rods.projection import MOST_ELEMENTS, on_elements
 from continuum_grasp.grasp.rods.record import held_rods
+from continuum_grasp.grasp.rods.repairs import LeastRepairs, reason_of
+from continuum_grasp.grasp.rods.robust_result import SoughtRobust
 from continuum_grasp.grasp.rods.search import RodSearch
 from continuum_grasp.grasp.rods.sensitivity import sensitivities_of
 from continuum_grasp.grasp.rods.solving import BORNE, STARTS, RodGrasp, StartedSearch
@@ -91,8 +92,6 @@ def _check(scene: GraspScene | HandScene) -> None:
         return
     if not _AIMS.issuperset(scene.aims):
         raise InputError(f"expected aims of {sorted(_AIMS)}, got {sorted(scene.aims)}", key="objective")
-    if scene.robust is not None:
-        raise InputError("expected a known object: rods are not sought for errors of it", key="robust")
 
 
 def _outlined(result: GraspResult | HandResult) -> GraspResult | HandResult:
@@ -112,9 +111,14 @@ class _EndedSearch:
 
     def judged(self, verdict: RodVerdict) -> GraspResult | HandResult:
         """The result of a verdict."""
-        if verdict.status in (GraspStatus.OPTIMAL, GraspStatus.FEASIBLE):
+        if verdict.status not in (GraspStatus.OPTIMAL, GraspStatus.FEASIBLE):
+            return self._without(verdict)
+        if isinstance(self.scene, HandScene) or self.scene.robust is None:
             return self.solved(verdict)
-        return self._without(verdict)
+        self.search.budget.tell("grasp found; looking for one that holds for all errors")
+        sought = SoughtRobust(self.search)
+        result = self.solved(sought.verdict(verdict))
+        return sought.result(result) if isinstance(result, GraspResult) else result
 
     # -- with a grasp ------------------------------------------------------------------------------------------
 
@@ -193,7 +197,7 @@ class _EndedSearch:
         if verdict.best is None or Doubt.UNBORNE not in verdict.doubts or not isinstance(self.search, RodSearch):
             return []
         self.search.budget.tell("no grasp found; looking for a change that allows one")
-        found = list(LeastRepairs(self.search).found())
+        found = LeastRepairs(self.search).found()
         reasons = [reason_of(self.search.scene, repair) for repair in found]
         if reasons:
             changed = self.search.scene.changed(found[0].changes)

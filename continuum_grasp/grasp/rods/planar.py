@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from continuum_grasp.base import Array
@@ -14,12 +16,17 @@ class Planar(PlaneRod, Geometry):
 
     name = "plane"
     dimensions, oriented, sides, pose, axes = 2, 3, 0, 3, 0
-    steps, finer, compiled = 4, 1, False
+    steps, finer = 4, 1
 
     def tangent(self, state: Values) -> Values:
         """Direction of the finger (2,)."""
         lib = library(state[2])
         return [-lib.sin(state[2]), lib.cos(state[2])]
+
+    def across(self, state: Values) -> Values:
+        """Direction across the finger (2,)."""
+        lib = library(state[2])
+        return [lib.cos(state[2]), lib.sin(state[2])]
 
     def bent(self, base: Array, x: float, y: float, angle: float, moment: float) -> Array:
         """State (4,) by what the base (3,) sees."""
@@ -31,6 +38,14 @@ class Planar(PlaneRod, Geometry):
         lib = library(pose[2])
         cosine, sine = lib.cos(pose[2]), lib.sin(pose[2])
         return [[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]
+
+    def section_turn(self, state: Values, change: Values) -> list[Any]:
+        """Small turn (3,) of a section by the change (3,) of its place and direction."""
+        return [0.0, 0.0, change[2]]
+
+    def object_turn(self, pose: Values, change: Values) -> list[Any]:
+        """Small turn (3,) of the object by the change (3,) of its pose."""
+        return [0.0, 0.0, change[2]]
 
     def cuts(self, p: Array, q: Array) -> Array:
         """Whether the chords of two lines cut each other."""

@@ -9,14 +9,17 @@ that nothing bears, at a cost, so that every start has a feasible point nearby. 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from continuum_grasp.base import Array, Indices
 from continuum_grasp.grasp.rods import kinds
+from continuum_grasp.grasp.rods.drives import WoundDrive
 from continuum_grasp.grasp.rods.numbers import UNIFORM, FingerNumbers, SceneNumbers
+from continuum_grasp.grasp.rods.supports import pinning
 from continuum_grasp.nlp import BlockProblem
 
 STAGES = 24
@@ -41,6 +44,8 @@ class StagePlace:
     finger: int
     node: int
     share: float
+    obstacle: int | None = None
+    """Index of the finger's obstacle that is to be clear of it; None: the object."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +83,15 @@ class FingerPlaces:
     touching: list[int]  # node of each contact
     turns: list[Indices]  # moments beyond each middle contact
     pulls: Indices
+    own: int  # states of the rod itself, which come before those of its tendons
+
+    def sliding(self, node: int) -> Indices:
+        """States of the tendons at a node."""
+        return self.nodes[node][self.own :]
+
+    def along(self, node: int) -> float:
+        """Share of all stages that come before the stage that ends at a node; zero for the base."""
+        return max(node - 1, 0) / (len(self.nodes) - 1)
 
     def span_of(self, node: int) -> StageSpan:
         """StageSpan of the stage before a node; the first one for the base."""
@@ -100,6 +114,8 @@ class GraspRods(BlockProblem):
         Nodes and chords of fingers that keep apart.
     fine : bool
         Whether there are as many stages as in a grasp that the search returns.
+    reached : bool
+        Whether drives reach the grasp; else they hold what they have, and tendons that are let out may pull.
     """
 
     def __init__(
@@ -111,11 +127,12 @@ class GraspRods(BlockProblem):
         places: Sequence[StagePlace] = (),
         near: Sequence[NearPair] = (),
         fine: bool = False,
+        reached: bool = True,
     ) -> None:
         super().__init__("grasp", numbers.table.coefficients)
         self.numbers, self.geometry = numbers, numbers.geometry
         self.places, self.near, self._joints = tuple(places), tuple(near), joints
-        self.fine = fine
+        self.fine, self.stages, self._reached = fine, stages, reached
         # A finer problem has a multiple of the stages of each span.
         self._times = self.geometry.finer if fine else 1
         self.pose = self.unknown("pose", *numbers.pose_bounds)
@@ -125,12 +142,10 @@ class GraspRods(BlockProblem):
         self.balance = np.concatenate([self._balanced(k, name) for k, name in enumerate(_BALANCE)])
         self.contacts: dict[str, Indices] = {}
         self.parts = [self._finger(k, finger, stages) for k, finger in enumerate(numbers.fingers)]
-        for support in numbers.supports:
-            held = self._held(support.name, support.friction, support.most, 1.0, bears_moment=False)
-            self.add(kinds.support_kind(), held, self.balance, [*support.arm, *support.normal, *support.across])
-        halves = [StagePlace(k, n, 0.5) for k, part in enumerate(self.parts) for n in range(1, len(part.nodes))]
-        for place in [*halves, *places]:
-            self._clear(place, self.parts[place.finger])
+        self.drives = [self._drives(*pair) for pair in zip(numbers.fingers, self.parts, strict=True)]
+        self._supports()
+        for place in [*self._first_places(), *places]:
+            self._clear(place)
         for pair in near:
             self._apart(pair)
         # 1e-5: least cost of tensions where another objective does not have one
@@ -140,8 +155,21 @@ class GraspRods(BlockProblem):
                 self.cost(at, max(aims.tension, 1e-5) * pull.unit / total)
         for held in self.contacts.values():
             self.cost(held, 0.0, 2e-8)
+        if aims.normal:
+            self._aim_at_normal_forces(aims.normal)
+        self.fillings: list[Callable[[Array], None]] = []
+        """Functions that set the unknowns of variants by all others."""
 
     # -- parts -------------------------------------------------------------------------------------------------
+
+    def _aim_at_normal_forces(self, weight: float) -> None:
+        """Add the greatest normal force of all contacts [F0] to the objective, by its weight per F0."""
+        greatest = self.unknown("greatest normal force", 0.0, np.inf)
+        self.cost(greatest, weight)
+        for name, held in self.contacts.items():
+            row = self.rows(f"normal force, {name}", "contacts.normal_force_max", "F0", 1, 1.0, 0.0, np.inf)
+            self.add(kinds.share_kind(), greatest, row, [1.0])
+            self.add(kinds.share_kind(), held[0], row, [-self.numbers.unit(name)])
 
     def _balanced(self, k: int, name: str) -> Indices:
         """A row of the balance of the object, and what nothing bears of it."""
@@ -171,12 +199,28 @@ class GraspRods(BlockProblem):
     def _supported(self) -> set[str]:
         return {support.name for support in self.numbers.supports}
 
+    def _supports(self) -> None:
+        """Forces of supports that the object touches, and gaps where its pose is free."""
+        low, high = self.numbers.pose_bounds
+        pins = pinning(self.numbers, self.numbers.pose, np.where(high > low, 1.0, 0.0))
+        for support, pins_down in zip(self.numbers.supports, pins, strict=True):
+            if support.touches:
+                held = self._held(support.name, support.friction, support.most, 1.0, bears_moment=False)
+                kind, data = support.force_block(self.numbers)
+                self.add(kind, [*held, *self.pose], self.balance, data)
+            if pins_down or (not support.touches and (high > low).any()):
+                row = self.rows(
+                    f"support, {support.name}", "object.free", "size", 1, 1.0, 0.0, 0.0 if pins_down else np.inf
+                )
+                kind, data = support.gap_block(self.numbers)
+                self.add(kind, self.pose, row, data)
+
     def _finger(self, index: int, finger: FingerNumbers, stages: int) -> FingerPlaces:
         numbers, key, geometry = self.numbers, finger.setup.where, self.geometry
         form, d = finger.section.form, geometry.dimensions
         part = self._places(index, finger, stages)
         unit = finger.force / numbers.force
-        friction, most = finger.setup.held_friction, finger.setup.normal_force_max / finger.force
+        friction, most = finger.friction, finger.setup.normal_force_max / finger.force
         middles = part.touching[: len(finger.middles)]
         stage = kinds.stage_kind(geometry, form)
         for span in part.spans:
@@ -185,13 +229,12 @@ class GraspRods(BlockProblem):
                 if node - 1 in middles:
                     begin[geometry.moments] = part.turns[middles.index(node - 1)]
                 unknowns = [*begin, *part.nodes[node], *span.force, *part.pulls, *span.ends]
-                data = [*finger.acting(span.piece), *span.shares(node)]
+                data = [*finger.acting(span.piece, part.along(node)), *span.shares(node)]
                 self.add(stage, unknowns, self.rows(f"rod, {finger.name}", key, "L", len(begin)), data)
         losses = sum(name.startswith("loss") for name in form.sliding_names)
         if losses:
-            sliding = part.nodes[0][geometry.state :]
             row = self.rows(f"tendons, {finger.name}", key, "1", losses)
-            self.add(kinds.enter_kind(form), sliding, row, [*finger.history, *finger.section.numbers(0)])
+            self.add(kinds.enter_kind(form), part.sliding(0), row, [*finger.history[0], *finger.section.numbers(0)])
         for k, name in enumerate(finger.contacts):
             node = part.touching[k]
             span, is_tip = part.span_of(node), name == finger.tip
@@ -203,15 +246,20 @@ class GraspRods(BlockProblem):
             at = part.nodes[node][: geometry.state]
             unknowns = [*at, *span.force, *after, span.ends[1], *held, *self.pose]
             data = [finger.length / numbers.size, unit, finger.arm, *finger.load, *numbers.center, *finger.across]
-            data += [*finger.thickness(span.piece), *numbers.axes, *numbers.table.data_at(name)]
+            data += [*finger.thickness(span.piece), *(finger.at_tip if is_tip else ())]
+            data += [*numbers.axes, *numbers.table.data_at(name)]
             rows = [*gap, *direction.ravel(), *own, *self.balance]
             self.add(kinds.contact_kind(geometry, tip=is_tip), unknowns, rows, data)
         if finger.tip is None:
             end = self.rows(f"tip, {finger.name}", key, "E I / L2", d + len(geometry.moments))
-            unknowns = [*part.nodes[-1][geometry.moments], *part.spans[-1].force]
-            self.add(kinds.free_tip_kind(geometry), unknowns, end, finger.load)
-        self._limits(index, finger, part)
+            unknowns = [*part.nodes[-1][: geometry.state], *part.spans[-1].force]
+            self.add(kinds.free_tip_kind(geometry), unknowns, end, [*finger.load, *finger.at_tip])
+        self._limits(finger, part)
         return part
+
+    def _drives(self, finger: FingerNumbers, part: FingerPlaces) -> list[WoundDrive]:
+        """What winds up the tendons of a finger."""
+        return [WoundDrive(self, finger, part, k, reached=self._reached) for k in range(len(finger.drives))]
 
     def _places(self, index: int, finger: FingerNumbers, stages: int) -> FingerPlaces:
         """Unknowns of a finger."""
@@ -236,7 +284,8 @@ class GraspRods(BlockProblem):
             elif contact is None:
                 end = self.unknown(f"piece {piece}, {name}", at, at)
             else:
-                low, high = np.clip(finger.places, section.places[piece], section.places[piece + 1])
+                bounds_there = finger.places[finger.middles.index(contact)]
+                low, high = np.clip(bounds_there, section.places[piece], section.places[piece + 1])
                 end = self.unknown(f"place, {contact}", low, high)
             share = (at - before) / max(bounds[segment + 1] - bounds[segment], 1e-12)
             count = self._times * max(1, round(each * share))
@@ -258,34 +307,17 @@ class GraspRods(BlockProblem):
         anywhere = np.full(len(sliding), np.inf)
         at_tip = np.array([0.0 if label.startswith("slide") else np.inf for label in sliding])
         everywhere = np.full(geometry.state, np.inf)
-        base = np.concatenate([np.zeros(geometry.oriented), moment, anywhere])
-        given = np.array([*finger.base, *np.zeros(len(moment) + len(sliding))])
-        nodes = [self.unknown(f"node 0, {name}", given - base, given + base)]
+        free = np.concatenate([moment, anywhere])
+        low, high = finger.base_bounds
+        nodes = [self.unknown(f"node 0, {name}", [*low, *-free], [*high, *free])]
         for k in range(1, node + 1):
             limits = np.concatenate([everywhere, at_tip if k == node else anywhere])
             nodes.append(self.unknown(f"node {k}, {name}", -limits, limits))
-        return FingerPlaces(nodes, spans, touching, turns, pulls)
+        return FingerPlaces(nodes, spans, touching, turns, pulls, geometry.state)
 
-    def _limits(self, index: int, finger: FingerNumbers, part: FingerPlaces) -> None:
-        """Rows at nodes: clear of the object where they do not touch it, clear of walls, and strain."""
-        geometry, form = self.geometry, finger.section.form
-        key, depth = finger.setup.where, self.numbers.penetration
-        first = part.touching[0] if part.touching else len(part.nodes)
-        marks = self._marks(index, finger, part)
-        for node in range(1, len(part.nodes)):
-            span = part.span_of(node)
-            _, u = span.shares(node)
-            if node not in part.touching:
-                self._clear(StagePlace(index, node, 1.0), part)
-            for wall in finger.walls:
-                if marks[node] < wall.first:
-                    continue
-                emerges = node <= first and wall.emerging is not None
-                level = wall.emerging if emerges else wall.level
-                row = self.rows(f"wall, {finger.name}", key, "L", 1, 1.0, -depth, np.inf)
-                data = [u, level, float(emerges), *wall.normal, *finger.thickness(span.piece)]
-                place = part.nodes[node][: geometry.dimensions]
-                self.add(kinds.wall_kind(geometry), [*place, *span.ends], row, data)
+    def _limits(self, finger: FingerNumbers, part: FingerPlaces) -> None:
+        """Rows at nodes: strain."""
+        geometry, form, key = self.geometry, finger.section.form, finger.setup.where
         if finger.curvature_limit >= UNIFORM:
             return
         limit = finger.curvature_limit
@@ -293,7 +325,7 @@ class GraspRods(BlockProblem):
             span = part.span_of(node)
             row = self.rows(f"strain, {finger.name}", key, "1 / L", 1, 1.0, -limit, limit)
             unknowns = [*part.nodes[node], *span.force, *part.pulls, *span.ends]
-            data = [*finger.acting(span.piece), (node - span.first) / span.stages]
+            data = [*finger.acting(span.piece, part.along(node)), (node - span.first) / span.stages]
             self.add(kinds.bend_kind(geometry, form), unknowns, row, data)
 
     def _marks(self, index: int, finger: FingerNumbers, part: FingerPlaces) -> list[float]:
@@ -308,21 +340,65 @@ class GraspRods(BlockProblem):
         """Approximate places of a finger's middle contacts."""
         if self._joints:
             return list(self._joints[index])
-        first, last = finger.places
-        count = len(finger.middles)
-        return [first + (last - first) * (k + 1) / (count + 1) for k in range(count)]
+        shares = np.arange(1, len(finger.places) + 1) / (len(finger.places) + 1)
+        return [low + (high - low) * share for (low, high), share in zip(finger.places, shares.tolist(), strict=True)]
 
-    def _clear(self, place: StagePlace, part: FingerPlaces) -> None:
-        """A place between nodes is clear of the object."""
-        finger, geometry, numbers = self.numbers.fingers[place.finger], self.geometry, self.numbers
+    def _first_places(self) -> Iterator[StagePlace]:
+        """Places that keep clear from the beginning: of the object at nodes that do not touch it and half way between
+        them; of obstacles where these ask for it; and the base, where it or the object may move.
+        """
+        low, high = self.numbers.pose_bounds
+        for k, (finger, part) in enumerate(zip(self.numbers.fingers, self.parts, strict=True)):
+            own_low, own_high = finger.base_bounds
+            moves = bool((own_high > own_low).any())
+            nodes = range(1, len(part.nodes))
+            if moves or (high > low).any():
+                yield StagePlace(k, 1, 0.0)
+            for node in nodes:
+                if node not in part.touching:
+                    yield StagePlace(k, node, 1.0)
+                yield StagePlace(k, node, 0.5)
+            for m, obstacle in enumerate(finger.obstacles):
+                yield from ([StagePlace(k, 1, 0.0, m)] if moves else [])
+                yield from (StagePlace(k, node, share, m) for node in nodes for share in obstacle.shares)
+
+    def _clear(self, place: StagePlace) -> None:
+        """A place between nodes is clear of the object, or of an obstacle."""
+        part, finger = self.parts[place.finger], self.numbers.fingers[place.finger]
         span = part.span_of(place.node)
-        ends = (part.nodes[node][: geometry.oriented] for node in (place.node - 1, place.node))
-        unknowns = [*itertools.chain(*ends), *span.ends, *self.pose]
-        data = [*span.shares(place.node), place.share, finger.length / numbers.size]
+        ends = (part.nodes[node][: self.geometry.oriented] for node in (place.node - 1, place.node))
+        unknowns = [*itertools.chain(*ends), *span.ends]
+        data = [*span.shares(place.node), place.share]
+        if place.obstacle is None:
+            self._clear_of_object(finger, unknowns, data, span)
+        else:
+            self._clear_of_obstacle(place, unknowns, data, span)
+
+    def _clear_of_object(self, finger: FingerNumbers, unknowns: list[Any], data: list[Any], span: StageSpan) -> None:
+        numbers = self.numbers
         depth = numbers.penetration + numbers.deviation / finger.length
         row = self.rows(f"clear, {finger.name}", finger.setup.where, "L", 1, 1.0, -depth, np.inf)
-        data += [*finger.thickness(span.piece), *numbers.axes, *numbers.table.data]
-        self.add(kinds.clear_kind(geometry), unknowns, row, data)
+        data = [*data, finger.length / numbers.size, *finger.thickness(span.piece), *numbers.axes, *numbers.table.data]
+        self.add(kinds.clear_kind(self.geometry), [*unknowns, *self.pose], row, data)
+
+    def _clear_of_obstacle(self, place: StagePlace, unknowns: list[Any], data: list[Any], span: StageSpan) -> None:
+        finger = self.numbers.fingers[place.finger]
+        obstacle = finger.obstacles[place.obstacle or 0]
+        at, emerges = self.beside(place)
+        if at < obstacle.first:
+            return
+        emerging = obstacle.emerging if emerges and obstacle.emerging is not None else 0.0
+        row = self.rows(f"obstacle, {finger.name}", finger.setup.where, "L", 1, 1.0, -self.numbers.penetration, np.inf)
+        data = [*data, float(emerges), emerging, *finger.thickness(span.piece), *obstacle.data]
+        self.add(obstacle.kind(self.geometry), unknowns, row, data)
+
+    def beside(self, place: StagePlace) -> tuple[float, bool]:
+        """Approximate place along the finger [L], and whether only its center line keeps clear of an obstacle."""
+        finger, part = self.numbers.fingers[place.finger], self.parts[place.finger]
+        before, after = self._marks(place.finger, finger, part)[place.node - 1 : place.node + 1]
+        first = part.touching[0] if part.touching else len(part.nodes)
+        obstacle = finger.obstacles[place.obstacle or 0]
+        return before + place.share * (after - before), obstacle.emerges(place.node <= first)
 
     def _apart(self, pair: NearPair) -> None:
         """A node of a finger is apart from a chord of another, or of itself."""
@@ -335,7 +411,25 @@ class GraspRods(BlockProblem):
         row = self.rows(f"apart, {one.name}, {other.name}", "overlap", "L", 1, 1.0, -depth, np.inf)
         self.add(kinds.chord_kind(self.geometry), unknowns, row, [ratio, reach])
 
+    def add_load_share(self, less: Indices) -> None:
+        """Take a share, an unknown, off the load of the object."""
+        for row, weight in zip(self.balance, self.numbers.weight, strict=True):
+            if weight:
+                self.add(kinds.share_kind(), less, [row], [-weight])
+
     # -- values ------------------------------------------------------------------------------------------------
+
+    def is_same(self, other: GraspRods) -> bool:
+        """Whether another problem of the same scene has the same stages, and as many rows."""
+        return self.numbers is other.numbers and (self.size, self.count) == (other.size, other.count)
+
+    def fill(self, x: Array) -> None:
+        """Set what follows from the other unknowns: what nothing bears, the greatest normal force, variants."""
+        if "greatest normal force" in self.at:
+            forces = [self.numbers.unit(name) * x[held[0]] for name, held in self.contacts.items()]
+            x[self.at["greatest normal force"]] = max(forces, default=0.0)
+        for filling in self.fillings:
+            filling(x)
 
     def bear(self, x: Array) -> None:
         """Set what nothing bears to what the other unknowns leave of the balance."""
@@ -344,6 +438,34 @@ class GraspRods(BlockProblem):
             if f"unborne, {name}" in self.at:
                 # The row is last less first.
                 x[self.at[f"unborne, {name}"]] = max(off[k], 0.0), max(-off[k], 0.0)
+
+    def wind(self, x: Array) -> None:
+        """Set the states of all drives to what the other unknowns ask for."""
+        for of_finger in self.drives:
+            for drive in of_finger:
+                drive.wind(x)
+
+    @property
+    def placed(self) -> Indices:
+        """Places of the poses of object and bases."""
+        bases = (part.nodes[0][: self.geometry.oriented] for part in self.parts)
+        return np.concatenate([self.pose, *bases])
+
+    @property
+    def moves(self) -> bool:
+        """Whether the pose of the object or of a base is free."""
+        low, high = self.limits
+        return bool((high > low)[self.placed].any())
+
+    def stay(self, places: Array) -> None:
+        """Leave object and bases at their poses in another problem, its `placed` unknowns."""
+        self.bound(self.placed, low=places, high=places)
+
+    def bear_all(self) -> None:
+        """Ask for grasps alone: nothing may be left of the balance."""
+        for name, at in self.at.items():
+            if name.startswith("unborne"):
+                self.bound(at, high=0.0)
 
     def tension(self, x: Array) -> float:
         """Sum of all tensions [N]."""

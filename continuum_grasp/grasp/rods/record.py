@@ -17,11 +17,13 @@ def held_rods(grasp: RodGrasp) -> HeldRods:
     pose = x[problem.pose]
     position = numbers.size * np.array(geometry.place(pose))
     axes = np.array(geometry.turn(pose, numbers.axes), dtype=float)
-    center = position + numbers.size * axes @ numbers.center
     supports = []
     for support in numbers.supports:
-        force = numbers.force * np.array(exerted(x[problem.contacts[support.name]], support.normal, support.across))
-        supports.append(HeldSupport(support.name, force, center + numbers.size * support.arm))
+        if not support.touches:
+            continue
+        place, normal = support.touched(numbers, pose)
+        force = numbers.force * np.array(exerted(x[problem.contacts[support.name]], normal, support.across))
+        supports.append(HeldSupport(support.name, force, numbers.size * place))
     fingers = tuple(_finger(grasp, k) for k in range(len(numbers.fingers)))
     return HeldRods(position, axes, fingers, tuple(supports))
 

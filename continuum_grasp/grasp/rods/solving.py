@@ -11,23 +11,38 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Array, amount_text
+from continuum_grasp.grasp.rods.answers import asked_of
 from continuum_grasp.grasp.rods.carried import carried, finer_pairs, finer_places
 from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places, table_misses, touched_places
 from continuum_grasp.grasp.rods.guess import FingerGuess, Held, filled
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
 from continuum_grasp.grasp.rods.problem import STAGES, GraspRods, NearPair, StagePlace
-from continuum_grasp.nlp import Attempt, Budget, Settings, Solver
+from continuum_grasp.grasp.rods.supports import SupportNumbers, rested
+from continuum_grasp.nlp import Attempt, Budget, Settings, Solver, SolverStatus
 
 STARTS = 6
 """Starts that are solved."""
+NEARLY = 0.5
+"""Imbalance of a start, in a unit of its search, up to which it nearly balances the object."""
 ROUNDS = 3
 """Most solves in which rows are added between nodes."""
-FINER = 3
+FINER = 5
 """Most solves with finer tables at the contacts."""
+SHRINKS = 0.2
+"""Factor on the step of a table at a contact that still misses the object [1]."""
+RESTS = 6
+"""Most solves in which supports touch the object anew."""
+RESTED = 1e-8
+"""Distance by which contacts with supports may move without being taken anew [object size]."""
 BORNE = 1e-6
 """Sum of forces and moments that nothing bears, up to which a grasp holds [F0]."""
+RESUMED = 0.01
+"""Sum of forces and moments that nothing bears at the iteration limit, from which a solve is resumed [F0]: without it,
+`gear` of the shipped scenes has no grasp."""
 SAME_AIM = 1e-4
 """Share of an aim up to which two starts lead to the same grasp."""
+AGREE = 0.01
+"""Share of an aim by which the two choices of starts of three fingers may differ."""
 FINE = 0.1
 """Step of the tables at contacts, per half thickness of the thinnest finger."""
 _NEAR_BOUNDS = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
@@ -53,8 +68,6 @@ class RodStart(ABC):
     ----------
     on
         Names of the contacts.
-    places
-        Places of the contacts, or of what else says how far starts are apart [m].
     imbalance
         What nothing bears of it, in a unit of its search.
     aim
@@ -62,9 +75,13 @@ class RodStart(ABC):
     """
 
     on: frozenset[str]
-    places: Array
     imbalance: float
     aim: float
+
+    @cached_property
+    def places(self) -> Array:
+        """Places of the contacts, or of what else says how far starts are apart [m]."""
+        raise NotImplementedError
 
     @abstractmethod
     def changed(self, scene: Any) -> RodStart:
@@ -88,7 +105,11 @@ class RodStart(ABC):
     @property
     def joints(self) -> list[tuple[float, ...]]:
         """Approximate places of the middle contacts of each finger [L]."""
-        return [guess.middles for guess in self.guesses]
+        return [guess.joints for guess in self.guesses]
+
+    def supports_at(self, pose: Array) -> list[SupportNumbers]:
+        """The supports of the scene as they touch the object at a pose."""
+        return self.numbers.supports
 
     def x_of(self, problem: GraspRods) -> Array:
         """Unknowns of the start."""
@@ -104,7 +125,7 @@ class RodGrasp:
     start: RodStart
     crosses: bool
     rough: float | None = None
-    """Objective before the grasp was solved with fine tables; None: it was not solved twice."""
+    """Objective before the grasp was solved with fine tables; None: that was not tried."""
 
     @property
     def compared(self) -> float:
@@ -139,8 +160,10 @@ class StartedSearch(ABC):
     """The scene whose grasps are sought."""
     apart: float
     """Distance of places from which on starts are different [m]."""
-    iterations: int = 120
-    """Most iterations of a solve."""
+    iterations: int = 80
+    """Most iterations of a solve: of 60 random scenes that hold, the best grasps take 5 to 40."""
+    promised: float = np.inf
+    """Share by which the aim that a start promises may be above the best one, once several starts agree."""
     likely: float = np.inf
     """Imbalance of starts beyond which they are left out if there is a grasp already."""
 
@@ -155,16 +178,52 @@ class StartedSearch(ABC):
     def starts(self) -> list[RodStart]:
         """All starts, the most promising first."""
 
+    @abstractmethod
+    def again(self, scene: Any) -> StartedSearch:
+        """A search of a changed scene."""
+
+    def with_contacts(self, scene: Any) -> StartedSearch:
+        """A search of the scene with other contacts."""
+        return self.again(scene)
+
+    def with_free_contacts(self) -> dict[str, Any]:
+        """Changes of keys of the scene that leave all contacts of fingers to the search; none where they are."""
+        changes = dict[str, Any]()
+        for setup in self.scene.setups:
+            own = setup.finger.contacts.stated()
+            where = {key: f"{setup.where}.contacts" if key in own else "contacts" for key in ("middle", "tip")}
+            if setup.tip != "auto":
+                changes[f"{where['tip']}.tip"] = "auto"
+            if not setup.stations and set(setup.middles) != {"auto"}:
+                count = len(setup.middles)
+                changes[f"{where['middle']}.middle"] = "auto" if count == 1 else ("auto",) * count
+        return changes
+
+    def needs_free(self, key: str, on: frozenset[str]) -> bool:
+        """Whether a key of contacts must leave them to the search for a set of contacts."""
+        for setup in self.scene.setups:
+            if not key.startswith(("contacts", setup.where)):
+                continue
+            names = (setup.tip_name,) if key.endswith("tip") else setup.middle_names
+            if any((name in on) != (setup.switches[name] == "on") for name in names):
+                return True
+        return False
+
     @property
     def further(self) -> list[RodStart]:
         """Starts where none of the others leads to a grasp."""
         return []
 
     @property
+    def asked(self) -> Callable[[GraspRods], None] | None:
+        """Variant of the problem that the scene asks for; None where it asks for none."""
+        return asked_of(self.scene)
+
+    @property
     def best(self) -> RodGrasp | None:
-        """The grasp with the least aim."""
+        """The grasp with the least aim; among fine ones, if there are any."""
         held = [grasp for grasp in self.tried if grasp.holds]
-        return min(held, key=lambda grasp: grasp.attempt.objective, default=None)
+        return min([g for g in held if g.fine] or held, key=lambda grasp: grasp.attempt.objective, default=None)
 
     def run(self, most: int = STARTS) -> None:
         """Solve from the most promising starts; from further ones if none of these leads to a grasp.
@@ -174,10 +233,55 @@ class StartedSearch(ABC):
         self._try(self.starts, most)
         if self.best is None:
             self._try(self.further, most)
+        while (best := self.best) is not None and self._improved(best):
+            pass
         self._confirm(most)
-        while (best := self.best) is not None and not best.fine and not self.budget.over:
-            finer = self.solved(best.start, beside=best)
-            self.tried[self.tried.index(best)] = replace(finer, rough=best.attempt.objective)
+        if self.asked is not None:
+            # From the first grasps, without what a scene asks for beyond them.
+            first = sorted((g for g in self.tried if g.holds), key=lambda g: g.attempt.objective)
+            rows = (g for g in first if not self.budget.over)
+            self.tried = [self.solved(g.start, widen=self.asked, beside=g, fine=False) for g in rows]
+        while (rough := self._rough) is not None and not self.budget.over:
+            finer = self.solved(rough.start, widen=self.asked, beside=rough)
+            # Where finer stages and tables lead nowhere, the certificate decides about the grasp as it is.
+            better = finer if finer.holds else rough
+            self.tried[self.tried.index(rough)] = replace(better, rough=rough.attempt.objective)
+
+    @property
+    def _rough(self) -> RodGrasp | None:
+        """The grasp with the least aim that is not fine, if it may be better than all fine ones."""
+        refined = [grasp.rough for grasp in self.tried if grasp.fine and grasp.rough is not None]
+        rough = [g for g in self.tried if g.holds and g.rough is None and not any(_tied(g, aim) for aim in refined)]
+        least = min(rough, key=lambda grasp: grasp.attempt.objective, default=None)
+        best = self.best
+        if least is None or best is None or (best.fine and best.attempt.objective <= least.attempt.objective):
+            return None
+        return least
+
+    def beside(self, grasp: RodGrasp) -> Iterator[RodStart]:
+        """Starts with other contacts than a grasp, next to it."""
+        yield from ()
+
+    def _improved(self, best: RodGrasp) -> bool:
+        """Whether a start next to the best grasp leads to a better one, by more than a share of its aim."""
+        known = {grasp.start.on for grasp in self.tried if isinstance(grasp.start, type(best.start))}
+        for start in self.beside(best):
+            if self.budget.over or start.on in known:
+                continue
+            grasp = self.solved(start, fine=False)
+            self.tried.append(grasp)
+            if grasp.holds and grasp.attempt.objective < best.attempt.objective - SAME_AIM * abs(
+                best.attempt.objective
+            ):
+                return True
+        return False
+
+    def try_some(self, most: int) -> None:
+        """Solve from the most promising starts that nearly balance the object, one after the other up to a grasp."""
+        likely = [start for start in self.starts if start.imbalance < NEARLY]
+        for start in self._chosen(likely, most):
+            if self.best is None and not self.budget.over:
+                self.tried.append(self.solved(start))
 
     def agree(self, share: float) -> bool:
         """Whether the most promising starts and those of other places lead to the same aim, within a share."""
@@ -211,6 +315,8 @@ class StartedSearch(ABC):
                 return
             if start.imbalance > self.likely and self.best is not None:
                 continue
+            if self._promises_less(start):
+                continue
             self.tried.append(self.solved(start, fine=False))
             self.budget.tell(self.standing)
 
@@ -221,28 +327,47 @@ class StartedSearch(ABC):
         held = "no grasp yet" if best is None else f"{amount_text(best.tension, 'N', '.4g')} so far"
         return f"{held}; {len(self.tried)} starts tried"
 
+    def _promises_less(self, start: RodStart) -> bool:
+        """Whether a start promises less than the best grasp, to which several starts led: of either choice of three
+        fingers.
+        """
+        best = self.best
+        if best is None or sum(_tied(grasp, best.attempt.objective) for grasp in self.tried if grasp.holds) < 2:
+            return False
+        aim = best.attempt.objective
+        # 1e-3: share of the greatest tensions that is as good as none
+        less = start.aim > aim + max(self.promised * abs(aim), 1e-3)
+        return less and (len(best.problem.parts) < 3 or self.agree(AGREE))
+
     def _chosen(self, starts: Sequence[RodStart], most: int) -> Iterator[RodStart]:
         """The most promising starts; of different places of contacts where there are as many."""
-        different, left = list[RodStart](), list[RodStart]()
-        for start in starts:
-            alike = (one.on == start.on and np.linalg.norm(one.places - start.places) < self.apart for one in different)
-            (left if any(alike) else different).append(start)
         half = (most + 1) // 2
         best = starts[:half]
         self._promising = list(best)
-        others = [start for start in different if not any(start is one for one in best)]
         yield from best
-        yield from others[: most - len(best)]
+        different, others = list[RodStart](), 0
+        for k, start in enumerate(starts):
+            if others == most - len(best):
+                return
+            alike = (one.on == start.on and np.linalg.norm(one.places - start.places) < self.apart for one in different)
+            if any(alike):
+                continue
+            different.append(start)
+            if k >= len(best):
+                others += 1
+                yield start
 
     def solved(
         self,
         start: RodStart,
-        widen: Callable[[GraspRods], None] | None = None,
-        beside: RodGrasp | None = None,
         *,
+        widen: Callable[[GraspRods], None] | None = None,
+        loosen: Callable[[SceneNumbers], SceneNumbers] = lambda numbers: numbers,
+        beside: RodGrasp | None = None,
         fine: bool = True,
     ) -> RodGrasp:
-        """Solve from a start, or from a grasp with other limits ``beside`` it, with a limit widened if one is given.
+        """Solve from a start, or from a grasp with other limits ``beside`` it, with numbers of the scene
+        loosened and limits widened if these are given.
 
         Solve again with rows where a finger is in the object between nodes, or crosses another, and, if the grasp is to
         be ``fine``, with finer tables where contacts are not as exact as the object.
@@ -251,17 +376,27 @@ class StartedSearch(ABC):
         if beside is not None:
             times = beside.problem.geometry.finer if fine and not beside.fine else 1
             places, near = finer_places(beside.problem.places, times), finer_pairs(beside.problem.near, times)
-        numbers, rounds, finer = start.numbers, 0, 0
+        numbers, rounds, finer, rests, stays = loosen(start.numbers), 0, 0, 0, False
         while True:
             problem = GraspRods(numbers, joints=start.joints, stages=self.stages, places=places, near=near, fine=fine)
             if widen is not None:
                 widen(problem)
-            first = start.x_of(problem) if known is None else carried(known.problem, known.attempt.x, problem)
-            attempt = self._solver.solve(problem.nlp, problem.start(first), self.budget)
+            if stays and known is not None:
+                problem.stay(known.attempt.x[known.problem.placed])
+            if widen is None and known is not None and problem.is_same(known.problem):
+                attempt = known.attempt
+            else:
+                first = start.x_of(problem) if known is None else carried(known.problem, known.attempt.x, problem)
+                problem.fill(first)
+                attempt = self._attempt(problem, first)
             crossing = Crossing(problem, attempt.x)
             grasp = RodGrasp(problem, attempt, start, crossing.depth > CROSSED)
             if not attempt.converged or problem.unborne(attempt.x) > BORNE:
-                return grasp
+                if not finer or stays or known is None or not problem.moves:
+                    return grasp
+                # Facets of a drawing have optima of their own: object and bases stay where smoother tables had them.
+                stays = True
+                continue
             if grasp.crosses:
                 if rounds == ROUNDS:
                     return grasp
@@ -269,6 +404,11 @@ class StartedSearch(ABC):
                 sample = Crossing(problem, start.x_of(problem))
                 near = list(dict.fromkeys([*near, *sample.near, *crossing.near]))
                 known, rounds = None, rounds + 1
+                continue
+            pose = attempt.x[problem.pose]
+            supports = rested(numbers, start.supports_at(pose), pose, RESTED)
+            if supports is not None and rests < RESTS:
+                numbers, known, rests = replace(numbers, supports=supports), grasp, rests + 1
                 continue
             deep = [place for place in deep_places(problem, attempt.x) if place not in places]
             if deep and rounds < ROUNDS:
@@ -278,5 +418,22 @@ class StartedSearch(ABC):
             if not fine or finer == FINER or not table_misses(problem, attempt.x):
                 return grasp
             thin = min(float(finger.half(0.0)) * finger.length for finger in numbers.fingers)
-            table = numbers.table.refined(touched_places(problem, attempt.x), FINE * thin / numbers.size)
+            # Where curvature jumps, a table is as wrong as its step is wide.
+            step = FINE * SHRINKS**finer * thin / numbers.size
+            table = numbers.table.refined(touched_places(problem, attempt.x), step)
             numbers, known, finer = replace(numbers, table=table), grasp, finer + 1
+
+    def _attempt(self, problem: GraspRods, x: Array) -> Attempt:
+        """Solve from unknowns; once more from where the solver stopped, if that is almost a grasp.
+
+        A new run has a new barrier and knows nothing of the points that the former run refused.
+        """
+        attempt = self._solver.solve(problem.nlp, problem.start(x), self.budget)
+        if attempt.status is not SolverStatus.ITERATION_LIMIT or problem.unborne(attempt.x) > RESUMED:
+            return attempt
+        return self._solver.solve(problem.nlp, problem.start(attempt.x), self.budget)
+
+
+def _tied(grasp: RodGrasp, aim: float) -> bool:
+    """Whether the aim of a grasp is another one, but for a share."""
+    return abs(grasp.attempt.objective - aim) <= SAME_AIM * abs(aim)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from continuum_grasp.base import Array
@@ -21,11 +23,15 @@ class Spatial(Geometry):
 
     name = "space"
     dimensions, state, oriented, sides, pose, axes = 3, 10, 7, 2, 6, 9
-    steps, finer, compiled = 1, 2, True
+    steps, finer = 1, 4
 
     def tangent(self, state: Values) -> Values:
         """Direction of the finger (3,)."""
         return columns(state[3:7])[1]
+
+    def across(self, state: Values) -> Values:
+        """Direction across the finger in the plane of bending (3,)."""
+        return columns(state[3:7])[0]
 
     def bending(self, state: Values) -> Value:
         """Moment about the axis of bending of the section."""
@@ -55,6 +61,17 @@ class Spatial(Geometry):
         cayley = [[float(i == j) + size * (skew[i][j] + square[i][j]) for j in range(3)] for i in range(3)]
         given = [[axes[3 * i + j] for j in range(3)] for i in range(3)]
         return [[dot(row, column) for column in zip(*given, strict=True)] for row in cayley]
+
+    def section_turn(self, state: Values, change: Values) -> list[Any]:
+        """Small turn (3,) of a section by the change (7,) of its place and direction."""
+        a, b, c, d = (state[k] for k in range(3, 7))
+        return [2.0 * part for part in multiplied([change[k] for k in range(3, 7)], [a, -b, -c, -d])[1:]]
+
+    def object_turn(self, pose: Values, change: Values) -> list[Any]:
+        """Small turn (3,) of the object by the change (6,) of its pose."""
+        turn, rate = [pose[k] for k in (3, 4, 5)], [change[k] for k in (3, 4, 5)]
+        size = 2.0 / (1.0 + dot(turn, turn))
+        return [size * (a + b) for a, b in zip(rate, cross(turn, rate), strict=True)]
 
     def cuts(self, p: Array, q: Array) -> Array:
         """Chords in space do not cut: fingers are in each other before that."""

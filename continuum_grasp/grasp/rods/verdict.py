@@ -10,12 +10,10 @@ from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.judge.certificate import RodCertificate, certify_rods
 from continuum_grasp.grasp.judge.held import HeldRods
 from continuum_grasp.grasp.rods.record import held_rods
-from continuum_grasp.grasp.rods.solving import RodGrasp, StartedSearch
+from continuum_grasp.grasp.rods.solving import AGREE, RodGrasp, StartedSearch
 from continuum_grasp.grasp.values import GraspStatus
 from continuum_grasp.scene import GraspScene
 
-AGREE = 0.01
-"""Share of an aim by which the two choices of starts of three fingers may differ."""
 REFUSED = 3
 """Grasps that the certificate may refuse, before none is tried any more."""
 

@@ -16,7 +16,7 @@ import continuum_grasp as cg
 from benchmarks.bench_rods import image_of
 from benchmarks.grasp_images import STRONGER, drawn, scene_of
 from continuum_grasp.grasp.judge.certificate import certify_rods
-from continuum_grasp.grasp.rods.limits import LeastRepairs, reason_of
+from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.search import RodSearch
 from continuum_grasp.grasp.rods.verdict import verdict_of
@@ -41,6 +41,19 @@ def test_a_grasp_passes_a_certificate_that_integrates_it_anew(name):
     search = searched(name)
     certificate = certify_rods(search.scene, held_rods(search.best))
     assert certificate.passed, certificate.worst
+
+
+def test_stages_lead_from_the_base_to_the_tip_of_a_solution():
+    """The solver made each stage end where the next one begins, on its own."""
+    grasp = searched("pinch").best
+    problem, x = grasp.problem, grasp.attempt.x
+    for finger, part in zip(problem.numbers.fingers, problem.parts, strict=True):
+        (span,) = part.spans
+        stage = kinds.stage_kind(problem.geometry, finger.section.form)
+        data = [[*finger.acting(span.piece), *span.shares(node)] for node in range(1, span.stages + 1)]
+        acting = np.array([*x[span.force], *x[part.pulls], *x[span.ends]])
+        states = kinds.led(stage, x[part.nodes[0]], acting, data)
+        assert states == pytest.approx(x[np.array(part.nodes[1:])], abs=1e-7)
 
 
 # Least tensions [N] of today's search with 24 elements per finger; friction: as pulled.
@@ -109,17 +122,3 @@ def test_derivatives_are_differences_of_rows():
     assert change == pytest.approx(jacobian @ way, abs=1e-5 * np.abs(jacobian @ way).max())
     turned = forces @ (slopes[0] - slopes[1]) / (2.0 * h)
     assert turned == pytest.approx(hessian @ way, abs=1e-4 * np.abs(hessian @ way).max())
-
-
-@pytest.mark.parametrize("name", few(["slippery_bottle", "heavy_bottle"], 1))
-def test_amounts_of_reasons_are_least(name):
-    """A scene with a change holds; with 0.97 of it, none of the same starts does."""
-    search = searched(name)
-    assert search.best is None
-    repairs = list(LeastRepairs(search).found())
-    assert {repair.limit.name for repair in repairs} >= {"mass", "friction"}
-    for repair in repairs:
-        assert reason_of(search.scene, repair).repair
-        assert found(search.scene.changed(repair.changes)).best is not None
-        less = repair.limit.changes(search.scene, 0.97 * repair.amount, repair.grasp)
-        assert found(search.scene.changed(less)).best is None

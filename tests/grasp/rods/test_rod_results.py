@@ -155,7 +155,6 @@ def test_ctrl_c_before_a_grasp_is_an_error():
     [
         ("grasp/mug", "objective=least_normal_force", "objective"),
         ("grasp/mug", "contacts.push=1.0", "contacts.push"),
-        ("grasp/mug_uncertain", "name=", "robust"),
         ("hand/turned", "name=", "gravity"),
     ],
 )

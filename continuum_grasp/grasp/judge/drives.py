@@ -1,0 +1,89 @@
+"""Cables that winches and motors wind up, by the shape of a finger: what a drive holds, and whether tensions obey it.
+
+A tendon is stretched by C T from where it is just in tension on; the cable wound up is its path along the bent finger
+and this stretch. C is the compliance of the cable before the finger, and of that along it by the share of the tension
+that friction leaves on average.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.optimize import brentq
+
+from continuum_grasp.base import Numbers as Array
+from continuum_grasp.grasp.judge.findings import EXACT, FOLLOWED, Finding, Requirement
+from continuum_grasp.grasp.judge.space_rod import SpaceRod
+from continuum_grasp.scene import DriveLaw, FingerSetup, MotorDrive
+
+_SIGNS = np.array([1.0, -1.0])
+"""The bend draws in the left tendon as far as it pays out the right one; a pulley winds them up so."""
+
+
+def soft(length: Array, onset: float) -> Array:
+    """Stretch [m] of tendons whose cable is wound up by lengths beyond slack [m]; rounded off within an onset [m]."""
+    v = np.clip(length / onset, -1.0, 1.0)
+    # The integral of 3 (1 - v^2) / 4 twice: no stretch below -1, the whole length above 1.
+    return np.asarray(onset * (3.0 + 8.0 * v + 6.0 * v**2 - v**4) / 16.0 + np.maximum(length - onset, 0.0))
+
+
+class WoundCables:
+    """The two cables of a finger by its shape."""
+
+    def __init__(self, setup: FingerSetup, law: DriveLaw, rod: SpaceRod, tensions: Array) -> None:
+        self.law, self._tensions = law, tensions
+        drawn, means = rod.cables()
+        self.paths = setup.tendons.offset * drawn * _SIGNS
+        self.stretches = (law.series + law.axial * means) * tensions
+
+    @property
+    def held(self) -> Array:
+        """What the drives hold: commands [m] of those that lock, else tensions or their difference [N]."""
+        law, left_more = self.law, float(self._tensions @ _SIGNS)
+        if not law.locks:
+            return np.array([left_more]) if law.pulley else self._tensions
+        if law.pulley:
+            return np.array([self._by_pulley + law.servo * left_more])
+        return self._wound + law.servo * self._tensions
+
+    @property
+    def _wound(self) -> Array:
+        """Cable wound up (2,) of drives of their own [m]: a tendon that does not pull is let out until it is slack."""
+        slack = self.law.onset / (1.0 + (self.stretches / self.law.onset) ** 4)
+        return np.asarray(self.paths + self.stretches - slack - self.law.start)
+
+    @property
+    def _by_pulley(self) -> float:
+        """Cable that a pulley winds up of the left tendon [m], by the one that pulls more."""
+        law, k = self.law, int(np.argmax(self._tensions))
+        onset, stretch = law.onset, float(self.stretches[k])
+        beyond = brentq(lambda length: float(soft(np.array(length), onset)) - stretch, -onset, stretch + onset)
+        return float(_SIGNS[k] * (beyond + self.paths[k] - law.start))
+
+    def misfit(self, held: Array) -> Array:
+        """By how much stretches (2,) differ from those with which drives hold ``held``, and a load on a pulley [m]."""
+        law, left_more = self.law, float(self._tensions @ _SIGNS)
+        if law.pulley:
+            wound = held[0] - law.servo * left_more if law.locks else self._by_pulley
+            off = self.stretches - soft(law.start + wound * _SIGNS - self.paths, law.onset)
+            return off if law.locks else np.append(off, (left_more - held[0]) * law.series)
+        if not law.locks:
+            return np.asarray((self._tensions - held) * law.series)
+        wound = law.start + held - law.servo * self._tensions
+        return np.asarray(self.stretches - soft(wound - self.paths, law.onset))
+
+
+def drive_findings(setup: FingerSetup, rod: SpaceRod, tensions: Array) -> Iterator[Finding]:
+    """Findings about the drives of a finger: its tensions go together on a pulley, and motors reach them."""
+    law = setup.drive
+    if law is None:
+        return
+    if law.pulley:
+        cables = WoundCables(setup, law, rod, tensions)
+        off = float(np.abs(cables.misfit(cables.held)).max())
+        yield Finding(Requirement.DRIVE, setup.name, off, FOLLOWED * rod.length, "m")
+    if isinstance(motor := law.drive, MotorDrive):
+        load = abs(float(tensions @ _SIGNS)) if law.pulley else float(tensions.max())
+        torque = load * motor.winch_radius + motor.coulomb_friction
+        yield Finding(Requirement.TORQUE, setup.name, torque - motor.torque_max, EXACT * motor.torque_max, "N m")

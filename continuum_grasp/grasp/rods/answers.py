@@ -1,0 +1,221 @@
+"""Small motions of a grasp as part of its problem: what it answers to loads bounds the grasp itself.
+
+A variant adds unknowns and rows to a problem: changes of its unknowns under a load, to first order, by tangents of the
+same blocks, and what must hold for them.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+
+import numpy as np
+
+from continuum_grasp.base import Array, Indices
+from continuum_grasp.grasp.rods import kinds
+from continuum_grasp.grasp.rods.motion import GraspMotion
+from continuum_grasp.grasp.rods.problem import APEX, GraspRods
+from continuum_grasp.grasp.rods.tangent import GraspTangent
+from continuum_grasp.scene import GraspScene, HandScene, ObjectiveWeights
+
+_SPARES = np.logspace(-10.0, 4.0, 141)
+"""Multipliers that are tried for a start, per greatest change of a load."""
+
+
+class GraspAnswers(ABC):
+    """Answers of a grasp to K loads, as changes of its unknowns that are unknowns, too.
+
+    Attributes
+    ----------
+    amount : ndarray of int, shape (1,)
+        Unknown amount of all loads.
+    """
+
+    amount: Indices
+
+    def __init__(self, problem: GraspRods, motion: GraspMotion, loads: Array) -> None:
+        """Add the answers to loads (K, 6) on the object, per unit of the amount [F0, F0 size]."""
+        self.problem, self.motion, self.loads = problem, motion, loads
+        self._size, self._count = problem.size, problem.count
+        self._still = problem.unknown(f"still, {self.key}", 0.0, 0.0)
+        self.changes = [self._answer(k, load) for k, load in enumerate(loads)]
+        problem.fillings.append(self.fill)
+
+    @property
+    @abstractmethod
+    def key(self) -> str:
+        """Key of the scene that asks for them."""
+
+    def _answer(self, k: int, load: Array) -> Indices:
+        """Add the answer to a load; places (size,) of the changes of all unknowns."""
+        problem, motion = self.problem, self.motion
+        changes = np.full(self._size, int(self._still[0]))
+        free = np.full(len(motion.changing), np.inf)
+        changes[motion.changing] = problem.unknown(f"answer {k}, {self.key}", -free, free)
+        rows = np.full(self._count, -1)
+        rows[motion.rows] = problem.rows(f"answer {k}, {self.key}", self.key, "1", len(motion.rows)).ravel()
+        problem.add_tangents(changes, rows)
+        give = kinds.share_kind()
+        for row, force, compliance in motion.gaps:
+            problem.add(give, changes[force], rows[row], [compliance])
+        for contact in motion.of_contacts:
+            own = np.full(contact.kind.count, problem.free_row)
+            own[contact.rows] = problem.rows(f"stick {k}, {self.key}", self.key, "1", len(contact.rows)).ravel()
+            own[contact.balance] = rows[problem.balance[contact.balance]]
+            problem.add(contact.kind, [*contact.unknowns, *changes[contact.changes]], own, contact.data)
+            for row, force in zip(own[contact.rows], contact.forces, strict=True):
+                problem.add(give, changes[force], row, [contact.give])
+        for row, part in zip(problem.balance, load, strict=True):
+            if part:
+                problem.add(give, self.amount, rows[row], [part])
+        return changes
+
+    def fill(self, x: Array) -> None:
+        """Set the answers to those of the grasp in the unknowns, and the amount to what the grasp bears."""
+        tangent = tangent_of(self.problem, x)
+        x[self.amount] = self.borne(x, tangent)
+        if tangent is not None:
+            answers = tangent.to_loads(self.loads)
+            for changes, column in zip(self.changes, answers.T, strict=True):
+                x[changes[tangent.motion.changing]] = float(x[self.amount][0]) * column
+        x[self._still] = 0.0
+
+    @abstractmethod
+    def borne(self, x: Array, tangent: GraspTangent | None) -> float:
+        """Amount of the loads with which the problem starts."""
+
+
+def tangent_of(problem: GraspRods, x: Array) -> GraspTangent | None:
+    """Tangent of a grasp; None where nothing presses, or where nothing holds some motion."""
+    try:
+        tangent = GraspTangent(problem, x)
+        tangent.response  # noqa: B018
+    except (ValueError, RuntimeError):
+        return None
+    return tangent
+
+
+class BornePush(GraspAnswers):
+    """A push on the object, in any direction, that the grasp bears.
+
+    Parameters
+    ----------
+    problem : GraspRods
+    least : float
+        Least push [N].
+    aim : float
+        Weight in the objective of the push per newton; without one, the push is the least one.
+    """
+
+    key = "contacts.push"
+
+    def __init__(self, problem: GraspRods, least: float, aim: float = 0.0) -> None:
+        force, directions = problem.numbers.force, problem.geometry.dimensions
+        self._least = least / force
+        motion = GraspMotion(problem)
+        self.amount = problem.unknown("push", self._least, np.inf if aim else self._least)
+        problem.cost(self.amount, -aim * force)
+        super().__init__(problem, motion, np.eye(6)[:directions])
+        self._spare: dict[str, Indices] = {}
+        for name in problem.contacts:
+            self._bound(name)
+
+    def _bound(self, name: str) -> None:
+        problem, held, count = self.problem, self.problem.contacts[name], len(self.changes)
+        spare, size = problem.unknown(f"spare, {name}", 0.0, np.inf), count + 1
+        rows, columns = np.tril_indices(size)
+        free = np.full(len(rows) - 1, np.inf)
+        factor = problem.unknown(f"factor, {name}", np.where(rows == columns, 0.0, -np.inf)[:-1], free)
+        self._spare[name] = np.concatenate([spare, factor])
+        most, same = problem.limits[1][held[0]], [0.0] * len(free)
+        lower, upper = [0.0, -np.inf, 0.0, *same], [np.inf, most, np.inf, *same]
+        bounds = problem.rows(f"pushed, {name}", self.key, "F0", 1, np.ones(3 + len(free)), lower, upper)
+        changes = np.concatenate([changes[held] for changes in self.changes])
+        unknowns = [*held, *changes, *self._spare[name]]
+        problem.add(kinds.pushed_kind(count), unknowns, bounds, [problem.numbers.friction(name)])
+
+    def fill(self, x: Array) -> None:
+        """Set the push, the answers, and multipliers for them."""
+        super().fill(x)
+        for name, at in self._spare.items():
+            held = self.problem.contacts[name]
+            slope = np.array([x[changes[held]] for changes in self.changes]).T
+            x[at] = _spare(x[held], slope, self.problem.numbers.friction(name))
+
+    def borne(self, x: Array, tangent: GraspTangent | None) -> float:
+        """Half of what the grasp bears, or the least push."""
+        push = 0.0 if tangent is None else 0.5 * tangent.push
+        return max(self._least, push / self.problem.numbers.force)
+
+
+def _spare(load: Array, slope: Array, friction: float) -> Array:
+    """Multiplier of the S-lemma that leaves most of the last pivot, and the entries of the factor with it."""
+    form = np.diag([friction**2, -1.0, -1.0, -1.0])
+    w, axes = np.linalg.eigh(slope.T @ form @ slope)
+    v = axes.T @ (slope.T @ form @ load)
+    spares = max(0.0, -float(w[0])) + max(float(np.abs(w).max()), 1e-12) * _SPARES
+    left = load @ form @ load - spares - (v[:, None] ** 2 / (w[:, None] + spares)).sum(axis=0)
+    spare = float(spares[left.argmax()])
+    matrix = kinds.pushed_matrix(slope, load, friction, spare)
+    # Where the push is not borne, the last entry does not count.
+    matrix[-1, -1] += max(0.0, 1.0 - float(left.max()))
+    factor = np.linalg.cholesky(matrix)
+    return np.array([spare, *factor[np.tril_indices(len(factor))][:-1]])
+
+
+class ResistedDisturbances(GraspAnswers):
+    """Disturbances of the object that the grasp resists, all of them times one factor.
+
+    Parameters
+    ----------
+    problem : GraspRods
+    wrenches : ndarray, shape (K, 6)
+        Forces and moments about the center of mass [N, N m].
+    aim : float
+        Weight of the factor in the objective.
+    retensioned : bool
+        Whether each disturbance has tensions of its own.
+    """
+
+    key = "disturbances"
+
+    def __init__(self, problem: GraspRods, wrenches: Array, aim: float, *, retensioned: bool) -> None:
+        numbers = problem.numbers
+        units = numbers.force * np.array([1.0, 1.0, 1.0, numbers.size, numbers.size, numbers.size])
+        self.amount = problem.unknown("factor", 0.0, np.inf)
+        problem.cost(self.amount, -aim)
+        super().__init__(problem, GraspMotion(problem, retensioned=retensioned), wrenches / units)
+        limits = problem.limits[1]
+        for k, changes in enumerate(self.changes):
+            for name, held in problem.contacts.items():
+                rows = problem.rows(
+                    f"disturbed {k}, {name}", self.key, "F0", 1, [1.0, 1.0], 0.0, [limits[held[0]], np.inf]
+                )
+                data = [numbers.friction(name), APEX]
+                problem.add(kinds.moved_kind(), [*held, *changes[held]], rows, data)
+            for part, finger in zip(problem.parts, numbers.fingers, strict=True):
+                for at, most in zip(part.pulls, finger.pulls, strict=True):
+                    row = problem.rows(f"disturbed {k}, {finger.name}", self.key, "1", 1, 1.0, 0.0, most)
+                    problem.add(kinds.sum_kind(), [at, changes[at]], row, [])
+
+    def borne(self, x: Array, tangent: GraspTangent | None) -> float:
+        """None: the grasp bears it, whatever it is."""
+        return 0.0
+
+
+def asked_of(scene: GraspScene | HandScene) -> Callable[[GraspRods], None] | None:
+    """Variant of the problem that a scene asks for: a push, disturbances; None where it asks for neither."""
+    weights = scene.weights if isinstance(scene, GraspScene) else ObjectiveWeights(least_tension=1.0)
+    least, most = scene.contacts.push or 0.0, scene.contacts.normal_force_max
+    pushed, disturbed = weights.greatest_push / most, weights.greatest_disturbance
+    if not (least or pushed or disturbed):
+        return None
+
+    def vary(problem: GraspRods) -> None:
+        if least or pushed:
+            BornePush(problem, least, pushed)
+        if disturbed:
+            wrenches = np.array([[*wrench[:2], 0.0, 0.0, 0.0, wrench[2]] for wrench in scene.wrenches])
+            ResistedDisturbances(problem, wrenches, disturbed, retensioned=scene.disturbances.tendons == "retensioned")
+
+    return vary

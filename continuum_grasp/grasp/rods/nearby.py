@@ -1,0 +1,274 @@
+"""A grasp at scenes nearby: found again without a search, and how it changes with the numbers of the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from continuum_grasp.base import Array
+from continuum_grasp.grasp.body.bodies import body_of
+from continuum_grasp.grasp.nearby.held import STEP, Stencil, StructureChanges
+from continuum_grasp.grasp.rods.guess import Held
+from continuum_grasp.grasp.rods.hand_numbers import hand_numbers
+from continuum_grasp.grasp.rods.hand_search import HandRodSearch
+from continuum_grasp.grasp.rods.numbers import GraspAims, SceneNumbers
+from continuum_grasp.grasp.rods.planar_numbers import planar_numbers
+from continuum_grasp.grasp.rods.problem import GraspRods
+from continuum_grasp.grasp.rods.search import RodSearch
+from continuum_grasp.grasp.rods.solving import RodGrasp, RodStart, StartedSearch
+from continuum_grasp.grasp.values import SAME
+from continuum_grasp.nlp import Attempt, Budget, SolutionSlopes, Start
+from continuum_grasp.scene import GraspScene, HandScene
+
+_PLACED = {"position", "angle", "rotation", "mass", "density", "free", "against"}
+"""Keys of an object that leave its surface as it is."""
+
+
+@dataclass(frozen=True, eq=False)
+class NearStart(RodStart):
+    """A start with the numbers of another scene, next to a grasp of the first one."""
+
+    before: RodStart
+    own: SceneNumbers
+
+    def __post_init__(self) -> None:
+        for name in ("on", "places", "imbalance", "aim"):
+            object.__setattr__(self, name, getattr(self.before, name))
+
+    def changed(self, scene: Any) -> RodStart:
+        """The start in a scene with other limits."""
+        return self.before.changed(scene)
+
+    @property
+    def numbers(self) -> SceneNumbers:
+        """The scene in plain numbers."""
+        return self.own
+
+    @property
+    def guesses(self) -> Any:
+        """Knowledge about each finger."""
+        return self.before.guesses
+
+    @property
+    def joints(self) -> list[tuple[float, ...]]:
+        """Approximate places of the middle contacts of each finger [L]."""
+        return self.before.joints
+
+    @property
+    def supports(self) -> Held:
+        """Forces of supports by name [F0]."""
+        return self.before.supports
+
+
+def numbers_near(grasp: RodGrasp, before: Any, scene: Any) -> SceneNumbers:
+    """The numbers of a scene with the contacts of a grasp of another one."""
+    problem, numbers, on = grasp.problem, grasp.problem.numbers, grasp.start.on
+    table = numbers.table
+    if _surface(before) != _surface(scene):
+        table = table.of_body(body_of(scene.object), scene.object.size)
+    if isinstance(scene, HandScene):
+        return hand_numbers(scene, on, table)
+    x, y, angle = grasp.attempt.x[problem.pose] * [numbers.size, numbers.size, 1.0]
+    pose = scene.object.pose if scene.object.free is None else (float(x), float(y), float(angle))
+    bases = tuple((*setup.finger.base.position, setup.finger.base.angle) for setup in scene.setups)
+    return planar_numbers(scene, on, (pose, bases), numbers.force, table)
+
+
+def _surface(scene: Any) -> dict[str, Any]:
+    """Data of the surface of a scene's object."""
+    return dict(scene.object.model_dump(exclude=_PLACED))
+
+
+def _unlimited(problem: GraspRods) -> None:
+    """Let the object have any mass, at a gain for a greater one."""
+    less = problem.unknown("less mass", -np.inf, 1.0)
+    problem.cost(less, 1.0)
+    problem.add_load_share(less)
+
+
+@dataclass(frozen=True, eq=False)
+class RodsAtScene:
+    """A grasp of rods at a scene.
+
+    Of one whose mass is ``chosen``, the greatest mass is sought.
+    """
+
+    scene: GraspScene | HandScene
+    grasp: RodGrasp
+    follower: RodsFollower
+    chosen: bool = False
+
+    @cached_property
+    def quantities(self) -> dict[str, float]:
+        """Quantities of the grasp that expressions may name."""
+        return self._quantities(self.scene, self.grasp.problem, self.grasp.attempt.x)
+
+    @property
+    def attempt(self) -> Attempt:
+        """The solve that found it."""
+        return self.grasp.attempt
+
+    @property
+    def objective(self) -> float:
+        """Aim of the grasp."""
+        return self.grasp.attempt.objective
+
+    @property
+    def acting(self) -> tuple[tuple[float, ...], ...]:
+        """Errors that decide the grasp: none of one that is held as the scene is."""
+        return ()
+
+    def slopes(self, near: Stencil) -> tuple[Array, dict[str, float]]:
+        """Derivatives of the unknowns (n,) and of the quantities along a direction of scenes.
+
+        Raises
+        ------
+        StructureChanges
+            Scenes there have a problem of another structure.
+        """
+        problem, x = self.grasp.problem, self.grasp.attempt.x
+        beside = [self._problem(scene) for scene in near.scenes]
+        if not all(other.nlp is problem.nlp for other in beside):
+            raise StructureChanges("the grasp problem changes its structure here")
+        starts = [other.start(x) for other in beside]
+        moved = self._slopes.unknowns(near.difference, [self._unclipped(start) for start in starts])
+        samples = [
+            self._quantities(scene, other, x + offset * STEP * moved)
+            for offset, scene, other in zip(near.offsets, near.scenes, beside, strict=True)
+        ]
+        return moved, {name: float(near.difference([s[name] for s in samples])) for name in self.quantities}
+
+    @cached_property
+    def _slopes(self) -> SolutionSlopes:
+        grasp = self.grasp
+        return SolutionSlopes(grasp.problem.nlp, grasp.problem.start(grasp.attempt.x), grasp.attempt)
+
+    def _unclipped(self, start: Start) -> Start:
+        return replace(start, x=self.grasp.attempt.x)
+
+    def _problem(self, scene: Any) -> GraspRods:
+        """The problem of a scene beside this one, with the same rows."""
+        grasp, known = self.grasp, self.grasp.problem
+        numbers = numbers_near(grasp, self.scene, scene)
+        if self.chosen:
+            numbers = replace(numbers, aims=GraspAims(0.0, 0.0))
+        problem = GraspRods(
+            numbers,
+            joints=grasp.start.joints,
+            stages=known.stages,
+            places=known.places,
+            near=known.near,
+            fine=known.fine,
+        )
+        if self.chosen:
+            _unlimited(problem)
+        return problem
+
+    def _quantities(self, scene: Any, problem: GraspRods, x: Array) -> dict[str, float]:
+        """Quantities next to this grasp: greatest and least ones belong to the tendon or contact that has them here."""
+        if self.chosen:
+            return {"payload": _mass(scene) * (1.0 - float(x[problem.at["less mass"]][0]))}
+        tensions, forces, margins = _parts(scene, problem, x)
+        tightest, pressed, least = self._extremes
+        return {
+            "tension": float(tensions.sum()),
+            "tension_max": float(tensions[tightest]),
+            "normal_force_max": float(forces[pressed]),
+            "friction_margin": float(margins[least]),
+        }
+
+    @cached_property
+    def _extremes(self) -> tuple[int, int, int]:
+        """Indices of the greatest tension and normal force, and of the least friction margin."""
+        tensions, forces, margins = _parts(self.scene, self.grasp.problem, self.grasp.attempt.x)
+        return int(tensions.argmax()), int(forces.argmax()), int(margins.argmin())
+
+
+def _agree(found: Sequence[RodsAtScene]) -> bool:
+    """Whether several grasps have the same aim."""
+    aims = [each.objective for each in found]
+    return len(aims) > 1 and max(aims) - min(aims) <= SAME * abs(min(aims))
+
+
+def _mass(scene: Any) -> float:
+    """Mass of a scene's object [kg]."""
+    return float(scene.object.weighed if isinstance(scene, HandScene) else scene.object.mass)
+
+
+def _parts(scene: Any, problem: GraspRods, x: Array) -> tuple[Array, Array, Array]:
+    """Tensions and normal forces [N], and friction margins of the contacts, without the reserve."""
+    numbers = problem.numbers
+    pairs = zip(numbers.fingers, problem.parts, strict=True)
+    tensions = np.concatenate([finger.tensions(x[part.pulls]) for finger, part in pairs])
+    limits = {name: (finger.friction, finger.force) for finger in numbers.fingers for name in finger.contacts}
+    limits |= {support.name: (support.friction, numbers.force) for support in numbers.supports}
+    held = np.array([x[at] * limits[name][1] for name, at in problem.contacts.items()])
+    friction = np.array([limits[name][0] for name in problem.contacts]) / (1.0 - scene.contacts.reserve)
+    across = np.linalg.norm(held[:, 1:], axis=1)
+    return tensions, held[:, 0], 1.0 - across / np.maximum(friction * held[:, 0], 1e-15)
+
+
+@dataclass(frozen=True, eq=False)
+class RodsFollower:
+    """Finds grasps again without a search.
+
+    Parameters
+    ----------
+    search : StartedSearch
+        That found the first one.
+    spent : callable
+        Called with the iterations of each solve.
+    """
+
+    search: StartedSearch
+    spent: Callable[[int], None] = lambda iterations: None
+
+    @classmethod
+    def searched(
+        cls,
+        scene: Any,
+        spent: Callable[[int], None] = lambda iterations: None,
+        beside: Sequence[RodsAtScene] = (),
+    ) -> list[RodsAtScene]:
+        """Grasps of a scene, the best one first and the others by their aim.
+
+        They are followed from grasps of scenes ``beside`` it, and found by a full search unless several of these lead
+        to the same one.
+        """
+        kind = HandRodSearch if isinstance(scene, HandScene) else RodSearch
+        search = kind(scene, Budget.of(scene.solver))
+        follower = cls(search, spent)
+        near = [found for before in beside if (found := follower.at(scene, before)) is not None]
+        if not _agree(near):
+            search.run()
+        held = sorted((g for g in search.tried if g.holds), key=lambda g: (not g.fine, g.attempt.objective))
+        others = [RodsAtScene(scene, grasp, follower) for grasp in held]
+        return sorted([*near, *others], key=lambda each: (not each.grasp.fine, each.objective))
+
+    def at(self, scene: Any, before: RodsAtScene, guess: Array | None = None) -> RodsAtScene | None:
+        """A grasp at a scene nearby, from a guess or from its own unknowns; None where it is lost."""
+        numbers = numbers_near(before.grasp, before.scene, scene)
+        if before.chosen:
+            numbers = replace(numbers, aims=GraspAims(0.0, 0.0))
+        start = NearStart(before.grasp.start, numbers)
+        for x in [*([] if guess is None else [guess]), before.grasp.attempt.x]:
+            beside = replace(before.grasp, attempt=replace(before.grasp.attempt, x=x))
+            found = self._solved(scene, start, beside, chosen=before.chosen)
+            if found is not None:
+                return found
+        return None
+
+    def heaviest(self, before: RodsAtScene, scene: Any) -> RodsAtScene | None:
+        """The grasp of a scene with the greatest mass next to one; None where the solver finds none."""
+        numbers = replace(numbers_near(before.grasp, before.scene, scene), aims=GraspAims(0.0, 0.0))
+        return self._solved(scene, NearStart(before.grasp.start, numbers), before.grasp, chosen=True)
+
+    def _solved(self, scene: Any, start: NearStart, beside: RodGrasp, *, chosen: bool) -> RodsAtScene | None:
+        widen = _unlimited if chosen else None
+        grasp = self.search.solved(start, widen=widen, beside=beside, fine=beside.fine)
+        self.spent(grasp.attempt.iterations)
+        return RodsAtScene(scene, grasp, self, chosen) if grasp.holds else None
