@@ -18,7 +18,7 @@ from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.result import GraspResult, with_outline
 from continuum_grasp.grasp.rods.arrays import RodArrays
 from continuum_grasp.grasp.rods.hand_search import HandRodSearch
-from continuum_grasp.grasp.rods.projection import on_elements
+from continuum_grasp.grasp.rods.projection import MOST_ELEMENTS, on_elements
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.repairs import LeastRepairs, reason_of
 from continuum_grasp.grasp.rods.robust_result import SoughtRobust
@@ -84,12 +84,14 @@ def _result(scene: GraspScene | HandScene, budget: Budget) -> GraspResult | Hand
 
 def _check(scene: GraspScene | HandScene) -> None:
     """Refuse what the problem of rods does not have, so that no grasp claims it."""
+    if scene.contacts.push or scene.unloaded:
+        raise InputError("expected a weight or another load alone: rods do not bear pushes", key="contacts.push")
     if isinstance(scene, HandScene):
+        if scene.turned:
+            raise InputError("expected one direction: rods do not hold in every direction of the weight", key="gravity")
         return
     if not _AIMS.issuperset(scene.aims):
         raise InputError(f"expected aims of {sorted(_AIMS)}, got {sorted(scene.aims)}", key="objective")
-    if scene.robust is not None:
-        raise InputError("expected a known object: rods are not sought for errors of it", key="robust")
 
 
 def _outlined(result: GraspResult | HandResult) -> GraspResult | HandResult:
@@ -161,7 +163,9 @@ class _EndedSearch:
         if reasons:
             arrays = dict(reasons[0].arrays)
         elif verdict.best is not None:
-            scene, arrays, errors = stored(self.scene, verdict.held or held_rods(verdict.best), verdict.certificate)
+            # What is no grasp is not worth more elements.
+            held = verdict.held or held_rods(verdict.best)
+            scene, arrays, errors = stored(self.scene, held, verdict.certificate, most=0)
         if isinstance(scene, HandScene):
             return HandResult(
                 scene,
@@ -209,9 +213,7 @@ class _EndedSearch:
             return f"{verdict.doubts[0].value}: {verdict.certificate.worst}"
         words = [doubt.value for doubt in verdict.doubts]
         if verdict.best is not None and Doubt.UNBORNE in verdict.doubts:
-            words[0] = f"nothing bears {amount_text(verdict.best.unborne, 'N', '.3g')} of the load"
-        if verdict.best is not None and verdict.best.crosses:
-            words.append("fingers pass through each other or through themselves")
+            words[0] = _missed(verdict.best)
         return f"no grasp found from {len(self.search.tried)} starts: {'; '.join(words)}"
 
     def _advice(self, verdict: RodVerdict, reasons: Sequence[Reason]) -> str:
@@ -270,12 +272,21 @@ class _EndedSearch:
 
 
 def stored(
-    scene: Any, held: HeldRods, certificate: RodCertificate | None = None
+    scene: Any, held: HeldRods, certificate: RodCertificate | None = None, most: int = MOST_ELEMENTS
 ) -> tuple[Any, dict[str, Array], dict[str, ElementError]]:
-    """Arrays of a grasp, its scene with the elements that stand for it, and their difference by finger."""
+    """Scene with the elements, up to ``most``, that stand for a grasp, its arrays, and differences by finger."""
     rods = certificate.rods if certificate is not None and certificate.rods else rods_of(scene, held)
-    resolved, projection = on_elements(scene, held, rods)
+    resolved, projection = on_elements(scene, held, rods, most)
     return resolved, {**projection.arrays, **RodArrays.of(scene).stored(held, rods)}, dict(projection.errors)
+
+
+def _missed(nearest: RodGrasp) -> str:
+    """Why a solution is no grasp, in words."""
+    if nearest.crosses:
+        return "fingers pass through each other or through themselves"
+    if not nearest.attempt.converged:
+        return f"the solver stopped early ({nearest.attempt.why_it_ended})"
+    return f"nothing bears {amount_text(nearest.unborne, 'N', '.3g')} of the load"
 
 
 def _violated(verdict: RodVerdict) -> list[str]:

@@ -150,9 +150,17 @@ def test_ctrl_c_before_a_grasp_is_an_error():
         held_by_rods(cg.load(MUG).changed({"finger.tendons.max_tension": 40.0}), progress=press)
 
 
-def test_aims_that_rods_do_not_have_are_refused():
-    with pytest.raises(InputError, match="objective"):
-        held_by_rods(cg.load(MUG).replaced(objective="least_normal_force"))
+@pytest.mark.parametrize(
+    ("name", "change", "key"),
+    [
+        ("grasp/mug", "objective=least_normal_force", "objective"),
+        ("grasp/mug", "contacts.push=1.0", "contacts.push"),
+        ("hand/turned", "name=", "gravity"),
+    ],
+)
+def test_what_rods_do_not_have_is_refused(name, change, key):
+    with pytest.raises(InputError, match=key):
+        held_by_rods(cg.load(f"configs/{name}.yaml", [change]))
 
 
 # -- files, texts and pictures -------------------------------------------------------------------------------------
