@@ -39,7 +39,7 @@ class WoundCables:
 
     @property
     def held(self) -> Array:
-        """What the drives hold: commands [m] of those that lock, else tensions or their difference [N]."""
+        """Quantities that the drives hold: commands [m] of those that lock, else tensions or their difference [N]."""
         law, left_more = self.law, float(self._tensions @ _SIGNS)
         if not law.locks:
             return np.array([left_more]) if law.pulley else self._tensions

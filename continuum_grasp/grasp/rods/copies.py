@@ -53,7 +53,7 @@ def held_tensions(first: GraspRods, other: GraspRods, factor: float = 1.0) -> It
 
 
 def held_by_drives(first: GraspRods, other: GraspRods, factor: float = 1.0) -> Iterator[HeldValue]:
-    """What the drives of a copy hold: tensions and loads, times a factor, or lengths of cable."""
+    """Yield all that the drives of a copy hold: tensions and loads, times a factor, or lengths of cable."""
     tensions = {value.first: value for value in held_tensions(first, other, factor)}
     for index, (part, drives) in enumerate(zip(first.parts, first.drives, strict=True)):
         if not drives:

@@ -258,7 +258,7 @@ class GraspRods(BlockProblem):
         return part
 
     def _drives(self, finger: FingerNumbers, part: FingerPlaces) -> list[WoundDrive]:
-        """What winds up the tendons of a finger."""
+        """Drives of the tendons of a finger."""
         return [WoundDrive(self, finger, part, k, reached=self._reached) for k in range(len(finger.drives))]
 
     def _places(self, index: int, finger: FingerNumbers, stages: int) -> FingerPlaces:

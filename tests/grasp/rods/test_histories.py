@@ -123,7 +123,8 @@ def test_the_certificate_finds_the_same_postures():
         response = respond.to(row(robust, np.full(robust.errors.histories.size, sign)))
         spare = _spare(response) / postures.scale
         posture = postures.found([np.full((12, 1), sign)], postures.start)
-        assert posture.violated < 1e-5
+        # A sum of some 50 rows, of which each counts 50 times as much as the reserve.
+        assert posture.violated < 5e-5
         assert spare - 1e-3 < posture.reserve < spare + 0.06
 
 
