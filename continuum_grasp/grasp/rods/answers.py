@@ -7,17 +7,19 @@ same blocks, and what must hold for them.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from continuum_grasp.base import Array, Indices
 from continuum_grasp.grasp.rods import kinds
-from continuum_grasp.grasp.rods.motion import GraspMotion
+from continuum_grasp.grasp.rods.motion import GraspMotion, Tendons
 from continuum_grasp.grasp.rods.problem import APEX, GraspRods
 from continuum_grasp.grasp.rods.tangent import GraspTangent
-from continuum_grasp.scene import GraspScene, HandScene, ObjectiveWeights
+from continuum_grasp.scene import GraspScene
 
+ALIKE = 1e-6
+"""Cost of the square of a change of tension, per (E I / L)^2: a thousandth of what it changes in the aim matters."""
 _SPARES = np.logspace(-10.0, 4.0, 141)
 """Multipliers that are tried for a start, per greatest change of a load."""
 
@@ -65,6 +67,10 @@ class GraspAnswers(ABC):
             problem.add(contact.kind, [*contact.unknowns, *changes[contact.changes]], own, contact.data)
             for row, force in zip(own[contact.rows], contact.forces, strict=True):
                 problem.add(give, changes[force], row, [contact.give])
+        for terms in motion.locks:
+            row = problem.rows(f"lock {k}, {self.key}", self.key, "1", 1).ravel()
+            for place in terms:
+                problem.add(give, changes[place], row, [1.0])
         for row, part in zip(problem.balance, load, strict=True):
             if part:
                 problem.add(give, self.amount, rows[row], [part])
@@ -173,25 +179,29 @@ class ResistedDisturbances(GraspAnswers):
         Forces and moments about the center of mass [N, N m].
     aim : float
         Weight of the factor in the objective.
-    retensioned : bool
-        Whether each disturbance has tensions of its own.
+    tendons : Tendons
+        What tendons do under each disturbance.
     """
 
     key = "disturbances"
 
-    def __init__(self, problem: GraspRods, wrenches: Array, aim: float, *, retensioned: bool) -> None:
+    def __init__(self, problem: GraspRods, wrenches: Array, aim: float, tendons: Tendons) -> None:
         numbers = problem.numbers
         units = numbers.force * np.array([1.0, 1.0, 1.0, numbers.size, numbers.size, numbers.size])
         self.amount = problem.unknown("factor", 0.0, np.inf)
         problem.cost(self.amount, -aim)
-        super().__init__(problem, GraspMotion(problem, retensioned=retensioned), wrenches / units)
+        super().__init__(problem, GraspMotion(problem, tendons=tendons), wrenches / units)
         limits = problem.limits[1]
         for k, changes in enumerate(self.changes):
             for name, held in problem.contacts.items():
-                rows = problem.rows(f"disturbed {k}, {name}", self.key, "F0", 1, [1.0, 1.0], 0.0, [limits[held[0]], np.inf])
+                rows = problem.rows(
+                    f"disturbed {k}, {name}", self.key, "F0", 1, [1.0, 1.0], 0.0, [limits[held[0]], np.inf]
+                )
                 data = [numbers.friction(name), APEX]
                 problem.add(kinds.moved_kind(), [*held, *changes[held]], rows, data)
             for part, finger in zip(problem.parts, numbers.fingers, strict=True):
+                # Antagonists that change alike have no effect.
+                problem.cost(changes[part.pulls], 0.0, ALIKE)
                 for at, most in zip(part.pulls, finger.pulls, strict=True):
                     row = problem.rows(f"disturbed {k}, {finger.name}", self.key, "1", 1, 1.0, 0.0, most)
                     problem.add(kinds.sum_kind(), [at, changes[at]], row, [])
@@ -201,19 +211,45 @@ class ResistedDisturbances(GraspAnswers):
         return 0.0
 
 
-def asked_of(scene: GraspScene | HandScene) -> Callable[[GraspRods], None] | None:
-    """Variant of the problem that a scene asks for: a push, disturbances; None where it asks for neither."""
-    weights = scene.weights if isinstance(scene, GraspScene) else ObjectiveWeights(least_tension=1.0)
-    least, most = scene.contacts.push or 0.0, scene.contacts.normal_force_max
-    pushed, disturbed = weights.greatest_push / most, weights.greatest_disturbance
-    if not (least or pushed or disturbed):
-        return None
+@dataclass(frozen=True, eq=False)
+class AskedAnswers:
+    """Answers to loads that are asked for: a variant of the problem of a grasp."""
 
-    def vary(problem: GraspRods) -> None:
-        if least or pushed:
-            BornePush(problem, least, pushed)
-        if disturbed:
-            wrenches = np.array([[*wrench[:2], 0.0, 0.0, 0.0, wrench[2]] for wrench in scene.wrenches])
-            ResistedDisturbances(problem, wrenches, disturbed, retensioned=scene.disturbances.tendons == "retensioned")
+    push: float = 0.0
+    """Least push in every direction [N]."""
+    push_aim: float = 0.0
+    """Weight in the objective of the push per newton."""
+    wrenches: Array = field(default_factory=lambda: np.zeros((0, 6)))
+    """Disturbances (K, 6) whose factor is an aim [N, N m]."""
+    wrench_aim: float = 0.0
+    """Weight in the objective of their factor."""
+    tendons: Tendons = Tendons.CONSTANT
+    """What tendons do under disturbances."""
 
-    return vary
+    def __call__(self, problem: GraspRods) -> None:
+        """Add the answers to a problem."""
+        if self.push or self.push_aim:
+            BornePush(problem, self.push, self.push_aim)
+        if self.wrench_aim:
+            ResistedDisturbances(problem, self.wrenches, self.wrench_aim, self.tendons)
+
+    def met(self, problem: GraspRods, x: Array) -> bool:
+        """Whether a grasp that was found without them is as asked for: nothing more is an aim."""
+        if self.push_aim or self.wrench_aim:
+            return False
+        tangent = tangent_of(problem, x)
+        return tangent is not None and tangent.push >= self.push
+
+
+def asked_of(scene: GraspScene) -> AskedAnswers | None:
+    """Answers that a planar scene asks for; None where it asks for none."""
+    weights, most = scene.weights, scene.contacts.normal_force_max
+    wrenches = np.array([[*wrench[:2], 0.0, 0.0, 0.0, wrench[2]] for wrench in scene.wrenches])
+    asked = AskedAnswers(
+        scene.contacts.push or 0.0,
+        weights.greatest_push / most,
+        wrenches,
+        weights.greatest_disturbance,
+        Tendons(scene.disturbances.tendons),
+    )
+    return asked if asked.push or asked.push_aim or asked.wrench_aim else None

@@ -225,7 +225,9 @@ def slip_kind(geometry: Geometry, form: SectionForm, *, tip: bool) -> BlockKind:
     ratio, across, thickness = parts.datum("ratio"), parts.datum("across", 3), parts.datum("thickness", THICKNESS)
     sight = _Sight(parts, geometry, at[:d], pose, ratio, 3)
     before, sliding = at[: geometry.state], at[geometry.state :]
-    sides = [_rates(geometry, form, acting, s, own, sliding) for own in (before, [*before[:oriented], *turns])[: 2 - tip]]
+    sides = [
+        _rates(geometry, form, acting, s, own, sliding) for own in (before, [*before[:oriented], *turns])[: 2 - tip]
+    ]
     # The node moves along the finger with the contact, its material does not.
     material = [moved[k] - along * sum(rates[k] for rates in sides) / len(sides) for k in range(oriented)]
     turn, own_turn = geometry.section_turn(before, material), geometry.object_turn(pose, shifted)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 
@@ -26,6 +27,17 @@ LEAST_CURVED = 1e-3
 """Least relative curvature of the object and a support, per size: flatter ones would roll without end."""
 _CHANGING = ("node ", "force ", "force, ", "moment ", "place, ")
 _STAYING = ("rod, ", "tendons, ", "force, ", "tip, ")
+
+
+class Tendons(Enum):
+    """What tendons do while a grasp moves; the value is that of ``disturbances.tendons``."""
+
+    CONSTANT = "constant"
+    """Their tensions stay."""
+    RETENSIONED = "retensioned"
+    """Their tensions are chosen anew: there are more changes than rows."""
+    LOCKED = "locked"
+    """Their lengths stay: antagonists share a change of tension."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +67,8 @@ class GraspMotion:
     problem : GraspRods
     idle : collection of str
         Names of contacts that bear nothing: they part, and move with their finger.
-    retensioned : bool
-        Whether tensions change, too: there are as many more changes than rows.
+    tendons : Tendons
+        What tendons do.
 
     Attributes
     ----------
@@ -66,9 +78,9 @@ class GraspMotion:
         Rows of the problem that stay.
     """
 
-    def __init__(self, problem: GraspRods, idle: Collection[str] = (), *, retensioned: bool = False) -> None:
+    def __init__(self, problem: GraspRods, idle: Collection[str] = (), *, tendons: Tendons = Tendons.CONSTANT) -> None:
         self.problem, self.idle = problem, frozenset(idle)
-        self._pulled = [part.pulls for part in problem.parts] if retensioned else []
+        self.tendons = tendons
         self._planar = problem.geometry.dimensions == 2
         self.balance = problem.balance[[0, 1, 5]] if self._planar else problem.balance
         self.changing = self._changing()
@@ -91,11 +103,41 @@ class GraspMotion:
     def _changing(self) -> Indices:
         problem = self.problem
         low, high = problem.limits
-        names = [name for name in problem.at if name.startswith(_CHANGING) and not name.endswith(tuple(self._idle_ends))]
-        found = np.concatenate([problem.pose, *self._pulled, *(problem.at[name][(low < high)[problem.at[name]]] for name in names)])
+        names = [
+            name for name in problem.at if name.startswith(_CHANGING) and not name.endswith(tuple(self._idle_ends))
+        ]
+        found = np.concatenate(
+            [problem.pose, *self._pulled, *(problem.at[name][(low < high)[problem.at[name]]] for name in names)]
+        )
         # A planar grasp moves in its plane.
         lifts = [at[2] for at in problem.contacts.values()] if self._planar else []
         return np.setdiff1d(found, lifts)
+
+    @property
+    def _pulled(self) -> list[Indices]:
+        """Pulls of each finger that change."""
+        low, high = self.problem.limits
+        changes = self.tendons is not Tendons.CONSTANT
+        return [part.pulls[(low < high)[part.pulls]] for part in self.problem.parts] if changes else []
+
+    @property
+    def locks(self) -> Iterator[list[int]]:
+        """Unknowns whose changes add up to zero where tendons are locked: the slide at the base of each set, and its
+        pulls, of which one gains what the other loses.
+        """
+        if self.tendons is not Tendons.LOCKED:
+            return
+        low, high = self.problem.limits
+        for finger, part in zip(self.problem.numbers.fingers, self.problem.parts, strict=True):
+            form = finger.section.form
+            slides = [k for k, name in enumerate(form.sliding_names) if name.startswith("slide")]
+            for tendons, slide in enumerate(slides):
+                pairs = zip(part.pulls.tolist(), finger.section.pulls, strict=True)
+                pulls = [at for at, pull in pairs if pull.tendons == tendons and low[at] < high[at]]
+                if pulls:
+                    yield [int(part.nodes[0][self.problem.geometry.state + slide])]
+                if len(pulls) > 1:
+                    yield pulls
 
     @property
     def _idle_ends(self) -> Iterator[str]:

@@ -103,13 +103,14 @@ class FingerNumbers:
         return np.array([pull.value(value) for pull, value in zip(self.section.pulls, x, strict=True)])
 
     @staticmethod
-    def of(setup: FingerSetup, on: frozenset[str], acceleration: Array, **placed: Any) -> FingerNumbers:
-        """The numbers of a finger with the contacts ``on`` by name, under gravity (dimensions,) [m/s2].
+    def of(setup: FingerSetup, on: frozenset[str], acceleration: Array, *, paths: bool = False, **placed: Any) -> FingerNumbers:
+        """The numbers of a finger with the contacts ``on`` by name, under gravity (dimensions,) [m/s2]; with the
+        ``paths`` of tendons among its states, if asked for.
 
         ``placed`` are the numbers that depend on where it is: base, across, sides, arm and walls.
         """
         finger = setup.finger
-        section = Section.of(finger)
+        section = Section.of(finger, paths=paths)
         first, last = setup.middle_bounds
         return FingerNumbers(
             setup=setup,

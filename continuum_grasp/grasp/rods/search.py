@@ -14,6 +14,7 @@ from continuum_grasp.grasp.finger_map import Place, SceneMaps, places_of
 from continuum_grasp.grasp.finger_map.balance import WEIGHTS, ObjectBalance, Settled
 from continuum_grasp.grasp.finger_map.fill import FingerMap
 from continuum_grasp.grasp.modes import contact_modes
+from continuum_grasp.grasp.rods.answers import AskedAnswers, asked_of
 from continuum_grasp.grasp.rods.guess import ShotFinger
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
 from continuum_grasp.grasp.rods.planar_numbers import planar_numbers, planar_table
@@ -173,6 +174,11 @@ class RodSearch(StartedSearch):
         self.scene = scene
         self.maps = SceneMaps(scene)
         self.apart = 0.25 * scene.object.size
+
+    @property
+    def asked(self) -> AskedAnswers | None:
+        """Answers to loads that the scene asks for; None where it asks for none."""
+        return asked_of(self.scene)
 
     @cached_property
     def table(self) -> DistanceTable:

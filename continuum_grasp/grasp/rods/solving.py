@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.rods.answers import asked_of
+from continuum_grasp.grasp.rods.answers import AskedAnswers
 from continuum_grasp.grasp.rods.carried import carried, finer_pairs, finer_places
 from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places, table_misses, touched_places
 from continuum_grasp.grasp.rods.guess import FingerGuess, Held, filled
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
 from continuum_grasp.grasp.rods.problem import STAGES, GraspRods, NearPair, StagePlace
 from continuum_grasp.nlp import Attempt, Budget, Settings, Solver
-from continuum_grasp.scene import GraspScene, HandScene
 
 STARTS = 6
 """Starts that are solved."""
@@ -125,7 +124,6 @@ class RodGrasp:
 class StartedSearch(ABC):
     """Finds grasps as exact rods, from starts of any kind."""
 
-    scene: GraspScene | HandScene
     apart: float
     """Distance of places from which on starts are different [m]."""
     iterations: int = 120
@@ -150,9 +148,9 @@ class StartedSearch(ABC):
         return []
 
     @property
-    def asked(self) -> Callable[[GraspRods], None] | None:
-        """Variant of the problem that the scene asks for; None where it asks for none."""
-        return asked_of(self.scene)
+    def asked(self) -> AskedAnswers | None:
+        """Answers to loads that the scene asks for; None where it asks for none."""
+        return None
 
     @property
     def best(self) -> RodGrasp | None:
@@ -169,11 +167,18 @@ class StartedSearch(ABC):
         if self.best is None:
             self._try(self.further, most)
         if self.asked is not None:
-            # From the first grasps, without what a scene asks for beyond them.
-            first = sorted((g for g in self.tried if g.holds), key=lambda g: g.attempt.objective)
-            self.tried = [self.solved(g.start, self.asked, g, fine=False) for g in first if not self.budget.over]
+            self.tried = self.answered(self.asked)
         while (best := self.best) is not None and not best.fine and not self.budget.over:
             self.tried[self.tried.index(best)] = self.solved(best.start, self.asked, best)
+
+    def answered(self, asked: AskedAnswers, *, fine: bool = False) -> list[RodGrasp]:
+        """Grasps that answer loads as asked: the ones that hold, where they do, and solutions beside them."""
+        first = sorted((grasp for grasp in self.tried if grasp.holds), key=lambda grasp: grasp.attempt.objective)
+        return [
+            grasp if asked.met(grasp.problem, grasp.attempt.x) else self.solved(grasp.start, asked, grasp, fine=fine)
+            for grasp in first
+            if not self.budget.over
+        ]
 
     def agree(self, share: float) -> bool:
         """Whether the most promising starts and those of other places lead to the same aim, within a share."""

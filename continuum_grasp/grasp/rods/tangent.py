@@ -20,7 +20,7 @@ from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.push import bears
 from continuum_grasp.grasp.rods.clearance import places_of_nodes
 from continuum_grasp.grasp.rods import kinds
-from continuum_grasp.grasp.rods.motion import GraspMotion
+from continuum_grasp.grasp.rods.motion import GraspMotion, Tendons
 from continuum_grasp.grasp.rods.numbers import FingerNumbers
 from continuum_grasp.grasp.rods.problem import FingerPlaces, GraspRods
 
@@ -52,13 +52,15 @@ class GraspResponse:
 
 
 class GraspTangent:
-    """Linear answers of a grasp at a solution, at constant tensions.
+    """Linear answers of a grasp at a solution.
 
     Parameters
     ----------
     problem : GraspRods
     x : ndarray
         Its unknowns.
+    tendons : Tendons
+        What tendons do: their tensions or their lengths stay.
 
     Raises
     ------
@@ -66,12 +68,12 @@ class GraspTangent:
         Nothing presses against the object.
     """
 
-    def __init__(self, problem: GraspRods, x: Array) -> None:
+    def __init__(self, problem: GraspRods, x: Array, tendons: Tendons = Tendons.CONSTANT) -> None:
         self.problem, self.x = problem, x
         idle = [name for name, at in problem.contacts.items() if x[at[0]] * problem.numbers.force <= self._least]
         if len(idle) == len(problem.contacts):
             raise ValueError("no contact presses against the object: there is no grasp to move")
-        self.motion = GraspMotion(problem, idle)
+        self.motion = GraspMotion(problem, idle, tendons=tendons)
         self._columns = {place: k for k, place in enumerate(self.motion.changing.tolist())}
         self._places = {row: k for k, row in enumerate(self.motion.rows.tolist())}
         self._matrix = self._assembled()
@@ -89,6 +91,9 @@ class GraspTangent:
         count = len(motion.rows)
         for row, force, give in motion.gaps:
             entries.append(([self._places[row]], [self._columns[force]], [give]))
+        for places in motion.locks:
+            entries.append(([count] * len(places), [self._columns[place] for place in places], [1.0] * len(places)))
+            count += 1
         for contact in motion.of_contacts:
             slope = contact.kind.slope(
                 np.concatenate([self.x[contact.unknowns], np.zeros(len(contact.changes))]),
