@@ -19,8 +19,16 @@ from continuum_grasp.grasp.judge.clearance import Gap, SampledRod, apart, apart_
 from continuum_grasp.grasp.judge.findings import CROSSING, EXACT, FOLLOWED, SHORT, Finding, Requirement, greatest
 from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, HeldSupport
 from continuum_grasp.grasp.judge.obstacles import ExactObject, Obstacle
-from continuum_grasp.grasp.judge.pushed import GIVE, IDLE, PressedContact, PushedFinger, PushedGrasp, PushedPart
-from continuum_grasp.grasp.judge.pushed import PushedSupport, rolls
+from continuum_grasp.grasp.judge.pushed import (
+    GIVE,
+    IDLE,
+    PressedContact,
+    PushedFinger,
+    PushedGrasp,
+    PushedPart,
+    PushedSupport,
+    rolls,
+)
 from continuum_grasp.grasp.judge.space_rod import TOLERANCE, RodLoad, SpaceRod
 from continuum_grasp.grasp.judge.stage import GraspStage
 from continuum_grasp.scene import FingerSetup, GraspScene, HandScene, MotorDrive

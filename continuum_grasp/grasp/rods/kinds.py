@@ -310,8 +310,8 @@ def pushed_kind(directions: int) -> BlockKind:
     """Rows: a contact is within its cone for changes of its force in every direction of a push.
 
     The normal force less, and with, what the push changes of it; then f' S f - e - sum l^2 over the last row of L; then
-    L L' less the rest of the matrix. With S = diag(mu^2, -1, -1, -1), load f and changes G (4, directions), all f + G d,
-    |d| <= 1, are within the cone if some e >= 0 and lower triangular L make
+    L L' less the rest of the matrix. With S = diag(mu^2, -1, -1, -1), load f and changes G (4, directions), all
+    f + G d, |d| <= 1, are within the cone if some e >= 0 and lower triangular L make
 
         [ G' S G + e 1    G' S f     ]
         [ f' S G          f' S f - e ]  =  L L',

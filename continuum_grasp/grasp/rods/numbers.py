@@ -103,7 +103,9 @@ class FingerNumbers:
         return np.array([pull.value(value) for pull, value in zip(self.section.pulls, x, strict=True)])
 
     @staticmethod
-    def of(setup: FingerSetup, on: frozenset[str], acceleration: Array, *, paths: bool = False, **placed: Any) -> FingerNumbers:
+    def of(
+        setup: FingerSetup, on: frozenset[str], acceleration: Array, *, paths: bool = False, **placed: Any
+    ) -> FingerNumbers:
         """The numbers of a finger with the contacts ``on`` by name, under gravity (dimensions,) [m/s2]; with the
         ``paths`` of tendons among its states, if asked for.
 

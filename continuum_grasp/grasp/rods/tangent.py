@@ -18,8 +18,8 @@ from scipy.sparse.linalg import splu
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.push import bears
-from continuum_grasp.grasp.rods.clearance import places_of_nodes
 from continuum_grasp.grasp.rods import kinds
+from continuum_grasp.grasp.rods.clearance import places_of_nodes
 from continuum_grasp.grasp.rods.motion import GraspMotion, Tendons
 from continuum_grasp.grasp.rods.numbers import FingerNumbers
 from continuum_grasp.grasp.rods.problem import FingerPlaces, GraspRods
