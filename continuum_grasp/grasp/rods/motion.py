@@ -171,7 +171,7 @@ class GraspMotion:
         numbers, name, span = problem.numbers, finger.contacts[k], part.span_of(part.touching[k])
         is_tip, end = name == finger.tip, span.ends[1]
         kind = kinds.slip_kind(geometry, finger.section.form, tip=is_tip)
-        turns = [] if is_tip else part.turns[k]
+        turns = list[int]() if is_tip else part.turns[k].tolist()
         unknowns = [*part.nodes[node], *turns, *span.force, *part.pulls, end, *problem.pose]
         changes = [*part.nodes[node][: geometry.oriented], end, *problem.pose]
         data = [*finger.acting(span.piece), finger.length / numbers.size, *finger.across]
