@@ -178,6 +178,8 @@ class RodSearch(StartedSearch):
     @property
     def asked(self) -> AskedAnswers | None:
         """Answers to loads that the scene asks for; None where it asks for none."""
+        if self.scene.unloaded:
+            return self.share_of_greatest_push(self.scene.contacts.normal_force_max)
         return asked_of(self.scene)
 
     @cached_property

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.rods.answers import AskedAnswers
+from continuum_grasp.grasp.rods.answers import AskedAnswers, tangent_of
 from continuum_grasp.grasp.rods.carried import carried, finer_pairs, finer_places
 from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places, table_misses, touched_places
 from continuum_grasp.grasp.rods.guess import FingerGuess, Held, filled
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
 from continuum_grasp.grasp.rods.problem import STAGES, GraspRods, NearPair, StagePlace
+from continuum_grasp.grasp.values import PUSH_SHARE
 from continuum_grasp.nlp import Attempt, Budget, Settings, Solver
 
 STARTS = 6
@@ -31,6 +32,9 @@ TIED = 1e-6
 """Share of the aim up to which two grasps are the same."""
 FINE = 0.1
 """Step of the tables at contacts, per half thickness of the thinnest finger."""
+STRONGEST = 100.0
+"""Weight of the greatest push, per greatest normal force, beside a weight of 1 of the tensions: pushes of shipped grasps
+reach a tenth of that force, so that they outweigh all tensions ten times."""
 _NEAR_BOUNDS = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
 TUNING = {
     "mu_init": 1e-5,
@@ -166,10 +170,10 @@ class StartedSearch(ABC):
         self._try(self.starts, most)
         if self.best is None:
             self._try(self.further, most)
-        if self.asked is not None:
-            self.tried = self.answered(self.asked)
+        if (asked := self.asked) is not None:
+            self.tried = self.answered(asked)
         while (best := self.best) is not None and not best.fine and not self.budget.over:
-            self.tried[self.tried.index(best)] = self.solved(best.start, self.asked, best)
+            self.tried[self.tried.index(best)] = self.solved(best.start, asked, best)
 
     def answered(self, asked: AskedAnswers, *, fine: bool = False) -> list[RodGrasp]:
         """Grasps that answer loads as asked: the ones that hold, where they do, and solutions beside them."""
@@ -179,6 +183,16 @@ class StartedSearch(ABC):
             for grasp in first
             if not self.budget.over
         ]
+
+    def share_of_greatest_push(self, most: float) -> AskedAnswers | None:
+        """Push that a grasp of an object without load bears: a share of the greatest one near the grasps found.
+
+        ``most`` is the greatest normal force [N]. None where no grasp bears a push.
+        """
+        grasps = [grasp for grasp in self.answered(AskedAnswers(push_aim=STRONGEST / most)) if grasp.holds]
+        tangents = [tangent_of(grasp.problem, grasp.attempt.x) for grasp in grasps]
+        greatest = max((tangent.push for tangent in tangents if tangent is not None), default=0.0)
+        return AskedAnswers(push=PUSH_SHARE * greatest) if greatest else None
 
     def agree(self, share: float) -> bool:
         """Whether the most promising starts and those of other places lead to the same aim, within a share."""
