@@ -303,9 +303,12 @@ class AskedAnswers:
     """What tendons do under disturbances."""
     stiffness: float = 0.0
     """Least stiffness of the object [E I / L of the first finger]; 0: any."""
+    tension: float = 1.0
+    """Factor on the weight of tensions in the objective."""
 
     def __call__(self, problem: GraspRods) -> None:
         """Add the answers to a problem."""
+        problem.scale_costs(np.concatenate([part.pulls for part in problem.parts]), self.tension)
         if self.push or self.push_aim:
             BornePush(problem, self.push, self.push_aim)
         if self.wrench_aim:

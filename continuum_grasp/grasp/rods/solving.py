@@ -32,9 +32,8 @@ TIED = 1e-6
 """Share of the aim up to which two grasps are the same."""
 FINE = 0.1
 """Step of the tables at contacts, per half thickness of the thinnest finger."""
-STRONGEST = 100.0
-"""Weight of the greatest push, per greatest normal force, beside a weight of 1 of the tensions: pushes of shipped grasps
-reach a tenth of that force, so that they outweigh all tensions ten times."""
+PRESSED = 0.01
+"""Normal force with which contacts of an object without load press at first, per greatest one."""
 _NEAR_BOUNDS = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
 TUNING = {
     "mu_init": 1e-5,
@@ -189,7 +188,15 @@ class StartedSearch(ABC):
 
         ``most`` is the greatest normal force [N]. None where no grasp bears a push.
         """
-        grasps = [grasp for grasp in self.answered(AskedAnswers(push_aim=STRONGEST / most)) if grasp.holds]
+
+        def press(problem: GraspRods) -> None:
+            """Let no contact bear nothing: such a grasp has no answer to a push."""
+            for name, held in problem.contacts.items():
+                force = problem.numbers.unit(name) * problem.numbers.force
+                problem.bound(held[0], low=PRESSED * most / force)
+
+        self.tried = [self.solved(g.start, press, g, fine=False) for g in self.tried if g.holds]
+        grasps = [grasp for grasp in self.answered(AskedAnswers(push_aim=1.0 / most, tension=1e-5)) if grasp.holds]
         tangents = [tangent_of(grasp.problem, grasp.attempt.x) for grasp in grasps]
         greatest = max((tangent.push for tangent in tangents if tangent is not None), default=0.0)
         return AskedAnswers(push=PUSH_SHARE * greatest) if greatest else None
