@@ -82,7 +82,7 @@ class Answers:
 
     @property
     def numbers(self) -> Array:
-        """All of it."""
+        """All numbers, one after the other."""
         return np.concatenate([self.left, self.wrench, self.loads.ravel()])
 
 

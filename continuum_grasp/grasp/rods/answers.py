@@ -219,7 +219,7 @@ class ResistedDisturbances(GraspAnswers):
                     problem.add(kinds.sum_kind(), [at, changes[at]], row, [])
 
     def borne(self, x: Array, tangent: GraspTangent | None) -> float:
-        """None: the grasp bears it, whatever it is."""
+        """No disturbance: every grasp resists that."""
         return 0.0
 
 

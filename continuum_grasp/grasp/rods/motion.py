@@ -33,11 +33,11 @@ class Tendons(Enum):
     """What tendons do while a grasp moves; the value is that of ``disturbances.tendons``."""
 
     CONSTANT = "constant"
-    """Their tensions stay."""
+    """Tensions stay."""
     RETENSIONED = "retensioned"
-    """Their tensions are chosen anew: there are more changes than rows."""
+    """Tensions are chosen anew: there are more changes than rows."""
     LOCKED = "locked"
-    """Their lengths stay: antagonists share a change of tension."""
+    """Lengths stay: antagonists share a change of tension."""
 
 
 @dataclass(frozen=True, eq=False)
