@@ -300,7 +300,7 @@ class AskedAnswers:
     wrench_aim: float = 0.0
     """Weight in the objective of their factor."""
     tendons: Tendons = Tendons.CONSTANT
-    """What tendons do under disturbances."""
+    """Behavior of tendons under disturbances."""
     stiffness: float = 0.0
     """Least stiffness of the object [E I / L of the first finger]; 0: any."""
     tension: float = 1.0

@@ -30,7 +30,7 @@ _STAYING = ("rod, ", "tendons, ", "force, ", "tip, ")
 
 
 class Tendons(Enum):
-    """What tendons do while a grasp moves; the value is that of ``disturbances.tendons``."""
+    """Behavior of tendons while a grasp moves; the value is that of ``disturbances.tendons``."""
 
     CONSTANT = "constant"
     """Tensions stay."""
