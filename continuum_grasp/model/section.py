@@ -61,7 +61,7 @@ class Section:
     _numbers: tuple[tuple[float, ...], ...]
 
     @classmethod
-    def of(cls, finger: Finger, *, rounding: float = ROUNDING) -> Section:
+    def of(cls, finger: Finger, *, rounding: float = ROUNDING, paths: bool = False) -> Section:
         """Make the sections of a finger.
 
         Parameters
@@ -71,8 +71,10 @@ class Section:
             by have no effect here.
         rounding
             Width of the corners of the direction of friction [1]; 0: sharp ones.
+        paths
+            Whether tendons without friction have states of their paths, too: locked ones retain their lengths.
         """
-        return _Making(finger, rounding).section
+        return _Making(finger, rounding, paths).section
 
     @property
     def key(self) -> str:
@@ -121,7 +123,7 @@ class Section:
 class _Making:
     """The numbers of a finger in its own units."""
 
-    def __init__(self, finger: Finger, rounding: float) -> None:
+    def __init__(self, finger: Finger, rounding: float, paths: bool) -> None:
         self._finger, self._rounding, profile = finger, rounding, finger.profile
         self._length, self._stiffness = profile.length, profile.own_stiffness
         self._moment = self._stiffness / self._length
@@ -132,7 +134,7 @@ class _Making:
         self._apart = finger.tendon_channels(apart=True)
         alike = sliding_sets(self._apart, finger.tendon_list, frictional=False)
         # Winches ask for the paths of tendons without friction, too.
-        self._sets = [each for each in alike if each.has_friction or finger.winches]
+        self._sets = [each for each in alike if each.has_friction or finger.winches or paths]
 
     @cached_property
     def _pulls(self) -> tuple[SectionPull, ...]:

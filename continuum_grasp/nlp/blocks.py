@@ -291,6 +291,12 @@ class BlockProblem(Constraints):
             before = self._costs.get(place, (0.0, 0.0))
             self._costs[place] = before[0] + linear, before[1] + square
 
+    def scale_costs(self, at: ArrayLike, factor: float) -> None:
+        """Multiply the costs of unknowns by a factor."""
+        for place in np.ravel(np.asarray(at, int)).tolist():
+            linear, square = self._costs.get(place, (0.0, 0.0))
+            self._costs[place] = factor * linear, factor * square
+
     def bound(self, at: ArrayLike, low: ArrayLike | None = None, high: ArrayLike | None = None) -> None:
         """Change bounds of unknowns."""
         places = np.ravel(np.asarray(at, int)).tolist()

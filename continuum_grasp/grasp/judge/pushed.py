@@ -72,7 +72,7 @@ class PressedContact:
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """What a part of the grasp leaves under small changes: rows that must be zero, the wrench (6,) with which it acts
+    """Answers of a part of the grasp to small changes: rows that must be zero, the wrench (6,) with which it acts
     on the object about the center of mass, and the loads (C, 4) of its contacts.
     """
 
@@ -82,7 +82,7 @@ class Answers:
 
     @property
     def numbers(self) -> Array:
-        """All of it."""
+        """All numbers, one after the other."""
         return np.concatenate([self.left, self.wrench, self.loads.ravel()])
 
 

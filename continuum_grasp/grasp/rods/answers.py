@@ -7,17 +7,24 @@ same blocks, and what must hold for them.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from continuum_grasp.base import Array, Indices
 from continuum_grasp.grasp.rods import kinds
-from continuum_grasp.grasp.rods.motion import GraspMotion
+from continuum_grasp.grasp.rods.motion import GraspMotion, Tendons
 from continuum_grasp.grasp.rods.problem import APEX, GraspRods
-from continuum_grasp.grasp.rods.tangent import GraspTangent
-from continuum_grasp.scene import GraspScene, HandScene, ObjectiveWeights
+from continuum_grasp.grasp.rods.tangent import SHIFT, GraspTangent
+from continuum_grasp.scene import GraspScene, HandScene
 
+ALIKE = 1e-6
+"""Cost of the square of a change of tension, per (E I / L)^2: a thousandth of what it changes in the aim matters."""
+STEADY = 0.5
+"""Acceleration whose inertial force a grasp bears in every direction where ``stability`` is ``require`` [m/s2]: that of
+a hand that reaches 0.1 m/s within 0.2 s."""
+STIFF = 0.02
+"""Least stiffness that a grasp gets where small motions lower the energy [E I / L of the first finger]."""
 _SPARES = np.logspace(-10.0, 4.0, 141)
 """Multipliers that are tried for a start, per greatest change of a load."""
 
@@ -53,7 +60,9 @@ class GraspAnswers(ABC):
         free = np.full(len(motion.changing), np.inf)
         changes[motion.changing] = problem.unknown(f"answer {k}, {self.key}", -free, free)
         rows = np.full(self._count, -1)
-        rows[motion.rows] = problem.rows(f"answer {k}, {self.key}", self.key, "1", len(motion.rows)).ravel()
+        inner = motion.rows[: -len(motion.balance)]
+        rows[inner] = problem.rows(f"answer {k}, {self.key}", self.key, "1", len(inner)).ravel()
+        rows[motion.balance] = self._balance_rows(k)
         problem.add_tangents(changes, rows)
         give = kinds.share_kind()
         for row, force, compliance in motion.gaps:
@@ -65,10 +74,18 @@ class GraspAnswers(ABC):
             problem.add(contact.kind, [*contact.unknowns, *changes[contact.changes]], own, contact.data)
             for row, force in zip(own[contact.rows], contact.forces, strict=True):
                 problem.add(give, changes[force], row, [contact.give])
+        for terms in motion.locks:
+            length = problem.rows(f"lock {k}, {self.key}", self.key, "1", 1).ravel()
+            for place in terms:
+                problem.add(give, changes[place], length, [1.0])
         for row, part in zip(problem.balance, load, strict=True):
             if part:
                 problem.add(give, self.amount, rows[row], [part])
         return changes
+
+    def _balance_rows(self, k: int) -> Indices:
+        """Rows of the changes of the balance under a load."""
+        return self.problem.rows(f"balance {k}, {self.key}", self.key, "1", len(self.motion.balance)).ravel()
 
     def fill(self, x: Array) -> None:
         """Set the answers to those of the grasp in the unknowns, and the amount to what the grasp bears."""
@@ -156,7 +173,8 @@ def _spare(load: Array, slope: Array, friction: float) -> Array:
     spares = max(0.0, -float(w[0])) + max(float(np.abs(w).max()), 1e-12) * _SPARES
     left = load @ form @ load - spares - (v[:, None] ** 2 / (w[:, None] + spares)).sum(axis=0)
     spare = float(spares[left.argmax()])
-    matrix = kinds.pushed_matrix(slope, load, friction, spare)
+    whole = np.column_stack([slope, load])
+    matrix = whole.T @ form @ whole + np.diag([*[spare] * len(w), -spare])
     # Where the push is not borne, the last entry does not count.
     matrix[-1, -1] += max(0.0, 1.0 - float(left.max()))
     factor = np.linalg.cholesky(matrix)
@@ -173,18 +191,18 @@ class ResistedDisturbances(GraspAnswers):
         Forces and moments about the center of mass [N, N m].
     aim : float
         Weight of the factor in the objective.
-    retensioned : bool
-        Whether each disturbance has tensions of its own.
+    tendons : Tendons
+        What tendons do under each disturbance.
     """
 
     key = "disturbances"
 
-    def __init__(self, problem: GraspRods, wrenches: Array, aim: float, *, retensioned: bool) -> None:
+    def __init__(self, problem: GraspRods, wrenches: Array, aim: float, tendons: Tendons) -> None:
         numbers = problem.numbers
         units = numbers.force * np.array([1.0, 1.0, 1.0, numbers.size, numbers.size, numbers.size])
         self.amount = problem.unknown("factor", 0.0, np.inf)
         problem.cost(self.amount, -aim)
-        super().__init__(problem, GraspMotion(problem, retensioned=retensioned), wrenches / units)
+        super().__init__(problem, GraspMotion(problem, tendons=tendons), wrenches / units)
         limits = problem.limits[1]
         for k, changes in enumerate(self.changes):
             for name, held in problem.contacts.items():
@@ -194,28 +212,145 @@ class ResistedDisturbances(GraspAnswers):
                 data = [numbers.friction(name), APEX]
                 problem.add(kinds.moved_kind(), [*held, *changes[held]], rows, data)
             for part, finger in zip(problem.parts, numbers.fingers, strict=True):
+                # Antagonists that change alike have no effect.
+                problem.cost(changes[part.pulls], 0.0, ALIKE)
                 for at, most in zip(part.pulls, finger.pulls, strict=True):
                     row = problem.rows(f"disturbed {k}, {finger.name}", self.key, "1", 1, 1.0, 0.0, most)
                     problem.add(kinds.sum_kind(), [at, changes[at]], row, [])
 
     def borne(self, x: Array, tangent: GraspTangent | None) -> float:
-        """None: the grasp bears it, whatever it is."""
+        """No disturbance: every grasp resists that."""
         return 0.0
 
 
-def asked_of(scene: GraspScene | HandScene) -> Callable[[GraspRods], None] | None:
-    """Variant of the problem that a scene asks for: a push, disturbances; None where it asks for neither."""
-    weights = scene.weights if isinstance(scene, GraspScene) else ObjectiveWeights(least_tension=1.0)
-    least, most = scene.contacts.push or 0.0, scene.contacts.normal_force_max
-    pushed, disturbed = weights.greatest_push / most, weights.greatest_disturbance
-    if not (least or pushed or disturbed):
+class LeastStiffness(GraspAnswers):
+    """Least stiffness of the object against small motions: the answers are to a unit shift or turn each.
+
+    With K the wrench per motion of the object, fingers at rest, and M the norm of motions, K - least M is L L'.
+
+    Parameters
+    ----------
+    problem : GraspRods
+    least : float
+        Least stiffness, in E I / L of the first finger, of a turn and of a shift by `SHIFT` of its length.
+    """
+
+    key = "stability"
+
+    def __init__(self, problem: GraspRods, least: float) -> None:
+        geometry, numbers = problem.geometry, problem.numbers
+        motion = GraspMotion(problem)
+        size = len(motion.balance)
+        first = numbers.fingers[0]
+        self._pairs = [(i, j) for i in range(size) for j in range(i + 1)]
+        self._rows = problem.rows("stiffness", self.key, "F0 size", len(self._pairs)).ravel()
+        self.amount = problem.unknown("unit motion", 1.0, 1.0)
+        lengths = np.array(
+            [*[SHIFT * first.length / numbers.size] * geometry.dimensions, *[1.0] * len(geometry.moments)]
+        )
+        self._least = least * first.moment / numbers.force / numbers.size / lengths**2
+        super().__init__(problem, motion, np.zeros((size, 6)))
+        turn, give = kinds.moved_object_kind(geometry), kinds.share_kind()
+        for k, changes in enumerate(self.changes):
+            rows = problem.rows(f"motion {k}", self.key, "1", size).ravel()
+            data = [*numbers.center, *numbers.axes]
+            problem.add(turn, [*problem.pose, *changes[problem.pose]], rows, data)
+            problem.add(give, self.amount, rows[k], [-1.0])
+        low = [0.0 if i == j else -np.inf for i, j in self._pairs]
+        self._factor = problem.unknown("factor, stiffness", low, np.full(len(low), np.inf))
+        more = [float(self._least[i]) if i == j else 0.0 for i, j in self._pairs]
+        problem.add(kinds.square_kind(size), self._factor, self._rows, more)
+
+    def _balance_rows(self, k: int) -> Indices:
+        size = len(self.motion.balance)
+        return self._rows[[self._pairs.index((max(i, k), min(i, k))) for i in range(size)]]
+
+    def fill(self, x: Array) -> None:
+        """Set the answers, and the factor to the nearest stiffness that is enough."""
+        x[self.amount], x[self._still] = 1.0, 0.0
+        tangent = tangent_of(self.problem, x)
+        size = len(self.motion.balance)
+        stiffness: Array = np.diag(self._least)
+        if tangent is not None:
+            answers, moved = tangent.by_wrenches()
+            stiffness = np.asarray(np.linalg.inv(moved))
+            for changes, column in zip(self.changes, (answers @ stiffness).T, strict=True):
+                x[changes[tangent.motion.changing]] = column
+        scale = np.sqrt(self._least)
+        values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T) / np.outer(scale, scale) - np.eye(size))
+        # 0.1: a start within the bounds of the factor
+        enough = (vectors * np.maximum(values, 0.1)) @ vectors.T * np.outer(scale, scale)
+        x[self._factor] = np.linalg.cholesky(enough)[np.tril_indices(size)]
+
+    def borne(self, x: Array, tangent: GraspTangent | None) -> float:
+        """One unit."""
+        return 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class AskedAnswers:
+    """Answers to loads that are asked for: a variant of the problem of a grasp."""
+
+    push: float = 0.0
+    """Least push in every direction [N]."""
+    push_aim: float = 0.0
+    """Weight in the objective of the push per newton."""
+    wrenches: Array = field(default_factory=lambda: np.zeros((0, 6)))
+    """Disturbances (K, 6) whose factor is an aim [N, N m]."""
+    wrench_aim: float = 0.0
+    """Weight in the objective of their factor."""
+    tendons: Tendons = Tendons.CONSTANT
+    """Behavior of tendons under disturbances."""
+    stiffness: float = 0.0
+    """Least stiffness of the object [E I / L of the first finger]; 0: any."""
+    tension: float = 1.0
+    """Factor on the weight of tensions in the objective."""
+
+    def __call__(self, problem: GraspRods) -> None:
+        """Add the answers to a problem."""
+        problem.scale_costs(np.concatenate([part.pulls for part in problem.parts]), self.tension)
+        if self.push or self.push_aim:
+            BornePush(problem, self.push, self.push_aim)
+        if self.wrench_aim:
+            ResistedDisturbances(problem, self.wrenches, self.wrench_aim, self.tendons)
+        if self.stiffness:
+            LeastStiffness(problem, self.stiffness)
+
+    @property
+    def required(self) -> bool:
+        """Whether they are requirements, not aims alone."""
+        return bool(self.push or self.stiffness)
+
+    def met(self, problem: GraspRods, x: Array) -> bool:
+        """Whether a grasp that was found without them is as asked for: nothing more is an aim."""
+        if self.push_aim or self.wrench_aim:
+            return False
+        tangent = tangent_of(problem, x)
+        # 1e-6: share by which a solution may miss it
+        return tangent is not None and tangent.stable and tangent.push >= self.push * (1.0 - 1e-6)
+
+
+def asked_of(scene: GraspScene) -> AskedAnswers | None:
+    """Answers that a planar scene asks for; None where it asks for none."""
+    weights, most = scene.weights, scene.contacts.normal_force_max
+    wrenches = np.array([[*wrench[:2], 0.0, 0.0, 0.0, wrench[2]] for wrench in scene.wrenches])
+    asked = AskedAnswers(
+        scene.contacts.push or 0.0,
+        weights.greatest_push / most,
+        wrenches,
+        weights.greatest_disturbance,
+        Tendons(scene.disturbances.tendons),
+    )
+    return asked if asked.push or asked.push_aim or asked.wrench_aim else None
+
+
+def steady_of(scene: GraspScene | HandScene) -> AskedAnswers | None:
+    """Answers with which a grasp returns after a small push, where a scene requires that; None where it does not.
+
+    A push that the scene states counts, else one of `STEADY` times the mass: that of the object as its hand moves.
+    """
+    if scene.stability == "ignore":
         return None
-
-    def vary(problem: GraspRods) -> None:
-        if least or pushed:
-            BornePush(problem, least, pushed)
-        if disturbed:
-            wrenches = np.array([[*wrench[:2], 0.0, 0.0, 0.0, wrench[2]] for wrench in scene.wrenches])
-            ResistedDisturbances(problem, wrenches, disturbed, retensioned=scene.disturbances.tendons == "retensioned")
-
-    return vary
+    mass = scene.object.mass if isinstance(scene, GraspScene) else scene.object.weighed
+    push = scene.contacts.push
+    return AskedAnswers(push=STEADY * mass if push is None else push, stiffness=STIFF)

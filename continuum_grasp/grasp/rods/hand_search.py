@@ -11,6 +11,7 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.hand.ranked import HandStart, HandStarts
+from continuum_grasp.grasp.rods.answers import AskedAnswers
 from continuum_grasp.grasp.rods.guess import PosedFinger
 from continuum_grasp.grasp.rods.hand_numbers import hand_numbers, hand_table
 from continuum_grasp.grasp.rods.numbers import FingerNumbers, SceneNumbers
@@ -109,6 +110,14 @@ class HandRodSearch(StartedSearch):
         if on not in self._numbers:
             self._numbers[on] = hand_numbers(self.scene, on, self.table)
         return self._numbers[on]
+
+    @property
+    def asked(self) -> AskedAnswers | None:
+        """Push that the scene asks for; None where it asks for none."""
+        if self.scene.unloaded:
+            return self.share_of_greatest_push(self.scene.contacts.normal_force_max)
+        push = self.scene.contacts.push
+        return AskedAnswers(push) if push else None
 
     @cached_property
     def table(self) -> DistanceTable:

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.body.table import DistanceTable
-from continuum_grasp.grasp.rods.geometry import Geometry, Value, cross, dot, exerted, library, transposed, turned
+from continuum_grasp.grasp.rods.geometry import Geometry, cross, dot, exerted, transposed, turned
 from continuum_grasp.grasp.rods.rod import THICKNESS, between, half_thickness, taper
 from continuum_grasp.model import RodLoads, SectionForm, stage_end
 from continuum_grasp.nlp import BlockKind, Lookup
@@ -396,7 +396,9 @@ def pushed_kind(directions: int) -> BlockKind:
     spare, entries = parts.unknown("spare"), parts.unknown("factor", size * (size + 1) // 2 - 1)
     friction = parts.datum("friction")
     slope = ca.reshape(changes, HELD, directions)
-    matrix = pushed_matrix(slope, held, friction, spare)
+    whole = ca.horzcat(slope, held)
+    form = ca.diag(ca.vertcat(friction**2, *[-1.0] * (HELD - 1)))
+    matrix = whole.T @ form @ whole + ca.diag(ca.vertcat(*[spare] * directions, -spare))
     places = [(i, j) for i in range(size) for j in range(i + 1)]
     factor = ca.SX(size, size)
     for k, place in enumerate(places[:-1]):
@@ -408,15 +410,29 @@ def pushed_kind(directions: int) -> BlockKind:
     return parts.kind(f"pushed_{directions}", [held[0] - opening, held[0] + opening, -left[-1], *left[:-1]])
 
 
-def pushed_matrix(slope: Any, load: Any, friction: Value, spare: Value) -> Any:
-    """Matrix (K + 1, K + 1) of `pushed_kind` by the changes (4, K) of a load (4,); of CasADi or NumPy."""
-    lib = library(load)
-    whole = ca.horzcat(slope, load) if lib is ca else np.column_stack([slope, load])
-    form = [friction**2, *[-1.0] * (HELD - 1)]
-    form = ca.diag(ca.vertcat(*form)) if lib is ca else np.diag(form)
-    count = whole.shape[1] - 1
-    spares = ca.diag(ca.vertcat(*[spare] * count, -spare)) if lib is ca else np.diag([*[spare] * count, -spare])
-    return whole.T @ form @ whole + spares
+@cache
+def moved_object_kind(geometry: Geometry) -> BlockKind:
+    """Rows: shift of the object's center of mass and turn of the object by a small change of its pose."""
+    parts = _Parts(geometry)
+    pose, shifted = parts.unknown("pose", geometry.pose), parts.unknown("shifted", geometry.pose)
+    center, axes = ca.vertsplit(parts.datum("center", 3)), parts.datum("axes", geometry.axes)
+    turn = geometry.object_turn(pose, shifted)
+    arm = turned(geometry.turn(pose, axes), center)
+    shift = [a + b for a, b in zip(geometry.place(shifted), cross(turn, arm), strict=True)]
+    return parts.kind("moved_object", [*shift[: geometry.dimensions], *geometry.moment(turn)])
+
+
+@cache
+def square_kind(size: int) -> BlockKind:
+    """Rows (lower triangle of size): L L' of a lower triangular L, twice beside the diagonal, plus a number each."""
+    parts, places = _Parts(), [(i, j) for i in range(size) for j in range(i + 1)]
+    entries, more = parts.unknown("factor", len(places)), parts.datum("more", len(places))
+    factor = ca.SX(size, size)
+    for k, place in enumerate(places):
+        factor[place] = entries[k]
+    square = factor @ factor.T
+    rows = [(1.0 if i == j else 2.0) * square[i, j] + more[k] for k, (i, j) in enumerate(places)]
+    return parts.kind(f"square_{size}", rows)
 
 
 @cache

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 
@@ -27,6 +28,17 @@ LEAST_CURVED = 1e-3
 """Least relative curvature of the object and a support, per size: flatter ones would roll without end."""
 _CHANGING = ("node ", "force ", "force, ", "moment ", "place, ")
 _STAYING = ("rod, ", "tendons, ", "force, ", "tip, ")
+
+
+class Tendons(Enum):
+    """Behavior of tendons while a grasp moves; the value is that of ``disturbances.tendons``."""
+
+    CONSTANT = "constant"
+    """Tensions stay."""
+    RETENSIONED = "retensioned"
+    """Tensions are chosen anew: there are more changes than rows."""
+    LOCKED = "locked"
+    """Lengths stay: antagonists share a change of tension."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +68,8 @@ class GraspMotion:
     problem : GraspRods
     idle : collection of str
         Names of contacts that bear nothing: they part, and move with their finger.
-    retensioned : bool
-        Whether tensions change, too: there are as many more changes than rows.
+    tendons : Tendons
+        What tendons do.
 
     Attributes
     ----------
@@ -67,9 +79,9 @@ class GraspMotion:
         Rows of the problem that stay.
     """
 
-    def __init__(self, problem: GraspRods, idle: Collection[str] = (), *, retensioned: bool = False) -> None:
+    def __init__(self, problem: GraspRods, idle: Collection[str] = (), *, tendons: Tendons = Tendons.CONSTANT) -> None:
         self.problem, self.idle = problem, frozenset(idle)
-        self._pulled = [part.pulls for part in problem.parts] if retensioned else []
+        self.tendons = tendons
         self._planar = problem.geometry.dimensions == 2
         self.balance = problem.balance[[0, 1, 5]] if self._planar else problem.balance
         self.changing = self._changing()
@@ -103,6 +115,32 @@ class GraspMotion:
         return np.setdiff1d(found, lifts)
 
     @property
+    def _pulled(self) -> list[Indices]:
+        """Pulls of each finger that change."""
+        low, high = self.problem.limits
+        changes = self.tendons is not Tendons.CONSTANT
+        return [part.pulls[(low < high)[part.pulls]] for part in self.problem.parts] if changes else []
+
+    @property
+    def locks(self) -> Iterator[list[int]]:
+        """Unknowns whose changes add up to zero where tendons are locked: the slide at the base of each set, and its
+        pulls, of which one gains what the other loses.
+        """
+        if self.tendons is not Tendons.LOCKED:
+            return
+        low, high = self.problem.limits
+        for finger, part in zip(self.problem.numbers.fingers, self.problem.parts, strict=True):
+            form = finger.section.form
+            slides = [k for k, name in enumerate(form.sliding_names) if name.startswith("slide")]
+            for tendons, slide in enumerate(slides):
+                pairs = zip(part.pulls.tolist(), finger.section.pulls, strict=True)
+                pulls = [at for at, pull in pairs if pull.tendons == tendons and low[at] < high[at]]
+                if pulls:
+                    yield [int(part.nodes[0][self.problem.geometry.state + slide])]
+                if len(pulls) > 1:
+                    yield pulls
+
+    @property
     def _idle_ends(self) -> Iterator[str]:
         """Ends of the names of unknowns and rows of contacts that bear nothing."""
         return (f", {name}" for name in self.idle)
@@ -134,7 +172,7 @@ class GraspMotion:
         numbers, name, span = problem.numbers, finger.contacts[k], part.span_of(part.touching[k])
         is_tip, end = name == finger.tip, span.ends[1]
         kind = kinds.slip_kind(geometry, finger.section.form, tip=is_tip)
-        turns = [] if is_tip else part.turns[k].tolist()
+        turns = list[int]() if is_tip else part.turns[k].tolist()
         unknowns = [*part.nodes[node], *turns, *span.force, *part.pulls, end, *problem.pose]
         changes = [*part.nodes[node][: geometry.oriented], end, *problem.pose]
         data = [*finger.acting(span.piece), finger.length / numbers.size, *finger.across]

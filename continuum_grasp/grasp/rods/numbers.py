@@ -108,14 +108,17 @@ class FingerNumbers:
         return np.array([pull.value(value) for pull, value in zip(self.section.pulls, x, strict=True)])
 
     @staticmethod
-    def of(setup: FingerSetup, on: frozenset[str], acceleration: Array, **placed: Any) -> FingerNumbers:
-        """The numbers of a finger with the contacts ``on`` by name, under gravity (dimensions,) [m/s2].
+    def of(
+        setup: FingerSetup, on: frozenset[str], acceleration: Array, *, paths: bool = False, **placed: Any
+    ) -> FingerNumbers:
+        """The numbers of a finger with the contacts ``on`` by name, under gravity (dimensions,) [m/s2]; with the
+        ``paths`` of tendons among its states, if asked for.
 
         ``placed`` are the numbers that depend on where it is: base, its bounds, across, sides, arm and
         obstacles.
         """
         finger = setup.finger
-        section = Section.of(finger)
+        section = Section.of(finger, paths=paths)
         bounds = dict(zip(setup.middle_names, setup.contact_bounds, strict=True))
         middles = tuple(name for name in setup.middle_names if name in on)
         return FingerNumbers(

@@ -33,7 +33,6 @@ from continuum_grasp.scene import GraspScene, HandScene
 
 _MORE = {"quick": STARTS // 2, "normal": STARTS, "thorough": 4 * STARTS}
 """Starts by effort."""
-_AIMS = frozenset({"least_tension", "greatest_friction_margin"})
 """Objectives that the problem of rods has."""
 
 
@@ -84,14 +83,9 @@ def _result(scene: GraspScene | HandScene, budget: Budget) -> GraspResult | Hand
 
 def _check(scene: GraspScene | HandScene) -> None:
     """Refuse what the problem of rods does not have, so that no grasp claims it."""
-    if scene.contacts.push or scene.unloaded:
-        raise InputError("expected a weight or another load alone: rods do not bear pushes", key="contacts.push")
     if isinstance(scene, HandScene):
         if scene.turned:
             raise InputError("expected one direction: rods do not hold in every direction of the weight", key="gravity")
-        return
-    if not _AIMS.issuperset(scene.aims):
-        raise InputError(f"expected aims of {sorted(_AIMS)}, got {sorted(scene.aims)}", key="objective")
 
 
 def _outlined(result: GraspResult | HandResult) -> GraspResult | HandResult:
@@ -194,7 +188,7 @@ class _EndedSearch:
 
     def _reasons(self, verdict: RodVerdict) -> list[Reason]:
         """Limits that stand in the way, with the grasp of the first one."""
-        if verdict.best is None or Doubt.UNBORNE not in verdict.doubts or not isinstance(self.search, RodSearch):
+        if verdict.best is None or Doubt.UNBORNE not in verdict.doubts:
             return []
         self.search.budget.tell("no grasp found; looking for a change that allows one")
         found = LeastRepairs(self.search).found()

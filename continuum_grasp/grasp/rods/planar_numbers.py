@@ -117,6 +117,7 @@ def _finger(scene: GraspScene, setup: FingerSetup, base: Pose, on: frozenset[str
         setup,
         on,
         np.array(scene.gravity[:2]),
+        paths=bool(scene.weights.greatest_disturbance) and scene.disturbances.tendons == "locked",
         sides=(),
         base=own,
         base_bounds=(np.minimum(low, own), np.maximum(high, own)),

@@ -14,6 +14,7 @@ from continuum_grasp.grasp.finger_map import ROUGH, Place, SceneMaps, places_of
 from continuum_grasp.grasp.finger_map.balance import WEIGHTS, ObjectBalance, Settled
 from continuum_grasp.grasp.finger_map.fill import FingerMap
 from continuum_grasp.grasp.finger_map.rod import FOR_STARTS, FULL
+from continuum_grasp.grasp.rods.answers import AskedAnswers, asked_of
 from continuum_grasp.grasp.rods.contact_sets import contact_sets, nearest_stations, neighboring_stations
 from continuum_grasp.grasp.rods.guess import ContinuedFinger, PosedFinger, ShotFinger, filled
 from continuum_grasp.grasp.rods.numbers import FingerNumbers, SceneNumbers
@@ -329,6 +330,13 @@ class RodSearch(StartedSearch):
         search = self.again(scene)
         search.maps, search._known = self.maps, contact_sets(self.scene)
         return search
+
+    @property
+    def asked(self) -> AskedAnswers | None:
+        """Answers to loads that the scene asks for; None where it asks for none."""
+        if self.scene.unloaded:
+            return self.share_of_greatest_push(self.scene.contacts.normal_force_max)
+        return asked_of(self.scene)
 
     @cached_property
     def table(self) -> DistanceTable:

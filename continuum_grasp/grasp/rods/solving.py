@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Array, amount_text
-from continuum_grasp.grasp.rods.answers import asked_of
+from continuum_grasp.grasp.rods.answers import AskedAnswers, steady_of, tangent_of
 from continuum_grasp.grasp.rods.carried import carried, finer_pairs, finer_places
 from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places, table_misses, touched_places
 from continuum_grasp.grasp.rods.guess import FingerGuess, Held, filled
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
 from continuum_grasp.grasp.rods.problem import STAGES, GraspRods, NearPair, StagePlace
 from continuum_grasp.grasp.rods.supports import SupportNumbers, rested
+from continuum_grasp.grasp.values import PUSH_SHARE
 from continuum_grasp.nlp import Attempt, Budget, Settings, Solver, SolverStatus
 
 STARTS = 6
@@ -45,6 +46,8 @@ AGREE = 0.01
 """Share of an aim by which the two choices of starts of three fingers may differ."""
 FINE = 0.1
 """Step of the tables at contacts, per half thickness of the thinnest finger."""
+PRESSED = 0.01
+"""Normal force with which contacts of an object without load press at first, per greatest one."""
 _NEAR_BOUNDS = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
 TUNING = {
     "mu_init": 1e-5,
@@ -152,6 +155,10 @@ class RodGrasp:
         """Whether the grasp holds the object."""
         return self.attempt.converged and self.problem.unborne(self.attempt.x) < BORNE and not self.crosses
 
+    def meets(self, asked: AskedAnswers) -> bool:
+        """Whether the grasp holds the object, and answers loads as asked."""
+        return self.holds and asked.met(self.problem, self.attempt.x)
+
 
 class StartedSearch(ABC):
     """Finds grasps as exact rods, from starts of any kind."""
@@ -171,6 +178,8 @@ class StartedSearch(ABC):
         self.budget, self.stages = budget, stages
         self.tried: list[RodGrasp] = []
         self._promising: list[RodStart] = []
+        self._answering: AskedAnswers | None = None
+        self.aimed = True  # whether grasps were found for the objective
         self._solver = rods_solver(self.iterations)
 
     @cached_property
@@ -214,10 +223,15 @@ class StartedSearch(ABC):
         """Starts where none of the others leads to a grasp."""
         return []
 
+    @cached_property
+    def steady(self) -> AskedAnswers | None:
+        """Stability that the scene requires; None where it requires none."""
+        return steady_of(self.scene)
+
     @property
-    def asked(self) -> Callable[[GraspRods], None] | None:
-        """Variant of the problem that the scene asks for; None where it asks for none."""
-        return asked_of(self.scene)
+    def asked(self) -> AskedAnswers | None:
+        """Answers to loads that the scene asks for; None where it asks for none."""
+        return None
 
     @property
     def best(self) -> RodGrasp | None:
@@ -236,13 +250,27 @@ class StartedSearch(ABC):
         while (best := self.best) is not None and self._improved(best):
             pass
         self._confirm(most)
-        if self.asked is not None:
-            # From the first grasps, without what a scene asks for beyond them.
-            first = sorted((g for g in self.tried if g.holds), key=lambda g: g.attempt.objective)
-            rows = (g for g in first if not self.budget.over)
-            self.tried = [self.solved(g.start, widen=self.asked, beside=g, fine=False) for g in rows]
+        if self.best is None:
+            return
+        if (asked := self.asked) is not None:
+            answered = self.answered(asked)
+            self.aimed = asked.required or any(grasp.holds for grasp in answered)
+            if self.aimed:
+                self.tried, self._answering = answered, asked
+        self._refine()
+        best, steady = self.best, self.steady
+        if best is not None and steady is not None and not best.meets(steady):
+            stable = [grasp for grasp in self.answered(steady, fine=True) if grasp.meets(steady)]
+            self.tried = [*stable, *(grasp for grasp in self.tried if not grasp.holds)] if stable else self.tried
+
+    def refined(self, grasp: RodGrasp) -> RodGrasp:
+        """Solve a grasp again as exactly as it can be."""
+        return self.solved(grasp.start, widen=self._answering, beside=grasp)
+
+    def _refine(self) -> None:
+        """Solve the best grasps again as exactly as they can be."""
         while (rough := self._rough) is not None and not self.budget.over:
-            finer = self.solved(rough.start, widen=self.asked, beside=rough)
+            finer = self.refined(rough)
             # Where finer stages and tables lead nowhere, the certificate decides about the grasp as it is.
             better = finer if finer.holds else rough
             self.tried[self.tried.index(rough)] = replace(better, rough=rough.attempt.objective)
@@ -282,6 +310,33 @@ class StartedSearch(ABC):
         for start in self._chosen(likely, most):
             if self.best is None and not self.budget.over:
                 self.tried.append(self.solved(start))
+
+    def answered(self, asked: AskedAnswers, *, fine: bool = False) -> list[RodGrasp]:
+        """Grasps that answer loads as asked: the ones that hold, where they do, and solutions beside them."""
+        first = sorted((grasp for grasp in self.tried if grasp.holds), key=lambda grasp: grasp.attempt.objective)
+        return [
+            grasp if grasp.meets(asked) else self.solved(grasp.start, widen=asked, beside=grasp, fine=fine)
+            for grasp in first
+            if not self.budget.over
+        ]
+
+    def share_of_greatest_push(self, most: float) -> AskedAnswers | None:
+        """Push that a grasp of an object without load bears: a share of the greatest one near the grasps found.
+
+        ``most`` is the greatest normal force [N]. None where no grasp bears a push.
+        """
+
+        def press(problem: GraspRods) -> None:
+            """Let no contact bear nothing: such a grasp has no answer to a push."""
+            for name, held in problem.contacts.items():
+                force = problem.numbers.unit(name) * problem.numbers.force
+                problem.bound(held[0], low=PRESSED * most / force)
+
+        self.tried = [self.solved(g.start, widen=press, beside=g, fine=False) for g in self.tried if g.holds]
+        grasps = [grasp for grasp in self.answered(AskedAnswers(push_aim=1.0 / most, tension=1e-5)) if grasp.holds]
+        tangents = [tangent_of(grasp.problem, grasp.attempt.x) for grasp in grasps]
+        greatest = max((tangent.push for tangent in tangents if tangent is not None), default=0.0)
+        return AskedAnswers(push=PUSH_SHARE * greatest) if greatest else None
 
     def agree(self, share: float) -> bool:
         """Whether the most promising starts and those of other places lead to the same aim, within a share."""

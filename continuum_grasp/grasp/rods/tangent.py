@@ -8,8 +8,10 @@ motion that lowers the energy. Directions that contacts hold have the eigenvalue
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -20,10 +22,12 @@ from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.push import bears
 from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.clearance import places_of_nodes
-from continuum_grasp.grasp.rods.motion import GraspMotion
+from continuum_grasp.grasp.rods.motion import ContactMotion, GraspMotion, Tendons
 from continuum_grasp.grasp.rods.numbers import FingerNumbers
 from continuum_grasp.grasp.rods.problem import FingerPlaces, GraspRods
 
+Entries = tuple[Any, Any, Any]
+"""Rows, columns and values of a sparse matrix."""
 IDLE = 1e-6
 """Normal force per force unit up to which a contact bears nothing."""
 HELD = 1e-9
@@ -52,13 +56,15 @@ class GraspResponse:
 
 
 class GraspTangent:
-    """Linear answers of a grasp at a solution, at constant tensions.
+    """Linear answers of a grasp at a solution.
 
     Parameters
     ----------
     problem : GraspRods
     x : ndarray
         Its unknowns.
+    tendons : Tendons
+        What tendons do: their tensions or their lengths stay.
 
     Raises
     ------
@@ -66,12 +72,12 @@ class GraspTangent:
         Nothing presses against the object.
     """
 
-    def __init__(self, problem: GraspRods, x: Array) -> None:
+    def __init__(self, problem: GraspRods, x: Array, tendons: Tendons = Tendons.CONSTANT) -> None:
         self.problem, self.x = problem, x
         idle = [name for name, at in problem.contacts.items() if x[at[0]] * problem.numbers.force <= self._least]
         if len(idle) == len(problem.contacts):
             raise ValueError("no contact presses against the object: there is no grasp to move")
-        self.motion = GraspMotion(problem, idle)
+        self.motion = GraspMotion(problem, idle, tendons=tendons)
         self._columns = {place: k for k, place in enumerate(self.motion.changing.tolist())}
         self._places = {row: k for k, row in enumerate(self.motion.rows.tolist())}
         self._matrix = self._assembled()
@@ -85,43 +91,44 @@ class GraspTangent:
         problem, motion = self.problem, self.motion
         jacobian = problem.nlp.functions["jac_g"](self.x, problem.parameters)[1].sparse().tocsr()
         own = jacobian[motion.rows][:, motion.changing].tocoo()
-        entries = [(own.row, own.col, own.data)]
+        entries: list[Entries] = [(own.row, own.col, own.data)]
         count = len(motion.rows)
         for row, force, give in motion.gaps:
             entries.append(([self._places[row]], [self._columns[force]], [give]))
+        for places in motion.locks:
+            entries.append(([count] * len(places), [self._columns[place] for place in places], [1.0] * len(places)))
+            count += 1
         for contact in motion.of_contacts:
-            slope = contact.kind.slope(
-                np.concatenate([self.x[contact.unknowns], np.zeros(len(contact.changes))]),
-                contact.data,
-                problem.table,
-            )[:, len(contact.unknowns) :]
-            columns = [self._columns.get(place, -1) for place in contact.changes.tolist()]
-            own_rows = range(count, count + len(contact.rows))
+            entries += self._of_contact(contact, range(count, count + len(contact.rows)))
             count += len(contact.rows)
-            forces = [self._columns[force] for force in contact.forces.tolist()]
-            entries.append((own_rows, forces, np.full(len(forces), contact.give)))
-            targets = [*own_rows, *self._moments(contact.balance)]
-            block = slope[[*contact.rows, *contact.balance]]
-            moves = np.flatnonzero(np.array(columns) >= 0)
-            i, j = np.meshgrid(targets, np.array(columns)[moves], indexing="ij")
-            entries.append((i.ravel(), j.ravel(), block[:, moves].ravel()))
         rows, columns, values = (np.concatenate(parts) for parts in zip(*entries, strict=True))
         size = len(motion.changing)
         if count != size:
             raise ValueError(f"a small motion has {count} rows for {size} changes")
         return csc_matrix((values, (rows, columns)), shape=(size, size))
 
+    def _of_contact(self, contact: ContactMotion, rows: Sequence[int]) -> list[Entries]:
+        """Entries of a contact, whose own rows are given."""
+        values = np.concatenate([self.x[contact.unknowns], np.zeros(len(contact.changes))])
+        slope = contact.kind.slope(values, contact.data, self.problem.table)[:, len(contact.unknowns) :]
+        forces = [self._columns[force] for force in contact.forces.tolist()]
+        columns = np.array([self._columns.get(place, -1) for place in contact.changes.tolist()])
+        moves = np.flatnonzero(columns >= 0)
+        i, j = np.meshgrid([*rows, *self._moments(contact.balance)], columns[moves], indexing="ij")
+        block = slope[[*contact.rows, *contact.balance]][:, moves]
+        return [(rows, forces, np.full(len(forces), contact.give)), (i.ravel(), j.ravel(), block.ravel())]
+
     def _moments(self, rows: list[int]) -> list[int]:
         """Rows of the system of the moments (3 to 5) on the object."""
         return [self._places[int(self.problem.balance[row])] for row in rows]
 
     @cached_property
-    def _solver(self) -> object:
+    def _solver(self) -> Any:
         return splu(self._matrix)
 
     def solved(self, loads: Array) -> Array:
         """Changes (changing, K) of the unknowns by loads (changing, K) on the rows."""
-        return np.asarray(self._solver.solve(np.ascontiguousarray(loads)))  # type: ignore[attr-defined]
+        return np.asarray(self._solver.solve(np.ascontiguousarray(loads)))
 
     # -- the object ----------------------------------------------------------------------------------------------
 
@@ -141,6 +148,14 @@ class GraspTangent:
         own = [0, 1, 5] if self.problem.geometry.dimensions == 2 else list(range(6))
         units = numbers.force * np.array([1.0, 1.0, 1.0, numbers.size, numbers.size, numbers.size])
         return own, units[own]
+
+    def by_wrenches(self) -> tuple[Array, Array]:
+        """Changes (changing, m) of the unknowns by each force and moment that moves the object [F0, F0 size], and its
+        motion (m, m): shift of the center of mass [object size] and turn.
+        """
+        own, _ = self._wrenches
+        changes = self.to_loads(np.eye(6)[own])
+        return changes, np.concatenate(self._moved(changes))[own]
 
     @cached_property
     def response(self) -> GraspResponse:

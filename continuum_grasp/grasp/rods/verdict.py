@@ -9,6 +9,7 @@ from enum import Enum
 from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.judge.certificate import RodCertificate, certify_rods
 from continuum_grasp.grasp.judge.held import HeldRods
+from continuum_grasp.grasp.rods.answers import tangent_of
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.solving import AGREE, RodGrasp, StartedSearch
 from continuum_grasp.grasp.values import GraspStatus
@@ -26,6 +27,9 @@ class Doubt(Enum):
     REFUSED = "the independent certificate refuses a better grasp"
     CUT = "the budget ended before all starts were tried"
     INTERRUPTED = "you interrupted the search, so it did not try all starts"
+    LEAST_TENSION = "this grasp has the least tension; no grasp was found for the objective"
+    DRIVEN_AWAY = "any small push drives the object away (no stable grasp was found)"
+    YIELDS = "it does not bear the required push in every direction (contacts.push states another)"
     UNBORNE = "nothing bears a part of the load"
     UNTOUCHED = "no finger touches the object in an equilibrium"
     NO_BALANCE = "no forces at any place of the object balance its weight"
@@ -41,7 +45,7 @@ class RodVerdict:
     doubts : tuple of Doubt
         Why the status is not a better one; empty where it is ``optimal``.
     best : RodGrasp or None
-        The grasp; without one, what came nearest to it.
+        The grasp: as stable as the scene requires, where there is one; without one, what came nearest to it.
     held : HeldRods or None
         Its record.
     certificate : RodCertificate or None
@@ -64,16 +68,24 @@ def verdict_of(search: StartedSearch, *, interrupted: bool = False) -> RodVerdic
         if certificate.passed:
             doubts = tuple(_doubts(search, refused is not None, interrupted))
             status = GraspStatus.FEASIBLE if doubts else GraspStatus.OPTIMAL
+            if search.steady is not None and not best.meets(search.steady):
+                return RodVerdict(GraspStatus.UNSTABLE, (_unsteady(best),), best, held, certificate)
             return RodVerdict(status, doubts, best, held, certificate)
         refused = refused or RodVerdict(GraspStatus.NOT_SOLVED, (Doubt.REFUSED,), best, held, certificate)
     return refused or _without(search)
+
+
+def _unsteady(best: RodGrasp) -> Doubt:
+    """Why the best grasp is not as stable as the scene requires, and no grasp near one that was found is."""
+    tangent = tangent_of(best.problem, best.attempt.x)
+    return Doubt.YIELDS if tangent is not None and tangent.stable else Doubt.DRIVEN_AWAY
 
 
 def _candidates(search: StartedSearch) -> Iterator[RodGrasp]:
     """Grasps that hold, the best first, each as exactly as it can be."""
     held = sorted((g for g in search.tried if g.holds), key=lambda g: g.attempt.objective)
     for grasp in held[:REFUSED]:
-        yield grasp if grasp.fine or search.budget.over else search.solved(grasp.start, beside=grasp)
+        yield grasp if grasp.fine or search.budget.over else search.refined(grasp)
 
 
 def _doubts(search: StartedSearch, refused: bool, interrupted: bool) -> Iterator[Doubt]:
@@ -84,6 +96,8 @@ def _doubts(search: StartedSearch, refused: bool, interrupted: bool) -> Iterator
         yield Doubt.INTERRUPTED
     elif search.budget.cut:
         yield Doubt.CUT
+    if not search.aimed:
+        yield Doubt.LEAST_TENSION
     if not search.confirmed:
         yield Doubt.LONE_START
     if len(search.scene.setups) > 2 and not search.agree(AGREE):

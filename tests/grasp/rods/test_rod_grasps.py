@@ -36,7 +36,7 @@ def found(scene, stages=24):
     return search
 
 
-@pytest.mark.parametrize("name", few(["mug", "pinch", "box_edge", "egg", "groove", "mug_hanging", "table_peg"], 4))
+@pytest.mark.parametrize("name", few(["mug", "pinch", "egg", "groove", "mug_hanging", "table_peg"], 3))
 def test_a_grasp_passes_a_certificate_that_integrates_it_anew(name):
     search = searched(name)
     certificate = certify_rods(search.scene, held_rods(search.best))
@@ -57,10 +57,10 @@ def test_stages_lead_from_the_base_to_the_tip_of_a_solution():
 
 
 # Least tensions [N] of today's search with 24 elements per finger; friction: as pulled.
-BY_MANY_ELEMENTS = [("mug", 42.64), ("box_edge", 48.066), ("pinch", 75.925), ("spirob_cup", 7.198), ("gear", 53.13)]
+BY_MANY_ELEMENTS = [("mug", 42.64), ("pinch", 75.925), ("spirob_cup", 7.198), ("gear", 53.13)]
 
 
-@pytest.mark.parametrize(("name", "tension"), few(BY_MANY_ELEMENTS, 3))
+@pytest.mark.parametrize(("name", "tension"), few(BY_MANY_ELEMENTS, 2))
 def test_many_elements_need_as_much_tension(name, tension):
     """Within 0.3 %, by which 24 stages differ from 96; clothoids do not jump in curvature where friction of a middle
     contact acts, so that elements with it come closer slowly.
