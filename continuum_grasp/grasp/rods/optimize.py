@@ -33,7 +33,6 @@ from continuum_grasp.scene import GraspScene, HandScene
 
 _MORE = {"quick": STARTS // 2, "normal": STARTS, "thorough": 4 * STARTS}
 """Starts by effort."""
-"""Objectives that the problem of rods has."""
 
 
 @overload
@@ -83,9 +82,8 @@ def _result(scene: GraspScene | HandScene, budget: Budget) -> GraspResult | Hand
 
 def _check(scene: GraspScene | HandScene) -> None:
     """Refuse what the problem of rods does not have, so that no grasp claims it."""
-    if isinstance(scene, HandScene):
-        if scene.turned:
-            raise InputError("expected one direction: rods do not hold in every direction of the weight", key="gravity")
+    if isinstance(scene, HandScene) and scene.turned:
+        raise InputError("expected one direction: rods do not hold in every direction of the weight", key="gravity")
 
 
 def _outlined(result: GraspResult | HandResult) -> GraspResult | HandResult:
