@@ -6,7 +6,6 @@ from .attempt import SolverStatus as SolverStatus
 from .attempt import Start as Start
 from .blocks import BlockKind as BlockKind
 from .blocks import BlockProblem as BlockProblem
-from .blocks import IncludedProblem as IncludedProblem
 from .blocks import Lookup as Lookup
 from .problem import NLP as NLP
 from .problem import Block as Block

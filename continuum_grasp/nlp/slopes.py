@@ -52,7 +52,7 @@ class SolutionSlopes:
         self._nlp, self._start, self._attempt = nlp, start, attempt
 
     def value(self, difference: Difference, beside: Sequence[Start]) -> float:
-        """Derivative of the optimal value, by starts beside that of the solution."""
+        """Derivative of the optimal value, by starts other than the solution's."""
         attempt, x = self._attempt, self._attempt.x
         multipliers = attempt.multipliers
         lagrangians = []
@@ -68,7 +68,7 @@ class SolutionSlopes:
         return change
 
     def unknowns(self, difference: Difference, beside: Sequence[Start]) -> Array:
-        """Derivatives (n,) of the unknowns, by starts beside that of the solution."""
+        """Derivatives (n,) of the unknowns, by starts other than the solution's."""
         x, forces = self._attempt.x, self._attempt.multipliers.constraints
         gradients, rows = [], []
         for start in beside:

@@ -92,7 +92,7 @@ def _library(lanes: int, wide: int, _named: str | None, _path: str | None) -> ct
 
 
 @dataclass(frozen=True)
-class Sampling:
+class MapSampling:
     """Effort of a map.
 
     Attributes
@@ -118,10 +118,10 @@ class Sampling:
     of_tips: tuple[int, int, int] = (25, 36, 10)
 
 
-FULL = Sampling()
+FULL = MapSampling()
 """For fingers whose equilibria are starts as they are: of shipped scenes the tensions of exact rods differ from those
 with 400 steps by 0.1 %."""
-FOR_STARTS = Sampling(steps=28, lows=1500, seeds=600, enough=10, of_tips=(37, 54, 15))
+FOR_STARTS = MapSampling(steps=28, lows=1500, seeds=600, enough=10, of_tips=(37, 54, 15))
 """For starts of a solver that brings them onto exact rods: with 20 steps or 200 seeds, 4 of 95 random scenes were held
 with more tension than with `FULL`; with the other grid of tips a part of a map was missed, and three fingers were held
 with 10.25 for 9.27 N (``python -m benchmarks.bench_rods three 0 20``)."""
@@ -185,7 +185,7 @@ class MapFinger:
         *,
         exact: bool = False,
         itself: bool = False,
-        sampling: Sampling = FULL,
+        sampling: MapSampling = FULL,
     ) -> None:
         self._given = scene, setup, table, base, pose
         self.itself = itself

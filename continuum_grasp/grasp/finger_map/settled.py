@@ -11,7 +11,7 @@ from continuum_grasp.base import Numbers as Array
 from continuum_grasp.core import Compiler
 from continuum_grasp.grasp.finger_map.balance import ObjectBalance, Settled
 from continuum_grasp.grasp.finger_map.fill import FingerMap
-from continuum_grasp.grasp.finger_map.rod import FEW, FULL, MapFinger, ObjectTable, Sampling, Traced
+from continuum_grasp.grasp.finger_map.rod import FEW, FULL, MapFinger, MapSampling, ObjectTable, Traced
 from continuum_grasp.grasp.finger_map.stability import not_unstable
 from continuum_grasp.grasp.starts.rough import rough_starts
 from continuum_grasp.grasp.starts.supports import base_poses, nearest_contact, object_poses
@@ -59,7 +59,7 @@ class SceneMaps:
         scene: GraspScene,
         wider: SceneMaps | None = None,
         apart: frozenset[tuple[str, str]] = frozenset(),
-        sampling: Sampling = FULL,
+        sampling: MapSampling = FULL,
     ) -> None:
         self.scene = scene
         self._sampling = sampling

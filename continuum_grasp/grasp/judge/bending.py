@@ -60,7 +60,7 @@ class SectionBending:
         self.shape = setup.finger.channels[0].shape
         """Moment of a tendon along the finger, per that in the base."""
         self.end = setup.finger.tendon_list[0].end(self._profile.length)
-        """Where tendons end [m]."""
+        """Places at which tendons end [m]."""
         self._friction = setup.tendons.friction
         self._per_path = setup.tendons.offset / setup.finger.tendon_list[0].presliding_length
         self._branches = sorted(

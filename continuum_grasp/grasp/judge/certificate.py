@@ -134,7 +134,7 @@ def certify_rods(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: fl
 def rods_of(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: float = TOLERANCE) -> tuple[SpaceRod, ...]:
     """Shapes of the fingers of a grasp, whatever its findings are.
 
-    The arguments are those of `certify_rods`.
+    It takes the arguments of `certify_rods`.
     """
     with np.errstate(all="ignore"):
         return tuple(line.rod for line in _Grasp(GraspStage.of(scene), held, tolerance).lines)
@@ -201,7 +201,7 @@ class _Touch:
 
 
 class _Grasp:
-    """The shapes of all fingers of a grasp, and what is measured along them."""
+    """Shapes of all fingers of a grasp, with their measures."""
 
     def __init__(self, stage: GraspStage, held: HeldRods, tolerance: float) -> None:
         self.stage, self.held = stage, held

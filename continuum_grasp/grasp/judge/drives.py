@@ -1,8 +1,8 @@
 """Cables that winches and motors wind up, by the shape of a finger: what a drive holds, and whether tensions obey it.
 
-A tendon is stretched by C T from where it is just in tension on; the cable wound up is its path along the bent finger
-and this stretch. C is the compliance of the cable before the finger, and of that along it by the share of the tension
-that friction leaves on average.
+A tendon grows longer by C T from where it is just in tension on; the cable wound up is its path along the bent finger
+and this elongation. C is the compliance of the cable before the finger and of the cable along it, which counts by the
+share of the tension that friction leaves on average.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ _SIGNS = np.array([1.0, -1.0])
 
 
 def soft(length: Array, onset: float) -> Array:
-    """Stretch [m] of tendons whose cable is wound up by lengths beyond slack [m]; rounded off within an onset [m]."""
+    """Elongation [m] of tendons with so much cable [m] wound up beyond slack; rounded off within an onset [m]."""
     v = np.clip(length / onset, -1.0, 1.0)
-    # The integral of 3 (1 - v^2) / 4 twice: no stretch below -1, the whole length above 1.
+    # The integral of 3 (1 - v^2) / 4 twice: no elongation below -1, the whole length above 1.
     return np.asarray(onset * (3.0 + 8.0 * v + 6.0 * v**2 - v**4) / 16.0 + np.maximum(length - onset, 0.0))
 
 
@@ -35,7 +35,7 @@ class WoundCables:
         self.law, self._tensions = law, tensions
         drawn, means = rod.cables()
         self.paths = setup.tendons.offset * drawn * _SIGNS
-        self.stretches = (law.series + law.axial * means) * tensions
+        self.elongations = (law.series + law.axial * means) * tensions
 
     @property
     def held(self) -> Array:
@@ -50,28 +50,28 @@ class WoundCables:
     @property
     def _wound(self) -> Array:
         """Cable wound up (2,) of drives of their own [m]: a tendon that does not pull is let out until it is slack."""
-        slack = self.law.onset / (1.0 + (self.stretches / self.law.onset) ** 4)
-        return np.asarray(self.paths + self.stretches - slack - self.law.start)
+        slack = self.law.onset / (1.0 + (self.elongations / self.law.onset) ** 4)
+        return np.asarray(self.paths + self.elongations - slack - self.law.start)
 
     @property
     def _by_pulley(self) -> float:
         """Cable that a pulley winds up of the left tendon [m], by the one that pulls more."""
         law, k = self.law, int(np.argmax(self._tensions))
-        onset, stretch = law.onset, float(self.stretches[k])
-        beyond = brentq(lambda length: float(soft(np.array(length), onset)) - stretch, -onset, stretch + onset)
+        onset, elongation = law.onset, float(self.elongations[k])
+        beyond = brentq(lambda length: float(soft(np.array(length), onset)) - elongation, -onset, elongation + onset)
         return float(_SIGNS[k] * (beyond + self.paths[k] - law.start))
 
     def misfit(self, held: Array) -> Array:
-        """By how much stretches (2,) differ from those with which drives hold ``held``, and a load on a pulley [m]."""
+        """Differences of elongations (2,) from the ones with which drives hold ``held`` [m]; of the load on a pulley."""
         law, left_more = self.law, float(self._tensions @ _SIGNS)
         if law.pulley:
             wound = held[0] - law.servo * left_more if law.locks else self._by_pulley
-            off = self.stretches - soft(law.start + wound * _SIGNS - self.paths, law.onset)
+            off = self.elongations - soft(law.start + wound * _SIGNS - self.paths, law.onset)
             return off if law.locks else np.append(off, (left_more - held[0]) * law.series)
         if not law.locks:
             return np.asarray((self._tensions - held) * law.series)
         wound = law.start + held - law.servo * self._tensions
-        return np.asarray(self.stretches - soft(wound - self.paths, law.onset))
+        return np.asarray(self.elongations - soft(wound - self.paths, law.onset))
 
 
 def drive_findings(setup: FingerSetup, rod: SpaceRod, tensions: Array) -> Iterator[Finding]:

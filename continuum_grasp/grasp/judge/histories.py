@@ -19,7 +19,7 @@ import numpy as np
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.judge.findings import FOLLOWED, Finding, Requirement
 from continuum_grasp.grasp.judge.held import HeldRods
-from continuum_grasp.grasp.judge.postures import HistoryPostures, Posture
+from continuum_grasp.grasp.judge.postures import HistoryPostures, JudgedPosture
 from continuum_grasp.grasp.judge.space_rod import SpaceRod
 from continuum_grasp.grasp.judge.stage import GraspStage
 from continuum_grasp.scene import FingerSetup
@@ -51,7 +51,7 @@ class HistoryTrials:
             CELLS * (1 + sum(contact.place < setup.finger.rod.length for contact in finger.contacts))
             for setup, finger in zip((stage.setups[finger.name] for finger in held.fingers), held.fingers, strict=True)
         ]
-        self.tried: list[tuple[list[Array], Posture]] = []
+        self.tried: list[tuple[list[Array], JudgedPosture]] = []
 
     @property
     def chosen(self) -> Iterator[list[Array]]:
@@ -84,7 +84,7 @@ class HistoryTrials:
                 pairs = zip(slopes, histories, strict=True)
                 left.append([np.where(slope == 0.0, own, -np.sign(slope)) for slope, own in pairs])
 
-    def _posture(self, histories: list[Array]) -> Posture:
+    def _posture(self, histories: list[Array]) -> JudgedPosture:
         """The posture for histories, from the postures whose histories are most alike."""
         off = [
             sum(float(np.abs(one - other).sum()) for one, other in zip(histories, tried, strict=True))
@@ -92,7 +92,7 @@ class HistoryTrials:
         ]
         order = np.argsort(off, kind="stable").tolist()
         known = [self.tried[k][1].x for k in order if self.tried[k][1].violated < FOLLOWED]
-        found = list[Posture]()
+        found = list[JudgedPosture]()
         for start in [self.postures.start, *known[: _STARTS - 1]]:
             found.append(self.postures.found(histories, start))
             if found[-1].violated < FOLLOWED and found[-1].reserve > -FOLLOWED:

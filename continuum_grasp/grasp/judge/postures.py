@@ -40,7 +40,7 @@ _SAMPLES = np.linspace(0.0, 1.0, 33)[1:]
 _BESIDE = np.array([-0.04, -0.02, -0.01, 0.01, 0.02, 0.04])
 """Such places beside contacts [L]: there a finger that friction bends sharper than the object is in it."""
 _PENALTIES = 50.0, 5e4
-"""First and greatest cost of what is violated, of which the reserve costs 1: tens of times as much where it stays."""
+"""First and greatest cost of a violation, per cost of the reserve: tens of times as much where it stays."""
 _TRUST, _LEAST_TRUST = 0.3, 1e-8
 """First and least region of trust, in units of the unknowns."""
 _STEPS = 150
@@ -53,7 +53,7 @@ _ALONG = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Touching:
+class TouchingPlace:
     """A contact in a posture: force (3,) on the finger or support [N], point (3,) and outward normal of the object."""
 
     force: Array
@@ -71,7 +71,7 @@ class Touching:
 
 
 @dataclass(frozen=True, eq=False)
-class Posture:
+class JudgedPosture:
     """A posture: unknowns, the least spare friction per force scale, and what it leaves violated."""
 
     x: Array
@@ -104,7 +104,7 @@ class _Rows:
         return merit if np.isfinite(merit) else -np.inf
 
 
-FingerRows = tuple[Array, Array, list[Touching]]
+FingerRows = tuple[Array, Array, list[TouchingPlace]]
 """Rows of a finger that are zero, rows that are zero or more, and contacts."""
 
 
@@ -179,8 +179,7 @@ class HistoryPostures:
             return self.held.supports[int(j)].force
         finger = self.held.fingers[owner]
         if key == "moment":
-            assert finger.moment is not None
-            return np.asarray((finger.axes.T @ finger.moment)[self._soft(owner)])
+            return np.asarray((finger.axes.T @ _moment(finger))[self._soft(owner)])
         if key == "tensions":
             return finger.tensions
         contact = finger.contacts[int(j)]
@@ -278,10 +277,9 @@ class HistoryPostures:
             tolerance=_TOLERANCE,
             history=_cells(finger, length, history),
         )
-        assert finger.moment is not None
-        rod.integrate(finger.moment)
+        rod.integrate(_moment(finger))
         zero = list((finger.axes.T @ rod.missing)[self._soft(index)] / (self.scale * length))
-        positive, touching = list[float](), list[Touching]()
+        positive, touching = list[float](), list[TouchingPlace]()
         for contact in finger.contacts:
             point, normal, gap, tangent = self._touched(setup, rod, contact, body)
             leaning = float(normal @ tangent) - profile.half_thickness.slope(contact.place)
@@ -295,12 +293,10 @@ class HistoryPostures:
                 across = held.axes.T @ normal
                 zero += [float(row @ off) / length for row in _along(across, 2 if self._soft(index) == [2] else 3)]
             touching.append(
-                Touching(contact.force, point, normal, setup.held_friction, setup.normal_force_max, contact.moment)
+                TouchingPlace(contact.force, point, normal, setup.held_friction, setup.normal_force_max, contact.moment)
             )
-        if self._follows(index):
-            law, command = setup.drive, self._commands[index]
-            assert law is not None
-            assert command is not None
+        law, command = setup.drive, self._commands[index]
+        if self._follows(index) and law is not None and command is not None:
             # As tensions, of which a moment is the unit: cables are stiff.
             unit = (law.series + law.axial) * self.scale * length / setup.tendons.offset
             zero += list(WoundCables(setup, law, rod, finger.tensions).misfit(command) / unit)
@@ -310,7 +306,7 @@ class HistoryPostures:
         return np.array(zero), np.array([*positive, *(clear / length + FOLLOWED)]), touching
 
     def rows(self, held: HeldRods, of_fingers: list[FingerRows]) -> _Rows:
-        """All rows, by those of the fingers."""
+        """All rows, by the rows of each finger."""
         stage, body = self.stage, self.stage.body(held)
         touching = [touch for *_, each in of_fingers for touch in each]
         for support in held.supports:
@@ -318,7 +314,7 @@ class HistoryPostures:
             obstacle = next(each for each in stage.obstacles if each.name == name)
             normal, _ = obstacle.touched(support, body)
             most = stage.scene.contacts.normal_force_max
-            touching.append(Touching(support.force, support.position, normal, obstacle.friction, most))
+            touching.append(TouchingPlace(support.force, support.position, normal, obstacle.friction, most))
         center, force = stage.center(held), stage.mass * stage.gravity
         moment = np.zeros(3)
         for touch in touching:
@@ -365,7 +361,7 @@ class HistoryPostures:
 
     # -- postures ----------------------------------------------------------------------------------------------
 
-    def found(self, histories: list[Array], start: Array, enough: float = np.inf) -> Posture:
+    def found(self, histories: list[Array], start: Array, enough: float = np.inf) -> JudgedPosture:
         """The posture with the greatest reserve next to a start, for directions of friction of each finger.
 
         One that violates nothing and has ``enough`` of a reserve is as good. Slopes follow each step by Broyden's
@@ -399,7 +395,7 @@ class HistoryPostures:
                 trust = 0.25 * min(trust, float(np.abs(step).max()))
             if share < 0.3 and not fresh:
                 slopes, fresh = self._slopes(x, rows, each, histories), True
-        return Posture(x, float(rows.spare.min()), rows.violated, forces)
+        return JudgedPosture(x, float(rows.spare.min()), rows.violated, forces)
 
     def _tried(
         self, x: Array, step: Array, slopes: Array, histories: list[Array], penalty: float
@@ -419,7 +415,7 @@ class HistoryPostures:
             return corrected, nearer, beside
         return step, after, other
 
-    def slopes(self, posture: Posture, histories: list[Array]) -> Iterator[Array]:
+    def slopes(self, posture: JudgedPosture, histories: list[Array]) -> Iterator[Array]:
         """Slope of the reserve by the directions of each finger (cells, frictions)."""
         rows, each = self._evaluated(posture.x, histories)
         held = self._record(posture.x)
@@ -485,3 +481,10 @@ def _linear(rows: _Rows, slopes: Array, within: tuple[Array, Array], penalty: fl
     # The merit is the negative cost; rows are on the right-hand side, zero ones with the other sign.
     forces = np.concatenate([found.eqlin.marginals, -found.ineqlin.marginals])
     return found.x[:n], float(-found.fun) - rows.merit(penalty), forces
+
+
+def _moment(finger: HeldFinger) -> Array:
+    """Moment (3,) at the base of a finger [N m]."""
+    if finger.moment is None:
+        raise ValueError(f"{finger.name}: a posture has a moment at its base")
+    return finger.moment

@@ -278,7 +278,7 @@ class SpaceRod:
     def cables(self) -> tuple[float, Array]:
         """Length that the bend draws in from straight on, per offset in the base [rad], and mean shares of tensions.
 
-        The shares (2,) are those of the left and the right tendon, from the base to where both end.
+        The shares (2,) belong to the left and the right tendon, from the base to where both end.
         """
         shape, end = self._bending.shape, self._bending.end
         drawn, shares = 0.0, np.zeros(2)

@@ -13,7 +13,7 @@ import numpy as np
 
 from continuum_grasp.base import Array, Indices
 from continuum_grasp.grasp.rods import kinds
-from continuum_grasp.grasp.rods.motion import GraspMotion, Tendons
+from continuum_grasp.grasp.rods.motion import GraspMotion, TendonBehavior
 from continuum_grasp.grasp.rods.problem import APEX, GraspRods
 from continuum_grasp.grasp.rods.tangent import SHIFT, GraspTangent
 from continuum_grasp.scene import GraspScene, HandScene
@@ -88,7 +88,7 @@ class GraspAnswers(ABC):
         return self.problem.rows(f"balance {k}, {self.key}", self.key, "1", len(self.motion.balance)).ravel()
 
     def fill(self, x: Array) -> None:
-        """Set the answers to those of the grasp in the unknowns, and the amount to what the grasp bears."""
+        """Set the answers to the linear ones of the grasp in the unknowns, and the amount to what the grasp bears."""
         tangent = tangent_of(self.problem, x)
         x[self.amount] = self.borne(x, tangent)
         if tangent is not None:
@@ -191,13 +191,13 @@ class ResistedDisturbances(GraspAnswers):
         Forces and moments about the center of mass [N, N m].
     aim : float
         Weight of the factor in the objective.
-    tendons : Tendons
+    tendons : TendonBehavior
         What tendons do under each disturbance.
     """
 
     key = "disturbances"
 
-    def __init__(self, problem: GraspRods, wrenches: Array, aim: float, tendons: Tendons) -> None:
+    def __init__(self, problem: GraspRods, wrenches: Array, aim: float, tendons: TendonBehavior) -> None:
         numbers = problem.numbers
         units = numbers.force * np.array([1.0, 1.0, 1.0, numbers.size, numbers.size, numbers.size])
         self.amount = problem.unknown("factor", 0.0, np.inf)
@@ -299,7 +299,7 @@ class AskedAnswers:
     """Disturbances (K, 6) whose factor is an aim [N, N m]."""
     wrench_aim: float = 0.0
     """Weight in the objective of their factor."""
-    tendons: Tendons = Tendons.CONSTANT
+    tendons: TendonBehavior = TendonBehavior.CONSTANT
     """Behavior of tendons under disturbances."""
     stiffness: float = 0.0
     """Least stiffness of the object [E I / L of the first finger]; 0: any."""
@@ -339,7 +339,7 @@ def asked_of(scene: GraspScene) -> AskedAnswers | None:
         weights.greatest_push / most,
         wrenches,
         weights.greatest_disturbance,
-        Tendons(scene.disturbances.tendons),
+        TendonBehavior(scene.disturbances.tendons),
     )
     return asked if asked.push or asked.push_aim or asked.wrench_aim else None
 
@@ -347,7 +347,7 @@ def asked_of(scene: GraspScene) -> AskedAnswers | None:
 def steady_of(scene: GraspScene | HandScene) -> AskedAnswers | None:
     """Answers with which a grasp returns after a small push, where a scene requires that; None where it does not.
 
-    A push that the scene states counts, else one of `STEADY` times the mass: that of the object as its hand moves.
+    A push that the scene states counts, else one of `STEADY` times the mass, as for an object whose hand moves.
     """
     if scene.stability == "ignore":
         return None

@@ -36,7 +36,7 @@ class TouchedPlace:
 
 
 def touched_places(stage: GraspStage, held: HeldRods, rods: tuple[SpaceRod, ...]) -> list[TouchedPlace]:
-    """Contacts of a grasp with the geometry of the exact object, those of fingers first."""
+    """Contacts of a grasp with the geometry of the exact object, contacts of fingers first."""
     body, found = stage.body(held), list[TouchedPlace]()
     for finger, rod in zip(held.fingers, rods, strict=True):
         for contact in finger.contacts:
@@ -63,7 +63,7 @@ class RodArrays(ABC):
 
     @abstractmethod
     def stored(self, held: HeldRods, rods: tuple[SpaceRod, ...]) -> dict[str, Array]:
-        """Arrays of a grasp, whose fingers have these shapes, without those of elements."""
+        """Arrays of a grasp, whose fingers have these shapes, without arrays of elements."""
 
     @abstractmethod
     def held(self, arrays: Mapping[str, Any]) -> HeldRods:

@@ -8,11 +8,12 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.rods import kinds
-from continuum_grasp.grasp.rods.problem import GraspRods, NearPair, StagePlace
+from continuum_grasp.grasp.rods.places import NearPair, StagePlace
+from continuum_grasp.grasp.rods.problem import GraspRods
 
 
 def carried(before: GraspRods, x: Array, problem: GraspRods) -> Array:
-    """Unknowns of a problem with as many stages as another, or a multiple, by those of the other."""
+    """Unknowns of a problem with as many stages as another, or a multiple, by the unknowns of the other."""
     y = np.zeros(problem.size)
     for name, at in problem.at.items():
         if name in before.at and len(before.at[name]) == len(at) and not name.startswith("node "):

@@ -7,7 +7,8 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.rods.guess import nodes_along
 from continuum_grasp.grasp.rods.obstacles import FingerObstacle
-from continuum_grasp.grasp.rods.problem import GraspRods, NearPair, StagePlace
+from continuum_grasp.grasp.rods.places import NearPair, StagePlace
+from continuum_grasp.grasp.rods.problem import GraspRods
 from continuum_grasp.grasp.rods.rod import between
 from continuum_grasp.grasp.rods.supports import PegSupport
 

@@ -32,7 +32,7 @@ def contact_sets(scene: GraspScene) -> list[frozenset[str]]:
 
 
 def _of_finger(setup: FingerSetup) -> list[frozenset[str]]:
-    """Sets of contacts of a finger, none of which is empty."""
+    """Sets of contacts of a finger, without the empty one."""
     fixed = [name for name, switch in zip(setup.middle_names, setup.middles, strict=True) if switch == "on"]
     free = [name for name, switch in zip(setup.middle_names, setup.middles, strict=True) if switch == "auto"]
     most = min(len(free), AT_ONCE) if setup.stations else len(free)

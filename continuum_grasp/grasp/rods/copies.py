@@ -1,4 +1,4 @@
-"""Copies of a grasp that differ in their data and share what is held, such as tensions.
+"""Copies of a grasp that differ in their data and share held values, such as tensions.
 
 A copy has all unknowns and all limits of a grasp:
 
@@ -39,14 +39,14 @@ class RodCopy:
     held: tuple[HeldValue, ...]
 
     def hold(self, x: Array) -> None:
-        """Bound what is held to its values at unknowns of the first copy."""
+        """Bound held values to the ones at unknowns of the first copy."""
         for value in self.held:
             given = value.ratio * x[value.first] + value.shift
             self.problem.bound(value.own, given, given)
 
 
 def held_tensions(first: GraspRods, other: GraspRods, factor: float = 1.0) -> Iterator[HeldValue]:
-    """Tensions of a copy, which are those of the first copy times a factor."""
+    """Tensions of a copy: a factor times the tensions of the first copy."""
     for (a, unit, least), (b, own_unit, own_least) in zip(_tensions(first), _tensions(other), strict=True):
         ratio = factor * unit / own_unit
         yield HeldValue(b, a, ratio, ratio * least - own_least)
@@ -77,7 +77,7 @@ class RodCopies(BlockProblem):
     Parameters
     ----------
     first : GraspRods
-        Bounds of what is held count in this one alone.
+        Bounds of held values count in this one alone.
     others : sequence of RodCopy
     """
 
@@ -111,5 +111,5 @@ class RodCopies(BlockProblem):
         return [x[part.unknowns] for part in self.included]
 
     def joined(self, xs: Sequence[Array]) -> Array:
-        """Unknowns of all copies by those of each."""
+        """Unknowns of all copies by the unknowns of each."""
         return np.concatenate(list(itertools.chain(xs)))

@@ -24,8 +24,9 @@ from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.copies import HeldValue, RodCopy, held_by_drives
 from continuum_grasp.grasp.rods.histories import HistoryColumns
 from continuum_grasp.grasp.rods.numbers import GraspAims, SceneNumbers
+from continuum_grasp.grasp.rods.places import StagePlace
 from continuum_grasp.grasp.rods.planar_numbers import planar_supports
-from continuum_grasp.grasp.rods.problem import GraspRods, StagePlace
+from continuum_grasp.grasp.rods.problem import GraspRods
 from continuum_grasp.grasp.rods.solving import RodGrasp
 from continuum_grasp.grasp.rods.supports import SupportNumbers
 from continuum_grasp.scene import GraspScene, HandScene
@@ -39,7 +40,7 @@ _UNAIMED = GraspAims(0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedObject:
+class ObjectInError:
     """An object in error where it lies before fingers push it, and its supports."""
 
     pose: Array  # place [m] and turn
@@ -55,7 +56,7 @@ class ErrorSpace(ABC):
     scene : GraspScene or HandScene
     grasp : RodGrasp
     bounds : mapping of str to float
-        Greatest errors: ``position`` [m], ``angle`` [rad], and those of `SHARES` [1].
+        Greatest errors: ``position`` [m], ``angle`` [rad], and shares by `SHARES` [1].
     """
 
     axes: ClassVar[tuple[tuple[str, str], ...]]
@@ -145,7 +146,7 @@ class ErrorSpace(ABC):
         """The scene with an error."""
 
     @abstractmethod
-    def placed(self, error: Array) -> PlacedObject:
+    def placed(self, error: Array) -> ObjectInError:
         """The object with an error."""
 
     @property
@@ -265,13 +266,13 @@ class PlanarErrors(ErrorSpace):
     def scene_with(self, error: Array) -> GraspScene:
         return self._in_error.scene_with(self._object(error))
 
-    def placed(self, error: Array) -> PlacedObject:
+    def placed(self, error: Array) -> ObjectInError:
         pose = self._in_error.pose_in_error(self._object(error))
         numbers = self.grasp.problem.numbers
         supports = numbers.supports
         if supports:
             supports = planar_supports(self.scene_with(error), self.grasp.start.on, pose, numbers.force)
-        return PlacedObject(np.array(pose), numbers.axes, supports)
+        return ObjectInError(np.array(pose), numbers.axes, supports)
 
 
 class SpatialErrors(ErrorSpace):
@@ -298,7 +299,7 @@ class SpatialErrors(ErrorSpace):
         changed: HandScene = scene.model_copy(update=changes)
         return changed
 
-    def placed(self, error: Array) -> PlacedObject:
+    def placed(self, error: Array) -> ObjectInError:
         from scipy.spatial.transform import Rotation
 
         numbers = self.grasp.problem.numbers
@@ -317,4 +318,4 @@ class SpatialErrors(ErrorSpace):
         friction = 1.0 + self.share(error, "friction")
         supports = [replace(support, friction=support.friction * friction) for support in numbers.supports]
         pose = self.pose + np.concatenate([shift, np.zeros(3)])
-        return PlacedObject(pose, (rotation @ numbers.axes.reshape(3, 3)).ravel(), supports)
+        return ObjectInError(pose, (rotation @ numbers.axes.reshape(3, 3)).ravel(), supports)

@@ -13,7 +13,8 @@ from continuum_grasp.base import Array
 from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.geometry import cross, exerted
 from continuum_grasp.grasp.rods.numbers import FingerNumbers
-from continuum_grasp.grasp.rods.problem import FingerPlaces, GraspRods, StageSpan
+from continuum_grasp.grasp.rods.places import FingerPlaces, StageSpan
+from continuum_grasp.grasp.rods.problem import GraspRods
 from continuum_grasp.model import SectionForm
 
 Held = Mapping[str, Array]
@@ -36,7 +37,7 @@ class FingerGuess(ABC):
 
 
 def filled(problem: GraspRods, guesses: Sequence[FingerGuess], supports: Held, pose: Array | None = None) -> Array:
-    """Unknowns from what is known of all fingers, the forces of supports [F0], and the pose if it is another one."""
+    """Unknowns by the guesses of all fingers, the forces of supports [F0], and the pose if it is another one."""
     numbers, x = problem.numbers, np.zeros(problem.size)
     x[problem.pose] = numbers.pose if pose is None else pose
     for index, guess in enumerate(guesses):
@@ -52,7 +53,7 @@ def filled(problem: GraspRods, guesses: Sequence[FingerGuess], supports: Held, p
 class ShotFinger(FingerGuess):
     """An equilibrium in the plane, by what integrates it from its base.
 
-    ``held`` are the forces of middle contacts, ``lift`` that of each contact out of the plane, per unit of F0.
+    ``held`` are the forces of middle contacts, ``lift`` the force of each contact out of the plane, per unit of F0.
     """
 
     bend: float  # curvature at the base
@@ -232,7 +233,7 @@ class ContinuedFinger(FingerGuess):
         return tuple(float(np.clip(places.get(name, 0.5 * (low + high)), low, high)) for name, (low, high) in pairs)
 
     def fill(self, problem: GraspRods, index: int, x: Array) -> None:
-        """Set the unknowns of a finger: states between those of the solution, forces of its spans and contacts."""
+        """Set the unknowns of a finger: states between the ones of the solution, forces of its spans and contacts."""
         part, former = problem.parts[index], self.before.parts[self.index]
         x[part.pulls] = self.x[former.pulls]
         bounds = sorted([*self.now.section.places, *self.joints])

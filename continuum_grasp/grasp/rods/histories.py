@@ -74,7 +74,7 @@ class HistoryColumns:
         return [part.reshape(size) for part, size in zip(np.split(states, ends[:-1]), self.sizes, strict=True)]
 
     def of_fingers(self, states: Array) -> list[Array]:
-        """History of each finger: that of pulling where there are no directions."""
+        """History of each finger: pulling, if there are no directions."""
         if not states.size:
             return list(self.pulled)
         each = zip(self.split(states), self.pulled, strict=True)

@@ -131,7 +131,7 @@ def _polynomial(shift: ca.SX, terms: ca.SX, order: int) -> ca.SX:
 
 
 def states(geometry: Geometry, form: SectionForm) -> int:
-    """Numbers of a node: the rod's own states, then those of its tendons."""
+    """Numbers of a node: the rod's own states, then its tendons' states."""
     return geometry.state + len(form.sliding_names)
 
 
@@ -315,7 +315,7 @@ def slip_kind(geometry: Geometry, form: SectionForm, *, tip: bool) -> BlockKind:
 def _rates(
     geometry: Geometry, form: SectionForm, acting: RodLoads, s: ca.SX, own: Sequence[Any], sliding: Sequence[Any]
 ) -> Sequence[Any]:
-    """Derivatives of a finger's own states along it at a place; those of moments are not used."""
+    """Derivatives of a finger's own states along it at a place; derivatives of moments are not used."""
     _, total = form.curvature(s, geometry.bending(own), acting.pulls, sliding, acting.numbers, acting.history)
     stiffness = form.at(s, acting.numbers).stiffness
     return geometry.rates(own, ca.vertsplit(ca.vertcat(acting.force)), total, stiffness, ca.vertsplit(acting.sides))
@@ -356,7 +356,7 @@ def support_slip_kind(geometry: Geometry) -> BlockKind:
 
 @cache
 def free_tip_kind(geometry: Geometry) -> BlockKind:
-    """Rows: at a tip that touches nothing, force and moment are those of the weight there."""
+    """Rows: at a tip that touches nothing, force and moment come from the weight there."""
     parts = _Parts(geometry)
     d = geometry.dimensions
     at, force = ca.vertsplit(parts.unknown("at", geometry.state)), parts.unknown("force", d)
@@ -469,7 +469,7 @@ def clear_kind(geometry: Geometry) -> BlockKind:
 
 
 def _beside(parts: _Parts, geometry: Geometry) -> tuple[Any, Any]:
-    """Place of a stage (dimensions,), and what is to be clear there: half a thickness, or a height if it emerges."""
+    """Place of a stage (dimensions,), and its clearance: half a thickness, or a height if it emerges."""
     begin, end = parts.unknown("begin", geometry.oriented), parts.unknown("end", geometry.oriented)
     ends = parts.unknown("ends", 2)
     u0, u1, share = (parts.datum(name) for name in ("u0", "u1", "share"))
@@ -482,7 +482,7 @@ def _beside(parts: _Parts, geometry: Geometry) -> tuple[Any, Any]:
 
 @cache
 def wall_kind(geometry: Geometry) -> BlockKind:
-    """Row: the height of a place of a stage above a plane, less what is to be clear there."""
+    """Row: the height of a place of a stage above a plane, less its clearance."""
     parts = _Parts(geometry)
     place, clear = _beside(parts, geometry)
     n, level = parts.datum("normal", geometry.dimensions), parts.datum("level")
@@ -491,7 +491,7 @@ def wall_kind(geometry: Geometry) -> BlockKind:
 
 @cache
 def post_kind(geometry: Geometry) -> BlockKind:
-    """Row: the distance of a place of a stage from a segment with a radius, less what is to be clear there."""
+    """Row: the distance of a place of a stage from a segment with a radius, less its clearance."""
     parts = _Parts(geometry)
     place, clear = _beside(parts, geometry)
     first, last = (parts.datum(name, geometry.dimensions) for name in ("first", "last"))

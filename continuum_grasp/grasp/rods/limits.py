@@ -32,7 +32,7 @@ DIGITS = 6
 
 @dataclass(frozen=True)
 class KeyNumber:
-    """A number that a scene states, a part of which a limit multiplies."""
+    """A number of a scene that a limit multiplies, or a part of it."""
 
     key: str
     value: float
@@ -85,7 +85,7 @@ class WidenedLimit(ABC):
 
 
 class NumberLimit(WidenedLimit):
-    """A limit of numbers in the scene, all of which are multiplied by the same factor."""
+    """A limit of numbers in the scene; one factor multiplies all of them."""
 
     sentence: ClassVar[str]
     grows: ClassVar[bool] = True
@@ -119,7 +119,7 @@ class WidenedFriction(NumberLimit):
     sentence = "friction is too low: its coefficient is {limit}, and a grasp needs {needed}"
 
     def numbers(self, scene: AnyGraspScene) -> Iterator[KeyNumber]:
-        """Return those of all contacts, of supports and of fingers."""
+        """Return the numbers of all contacts, of supports and of fingers."""
         yield KeyNumber("contacts.friction", scene.contacts.friction, "1")
         yield from (KeyNumber(f"{key}.friction", value, "1") for key, value in _own_frictions(scene))
         yield from _stated(scene, "friction", "1")
@@ -213,7 +213,7 @@ class WidenedNormalForce(WidenedBounds):
     sentence = "contacts must bear more: {limit} is allowed, and a grasp needs {needed}"
 
     def numbers(self, scene: AnyGraspScene) -> Iterator[KeyNumber]:
-        """Return those of all contacts and of fingers."""
+        """Return the numbers of all contacts and of fingers."""
         if math.isfinite(scene.contacts.normal_force_max):
             yield KeyNumber("contacts.normal_force_max", scene.contacts.normal_force_max, "N")
         yield from _stated(scene, "normal_force_max", "N")
@@ -283,7 +283,7 @@ class WidenedPlace(WidenedLimit):
         return max(float(np.linalg.norm(x[at] - place)) / self.farthest for at, place, _ in self.placed(problem))
 
     def changes(self, scene: AnyGraspScene, amount: float, problem: GraspRods, x: Array) -> dict[str, Any]:
-        """Positions toward those of a solution."""
+        """Positions toward the ones of a solution."""
         share = amount / max(self.used(problem, x), 1e-12)
         changes = dict[str, Any]()
         for (key, position), (at, place, unit) in zip(self.keys(scene), self.placed(problem), strict=True):

@@ -16,7 +16,8 @@ import numpy as np
 from continuum_grasp.base import Array, Indices
 from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.numbers import FingerNumbers
-from continuum_grasp.grasp.rods.problem import FingerPlaces, GraspRods
+from continuum_grasp.grasp.rods.places import FingerPlaces
+from continuum_grasp.grasp.rods.problem import GraspRods
 from continuum_grasp.grasp.rods.supports import SupportNumbers
 from continuum_grasp.nlp import BlockKind
 
@@ -30,8 +31,8 @@ _CHANGING = ("node ", "force ", "force, ", "moment ", "place, ")
 _STAYING = ("rod, ", "tendons, ", "force, ", "tip, ")
 
 
-class Tendons(Enum):
-    """Behavior of tendons while a grasp moves; the value is that of ``disturbances.tendons``."""
+class TendonBehavior(Enum):
+    """Behavior of tendons while a grasp moves; the value is the word of ``disturbances.tendons``."""
 
     CONSTANT = "constant"
     """Tensions stay."""
@@ -68,7 +69,7 @@ class GraspMotion:
     problem : GraspRods
     idle : collection of str
         Names of contacts that bear nothing: they part, and move with their finger.
-    tendons : Tendons
+    tendons : TendonBehavior
         What tendons do.
 
     Attributes
@@ -79,7 +80,9 @@ class GraspMotion:
         Rows of the problem that stay.
     """
 
-    def __init__(self, problem: GraspRods, idle: Collection[str] = (), *, tendons: Tendons = Tendons.CONSTANT) -> None:
+    def __init__(
+        self, problem: GraspRods, idle: Collection[str] = (), *, tendons: TendonBehavior = TendonBehavior.CONSTANT
+    ) -> None:
         self.problem, self.idle = problem, frozenset(idle)
         self.tendons = tendons
         self._planar = problem.geometry.dimensions == 2
@@ -118,7 +121,7 @@ class GraspMotion:
     def _pulled(self) -> list[Indices]:
         """Pulls of each finger that change."""
         low, high = self.problem.limits
-        changes = self.tendons is not Tendons.CONSTANT
+        changes = self.tendons is not TendonBehavior.CONSTANT
         return [part.pulls[(low < high)[part.pulls]] for part in self.problem.parts] if changes else []
 
     @property
@@ -126,7 +129,7 @@ class GraspMotion:
         """Unknowns whose changes add up to zero where tendons are locked: the slide at the base of each set, and its
         pulls, of which one gains what the other loses.
         """
-        if self.tendons is not Tendons.LOCKED:
+        if self.tendons is not TendonBehavior.LOCKED:
             return
         low, high = self.problem.limits
         for finger, part in zip(self.problem.numbers.fingers, self.problem.parts, strict=True):

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.body.table import DistanceTable
 from continuum_grasp.grasp.rods.drives import DriveNumbers, drives_of
-from continuum_grasp.grasp.rods.geometry import Geometry
+from continuum_grasp.grasp.rods.object_numbers import ObjectNumbers
 from continuum_grasp.grasp.rods.obstacles import FingerObstacle
 from continuum_grasp.grasp.rods.rod import half_thickness
 from continuum_grasp.grasp.rods.supports import SupportNumbers
@@ -158,19 +157,14 @@ class GraspAims:
 
 
 @dataclass(frozen=True, eq=False)
-class SceneNumbers:
+class SceneNumbers(ObjectNumbers):
     """A scene with one set of contacts at one place of the object and of the bases."""
 
-    geometry: Geometry
     fingers: list[FingerNumbers]
     supports: list[SupportNumbers]
-    table: DistanceTable  # [object size]
-    size: float  # [m]
     force: float  # F0 [N]
     pose: Array  # (`Geometry.pose`,), the place [object size]
-    axes: Array  # (`Geometry.axes`,)
     pose_bounds: tuple[Array, Array]
-    center: Array  # (3,) of mass, in the object's frame [object size]
     weight: Array  # (6,) force and moment on the object [F0, F0 size]
     balances: tuple[int, ...]  # rows of the object's balance that bind
     spatial: bool  # whether contacts exert forces out of the fingers' planes
@@ -203,18 +197,6 @@ class SceneNumbers:
         # 1e-30: no division by zero where a table is flat
         normal[:, :d] = slope / (np.linalg.norm(slope, axis=1, keepdims=True) + 1e-30)
         return gap * self.size / finger.length, normal @ turn.T
-
-    def distance(self, place: Array, pose: Array, contact: str = "") -> tuple[float, Array]:
-        """Distance of a place (3,) from the object, both per its size, and outward normal (3,) of the object."""
-        (gap,), (slope,) = self.table.values(self.in_object(place, pose)[None], contact)
-        normal = np.array(self.geometry.turn(pose, self.axes), dtype=float)[:, : len(slope)] @ slope
-        return float(gap), np.asarray(normal / np.linalg.norm(normal))
-
-    def in_object(self, place: Array, pose: Array) -> Array:
-        """A place (3,) in the object's frame (dimensions,), both per its size."""
-        turn: Array = np.array(self.geometry.turn(pose, self.axes), dtype=float)
-        away = place - np.array(self.geometry.place(pose), dtype=float)
-        return np.asarray(away @ turn)[: self.geometry.dimensions]
 
     def local(self, finger: FingerNumbers, points: Array, pose: Array) -> Array:
         """Points (n, dimensions) of a finger [L] in the object's frame [object size]."""

@@ -15,11 +15,11 @@ from continuum_grasp.nlp import BlockKind
 
 @dataclass(frozen=True, eq=False)
 class FingerObstacle(ABC):
-    """A surface of which a finger keeps clear, in units of the finger."""
+    """A surface that a finger keeps clear of, in units of the finger."""
 
     first: float  # place along the finger from which on it keeps clear
     emerging: float | None
-    """Height of which the finger's center line keeps clear before its first contact, if its base is in the obstacle."""
+    """Height that the finger's center line keeps clear of before its first contact, if its base is in the obstacle."""
     name: str
 
     @abstractmethod

@@ -25,7 +25,7 @@ from continuum_grasp.grasp.rods.robust_result import SoughtRobust
 from continuum_grasp.grasp.rods.search import RodSearch
 from continuum_grasp.grasp.rods.sensitivity import sensitivities_of
 from continuum_grasp.grasp.rods.solving import BORNE, STARTS, RodGrasp, StartedSearch
-from continuum_grasp.grasp.rods.verdict import Doubt, RodVerdict, verdict_of
+from continuum_grasp.grasp.rods.verdict import RodVerdict, VerdictDoubt, verdict_of
 from continuum_grasp.grasp.tried import Exploration
 from continuum_grasp.grasp.values import ElementError, GraspStatus, Reason
 from continuum_grasp.nlp import Budget
@@ -50,7 +50,7 @@ def held_by_rods(
     raise_on_failure: bool = True,
     progress: Callable[[str], None] | None = None,
 ) -> GraspResult | HandResult:
-    """Find the best grasp of a scene as exact rods; arguments, result and errors are those of `optimize_grasp`."""
+    """Find the best grasp of a scene as exact rods; with arguments, result and errors as in `optimize_grasp`."""
     result = _result(scene, Budget.of(scene.solver, progress))
     if raise_on_failure and not result.solved:
         raise SolverError(
@@ -186,7 +186,7 @@ class _EndedSearch:
 
     def _reasons(self, verdict: RodVerdict) -> list[Reason]:
         """Limits that stand in the way, with the grasp of the first one."""
-        if verdict.best is None or Doubt.UNBORNE not in verdict.doubts:
+        if verdict.best is None or VerdictDoubt.UNBORNE not in verdict.doubts:
             return []
         self.search.budget.tell("no grasp found; looking for a change that allows one")
         found = LeastRepairs(self.search).found()
@@ -204,7 +204,7 @@ class _EndedSearch:
         if verdict.certificate is not None:
             return f"{verdict.doubts[0].value}: {verdict.certificate.worst}"
         words = [doubt.value for doubt in verdict.doubts]
-        if verdict.best is not None and Doubt.UNBORNE in verdict.doubts:
+        if verdict.best is not None and VerdictDoubt.UNBORNE in verdict.doubts:
             words[0] = _missed(verdict.best)
         return f"no grasp found from {len(self.search.tried)} starts: {'; '.join(words)}"
 

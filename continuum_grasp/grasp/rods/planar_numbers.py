@@ -100,7 +100,7 @@ def planar_supports(scene: GraspScene, on: frozenset[str], pose: Pose, force: fl
 
 
 def _curvature(body: Body, spot: complex) -> float:
-    """Curvature of a surface at a place of it [1/m]; that of a face is tiny."""
+    """Curvature of a surface at a place of it [1/m]; a face has a tiny one."""
     (curvature,) = body.near(np.array([[spot.real, spot.imag]])).curvature
     return max(float(curvature), 1e-9 / body.size)
 

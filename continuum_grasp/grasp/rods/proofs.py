@@ -1,4 +1,4 @@
-"""Proofs that a scene has no grasp, which solve nothing, and what is wrong with a scene at rest."""
+"""Proofs that a scene has no grasp, which solve nothing, and overlaps of a scene at rest."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ doi:10.1007/BF00934096:
 1. Begin with the grasp of the scene as it is.
 2. Hold its tensions, and find the greatest friction margin for each corner of the bounds.
 3. If none is negative, end. Else the corners with the least ones join the grasp as copies that share its tensions.
-4. Solve the grasp and its copies from what is known of each; go on with 2.
+4. Solve the grasp and its copies next to known solutions of each; go on with 2.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places
 from continuum_grasp.grasp.rods.copies import RodCopies, RodCopy
 from continuum_grasp.grasp.rods.errors import ErrorSpace, PlanarErrors, SpatialErrors
 from continuum_grasp.grasp.rods.numbers import GraspAims
-from continuum_grasp.grasp.rods.problem import GraspRods, StagePlace
+from continuum_grasp.grasp.rods.places import StagePlace
+from continuum_grasp.grasp.rods.problem import GraspRods
 from continuum_grasp.grasp.rods.solving import ROUNDS, TUNING, RodGrasp, StartedSearch, rods_solver
 from continuum_grasp.nlp import ActiveSet, Attempt, Budget, Settings, Solver, SolverStatus
 from continuum_grasp.scene import HandScene
@@ -326,7 +327,7 @@ class RobustSearch:
 
 
 def share_held(search: StartedSearch, bounds: Mapping[str, float], halvings: int = 4) -> float:
-    """Greatest share of the bounds that a grasp next to those of a search holds, found to 2^-halvings."""
+    """Greatest share of the bounds that a grasp next to grasps of a search holds, found to 2^-halvings."""
     low, high = 0.0, 1.0
     for _ in range(halvings):
         middle = 0.5 * (low + high)

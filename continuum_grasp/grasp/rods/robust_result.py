@@ -26,7 +26,7 @@ def bounds_of(robust: Robust) -> dict[str, float]:
 
 
 class SoughtRobust:
-    """A grasp that is sought for the errors of a scene, next to those of a search."""
+    """A grasp that is sought for the errors of a scene, next to grasps of a search."""
 
     def __init__(self, search: StartedSearch) -> None:
         scene = search.scene

@@ -34,7 +34,7 @@ PLACES = 5
 class Case:
     """A set of contacts at one place of the object and of the bases.
 
-    Stations stand for each other: those of a finger that are ``on`` are as many as touch, and `named` has the ones that
+    Stations stand for each other: as many stations of a finger are ``on`` as touch, and `named` has the ones that
     are nearest to the places that touch.
     """
 

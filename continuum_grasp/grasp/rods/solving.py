@@ -16,7 +16,8 @@ from continuum_grasp.grasp.rods.carried import carried, finer_pairs, finer_place
 from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places, table_misses, touched_places
 from continuum_grasp.grasp.rods.guess import FingerGuess, Held, filled
 from continuum_grasp.grasp.rods.numbers import SceneNumbers
-from continuum_grasp.grasp.rods.problem import STAGES, GraspRods, NearPair, StagePlace
+from continuum_grasp.grasp.rods.places import NearPair, StagePlace
+from continuum_grasp.grasp.rods.problem import STAGES, GraspRods
 from continuum_grasp.grasp.rods.supports import SupportNumbers, rested
 from continuum_grasp.grasp.values import PUSH_SHARE
 from continuum_grasp.nlp import Attempt, Budget, Settings, Solver, SolverStatus
@@ -339,7 +340,7 @@ class StartedSearch(ABC):
         return AskedAnswers(push=PUSH_SHARE * greatest) if greatest else None
 
     def agree(self, share: float) -> bool:
-        """Whether the most promising starts and those of other places lead to the same aim, within a share."""
+        """Whether the most promising starts and starts at other places lead to the same aim, within a share."""
         ends = []
         for chosen in (True, False):
             aims = [g.compared for g in self.tried if g.holds and (g.start in self._promising) is chosen]
@@ -461,7 +462,7 @@ class StartedSearch(ABC):
                 known, rounds = None, rounds + 1
                 continue
             pose = attempt.x[problem.pose]
-            supports = rested(numbers, start.supports_at(pose), pose, RESTED)
+            supports = rested(numbers, numbers.supports, start.supports_at(pose), pose, RESTED)
             if supports is not None and rests < RESTS:
                 numbers, known, rests = replace(numbers, supports=supports), grasp, rests + 1
                 continue

@@ -10,16 +10,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.rods import kinds
+from continuum_grasp.grasp.rods.object_numbers import ObjectNumbers
 from continuum_grasp.nlp import BlockKind
-
-if TYPE_CHECKING:
-    from continuum_grasp.grasp.rods.numbers import SceneNumbers
 
 PARTED = 0.05
 """Way of a contact along the object beyond which another part of it touches [object size]."""
@@ -45,19 +42,19 @@ class SupportNumbers(ABC):
         return 0.0
 
     @abstractmethod
-    def gap_block(self, numbers: SceneNumbers) -> tuple[BlockKind, list[float]]:
+    def gap_block(self, numbers: ObjectNumbers) -> tuple[BlockKind, list[float]]:
         """Kind and data of the gap between object and support [object size]."""
 
     @abstractmethod
-    def force_block(self, numbers: SceneNumbers) -> tuple[BlockKind, list[float]]:
+    def force_block(self, numbers: ObjectNumbers) -> tuple[BlockKind, list[float]]:
         """Kind and data of the balance of the object under the support's force."""
 
     @abstractmethod
-    def touched(self, numbers: SceneNumbers, pose: Array) -> tuple[Array, Array]:
+    def touched(self, numbers: ObjectNumbers, pose: Array) -> tuple[Array, Array]:
         """Place (3,) of the contact [object size], and outward normal (3,) of the object there."""
 
     @abstractmethod
-    def gap(self, numbers: SceneNumbers, pose: Array) -> float:
+    def gap(self, numbers: ObjectNumbers, pose: Array) -> float:
         """Gap at a pose [object size]."""
 
 
@@ -70,20 +67,20 @@ class FlatSupport(SupportNumbers):
     point: Array  # (3,) center of the ball, in the object's frame
     radius: float
 
-    def gap_block(self, numbers: SceneNumbers) -> tuple[BlockKind, list[float]]:
+    def gap_block(self, numbers: ObjectNumbers) -> tuple[BlockKind, list[float]]:
         """Kind and data of the gap."""
         return kinds.rest_kind(numbers.geometry), [*self._ball, self.level, *numbers.axes]
 
-    def force_block(self, numbers: SceneNumbers) -> tuple[BlockKind, list[float]]:
+    def force_block(self, numbers: ObjectNumbers) -> tuple[BlockKind, list[float]]:
         """Kind and data of the balance."""
         return kinds.support_kind(numbers.geometry), [*self._ball, *self.across, *numbers.center, *numbers.axes]
 
-    def touched(self, numbers: SceneNumbers, pose: Array) -> tuple[Array, Array]:
+    def touched(self, numbers: ObjectNumbers, pose: Array) -> tuple[Array, Array]:
         """Place of the contact, and normal."""
         place, turn = numbers.geometry.place(pose), np.array(numbers.geometry.turn(pose, numbers.axes), dtype=float)
         return np.array(place) + turn @ self.point + self.radius * self.normal, self.normal
 
-    def gap(self, numbers: SceneNumbers, pose: Array) -> float:
+    def gap(self, numbers: ObjectNumbers, pose: Array) -> float:
         """Gap at a pose."""
         return self.level - float(self.normal @ self.touched(numbers, pose)[0])
 
@@ -99,20 +96,20 @@ class PegSupport(SupportNumbers):
     position: Array  # (3,)
     radius: float
 
-    def gap_block(self, numbers: SceneNumbers) -> tuple[BlockKind, list[float]]:
+    def gap_block(self, numbers: ObjectNumbers) -> tuple[BlockKind, list[float]]:
         """Kind and data of the gap."""
         return kinds.peg_gap_kind(numbers.geometry), self._seen(numbers)
 
-    def force_block(self, numbers: SceneNumbers) -> tuple[BlockKind, list[float]]:
+    def force_block(self, numbers: ObjectNumbers) -> tuple[BlockKind, list[float]]:
         """Kind and data of the balance."""
         return kinds.peg_kind(numbers.geometry), [*self._seen(numbers), *numbers.center, *self.across]
 
-    def touched(self, numbers: SceneNumbers, pose: Array) -> tuple[Array, Array]:
+    def touched(self, numbers: ObjectNumbers, pose: Array) -> tuple[Array, Array]:
         """Place of the contact, and normal."""
         _, normal = numbers.distance(self.position, pose, self.name)
         return self.position - self.radius * normal, normal
 
-    def gap(self, numbers: SceneNumbers, pose: Array) -> float:
+    def gap(self, numbers: ObjectNumbers, pose: Array) -> float:
         """Gap at a pose."""
         return numbers.distance(self.position, pose, self.name)[0] - self.radius
 
@@ -121,7 +118,7 @@ class PegSupport(SupportNumbers):
         """Curvature of its surface; a peg without a radius is a point."""
         return 1.0 / max(self.radius, 1e-9)
 
-    def _seen(self, numbers: SceneNumbers) -> list[float]:
+    def _seen(self, numbers: ObjectNumbers) -> list[float]:
         return [
             *self.position[: numbers.geometry.dimensions],
             self.radius,
@@ -130,12 +127,12 @@ class PegSupport(SupportNumbers):
         ]
 
 
-def pinning(numbers: SceneNumbers, pose: Array, free: Array) -> list[bool]:
+def pinning(numbers: ObjectNumbers, supports: Sequence[SupportNumbers], pose: Array, free: Array) -> list[bool]:
     """Whether the gap of each support that touches pins down the pose, of which some coordinates are free: others
     follow from those before.
     """
     slopes, pins = list[Array](), list[bool]()
-    for support in numbers.supports:
+    for support in supports:
         slope = _slope(support, numbers, pose) * free
         rank = np.linalg.matrix_rank(np.array([*slopes, slope]), tol=INDEPENDENT)
         pins.append(bool(support.touches and rank > len(slopes)))
@@ -143,7 +140,7 @@ def pinning(numbers: SceneNumbers, pose: Array, free: Array) -> list[bool]:
     return pins
 
 
-def _slope(support: SupportNumbers, numbers: SceneNumbers, pose: Array) -> Array:
+def _slope(support: SupportNumbers, numbers: ObjectNumbers, pose: Array) -> Array:
     """Slope of a gap by the pose, by central differences."""
     step = 1e-5
     ends = [[support.gap(numbers, pose + sign * step * one) for sign in (1.0, -1.0)] for one in np.eye(len(pose))]
@@ -151,16 +148,20 @@ def _slope(support: SupportNumbers, numbers: SceneNumbers, pose: Array) -> Array
 
 
 def rested(
-    numbers: SceneNumbers, supports: Sequence[SupportNumbers], pose: Array, slack: float
+    numbers: ObjectNumbers,
+    supports: Sequence[SupportNumbers],
+    found: Sequence[SupportNumbers],
+    pose: Array,
+    slack: float,
 ) -> list[SupportNumbers] | None:
-    """The supports of a scene where they touch the object at a pose anew, by ``supports`` there; None where none has
+    """The supports of a scene where they touch the object at a pose anew, as ``found`` there; None where none has
     moved by more than a slack [object size].
 
     Where another part of the object is the lowest now, the object keeps clear with the former one, too.
     """
-    now = {support.name: support for support in supports}
+    now = {support.name: support for support in found}
     merged, far = list[SupportNumbers](), False
-    for support in numbers.supports:
+    for support in supports:
         after = now.pop(support.name, support)
         away = float(np.abs(after.touched(numbers, pose)[0] - support.touched(numbers, pose)[0]).max())
         far = far or away > slack

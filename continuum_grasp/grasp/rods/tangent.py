@@ -22,9 +22,10 @@ from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.push import bears
 from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.clearance import places_of_nodes
-from continuum_grasp.grasp.rods.motion import ContactMotion, GraspMotion, Tendons
+from continuum_grasp.grasp.rods.motion import ContactMotion, GraspMotion, TendonBehavior
 from continuum_grasp.grasp.rods.numbers import FingerNumbers
-from continuum_grasp.grasp.rods.problem import FingerPlaces, GraspRods
+from continuum_grasp.grasp.rods.places import FingerPlaces
+from continuum_grasp.grasp.rods.problem import GraspRods
 
 Entries = tuple[Any, Any, Any]
 """Rows, columns and values of a sparse matrix."""
@@ -37,7 +38,7 @@ SHIFT = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class GraspResponse:
+class RodGraspResponse:
     """Changes by K loads.
 
     Attributes
@@ -63,7 +64,7 @@ class GraspTangent:
     problem : GraspRods
     x : ndarray
         Its unknowns.
-    tendons : Tendons
+    tendons : TendonBehavior
         What tendons do: their tensions or their lengths stay.
 
     Raises
@@ -72,7 +73,7 @@ class GraspTangent:
         Nothing presses against the object.
     """
 
-    def __init__(self, problem: GraspRods, x: Array, tendons: Tendons = Tendons.CONSTANT) -> None:
+    def __init__(self, problem: GraspRods, x: Array, tendons: TendonBehavior = TendonBehavior.CONSTANT) -> None:
         self.problem, self.x = problem, x
         idle = [name for name, at in problem.contacts.items() if x[at[0]] * problem.numbers.force <= self._least]
         if len(idle) == len(problem.contacts):
@@ -158,7 +159,7 @@ class GraspTangent:
         return changes, np.concatenate(self._moved(changes))[own]
 
     @cached_property
-    def response(self) -> GraspResponse:
+    def response(self) -> RodGraspResponse:
         """Changes by forces along x, y, z [1 N] and moments about them [1 N m] at the object's center of mass: K = 6.
 
         A planar grasp does not answer to what leads out of its plane: zeros.
@@ -167,7 +168,7 @@ class GraspTangent:
         units = numbers.force * np.array([1.0, 1.0, 1.0, numbers.size, numbers.size, numbers.size])
         return self._seen(self.to_loads(np.diag(1.0 / units)))
 
-    def by_tensions(self) -> GraspResponse:
+    def by_tensions(self) -> RodGraspResponse:
         """Changes by each pull of each finger [1 N, 1 Pa of chambers], one finger after the other."""
         problem = self.problem
         pulls = np.concatenate([part.pulls for part in problem.parts])
@@ -177,7 +178,7 @@ class GraspTangent:
         loads[: len(self.motion.rows)] = -jacobian[self.motion.rows][:, pulls].toarray() / np.array(units)
         return self._seen(self.solved(loads))
 
-    def _seen(self, changes: Array) -> GraspResponse:
+    def _seen(self, changes: Array) -> RodGraspResponse:
         """Changes of unknowns as motions and forces in SI units."""
         problem = self.problem
         forces = {name: np.zeros((4, changes.shape[1])) for name in problem.contacts}
@@ -187,7 +188,7 @@ class GraspTangent:
                 if place in self._columns:
                     forces[name][k] = unit * changes[self._columns[place]]
         shift, turn = self._moved(changes)
-        return GraspResponse(problem.numbers.size * shift, turn, forces)
+        return RodGraspResponse(problem.numbers.size * shift, turn, forces)
 
     def _moved(self, changes: Array) -> tuple[Array, Array]:
         """Shift (3, K) of the center of mass [object size] and turn (3, K) of the object."""

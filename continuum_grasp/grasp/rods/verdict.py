@@ -19,7 +19,7 @@ REFUSED = 3
 """Grasps that the certificate may refuse, before none is tried any more."""
 
 
-class Doubt(Enum):
+class VerdictDoubt(Enum):
     """Reason why a verdict is not a better one."""
 
     LONE_START = "no other start leads to this grasp"
@@ -42,7 +42,7 @@ class RodVerdict:
     Attributes
     ----------
     status : GraspStatus
-    doubts : tuple of Doubt
+    doubts : tuple of VerdictDoubt
         Why the status is not a better one; empty where it is ``optimal``.
     best : RodGrasp or None
         The grasp: as stable as the scene requires, where there is one; without one, what came nearest to it.
@@ -53,7 +53,7 @@ class RodVerdict:
     """
 
     status: GraspStatus
-    doubts: tuple[Doubt, ...]
+    doubts: tuple[VerdictDoubt, ...]
     best: RodGrasp | None = None
     held: HeldRods | None = None
     certificate: RodCertificate | None = None
@@ -71,14 +71,14 @@ def verdict_of(search: StartedSearch, *, interrupted: bool = False) -> RodVerdic
             if search.steady is not None and not best.meets(search.steady):
                 return RodVerdict(GraspStatus.UNSTABLE, (_unsteady(best),), best, held, certificate)
             return RodVerdict(status, doubts, best, held, certificate)
-        refused = refused or RodVerdict(GraspStatus.NOT_SOLVED, (Doubt.REFUSED,), best, held, certificate)
+        refused = refused or RodVerdict(GraspStatus.NOT_SOLVED, (VerdictDoubt.REFUSED,), best, held, certificate)
     return refused or _without(search)
 
 
-def _unsteady(best: RodGrasp) -> Doubt:
+def _unsteady(best: RodGrasp) -> VerdictDoubt:
     """Why the best grasp is not as stable as the scene requires, and no grasp near one that was found is."""
     tangent = tangent_of(best.problem, best.attempt.x)
-    return Doubt.YIELDS if tangent is not None and tangent.stable else Doubt.DRIVEN_AWAY
+    return VerdictDoubt.YIELDS if tangent is not None and tangent.stable else VerdictDoubt.DRIVEN_AWAY
 
 
 def _candidates(search: StartedSearch) -> Iterator[RodGrasp]:
@@ -88,30 +88,30 @@ def _candidates(search: StartedSearch) -> Iterator[RodGrasp]:
         yield grasp if grasp.fine or search.budget.over else search.refined(grasp)
 
 
-def _doubts(search: StartedSearch, refused: bool, interrupted: bool) -> Iterator[Doubt]:
+def _doubts(search: StartedSearch, refused: bool, interrupted: bool) -> Iterator[VerdictDoubt]:
     """Why a better grasp may have been missed."""
     if refused:
-        yield Doubt.REFUSED
+        yield VerdictDoubt.REFUSED
     if interrupted:
-        yield Doubt.INTERRUPTED
+        yield VerdictDoubt.INTERRUPTED
     elif search.budget.cut:
-        yield Doubt.CUT
+        yield VerdictDoubt.CUT
     if not search.aimed:
-        yield Doubt.LEAST_TENSION
+        yield VerdictDoubt.LEAST_TENSION
     if not search.confirmed:
-        yield Doubt.LONE_START
+        yield VerdictDoubt.LONE_START
     if len(search.scene.setups) > 2 and not search.agree(AGREE):
-        yield Doubt.CHOICES_DIFFER
+        yield VerdictDoubt.CHOICES_DIFFER
 
 
 def _without(search: StartedSearch) -> RodVerdict:
     """Verdict on a search that found no grasp."""
     nearest = min(search.tried, key=lambda grasp: grasp.unborne, default=None)
     if search.budget.stopped:
-        return RodVerdict(GraspStatus.STOPPED, (Doubt.CUT,), nearest)
+        return RodVerdict(GraspStatus.STOPPED, (VerdictDoubt.CUT,), nearest)
     if isinstance(search.scene, GraspScene) and cannot_balance(search.scene):
-        return RodVerdict(GraspStatus.INFEASIBLE, (Doubt.NO_BALANCE,), nearest)
-    cut = (Doubt.CUT,) if search.budget.cut else ()
+        return RodVerdict(GraspStatus.INFEASIBLE, (VerdictDoubt.NO_BALANCE,), nearest)
+    cut = (VerdictDoubt.CUT,) if search.budget.cut else ()
     if nearest is None:
-        return RodVerdict(GraspStatus.NOT_SOLVED, (Doubt.UNTOUCHED, *cut))
-    return RodVerdict(GraspStatus.NOT_SOLVED, (Doubt.UNBORNE, *cut), nearest)
+        return RodVerdict(GraspStatus.NOT_SOLVED, (VerdictDoubt.UNTOUCHED, *cut))
+    return RodVerdict(GraspStatus.NOT_SOLVED, (VerdictDoubt.UNBORNE, *cut), nearest)

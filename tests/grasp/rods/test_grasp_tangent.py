@@ -20,7 +20,7 @@ from continuum_grasp.grasp.judge.certificate import certify_rods
 from continuum_grasp.grasp.rods import motion
 from continuum_grasp.grasp.rods.answers import BornePush
 from continuum_grasp.grasp.rods.hand_search import HandRodSearch
-from continuum_grasp.grasp.rods.motion import Tendons
+from continuum_grasp.grasp.rods.motion import TendonBehavior
 from continuum_grasp.grasp.rods.problem import GraspRods
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.search import RodSearch
@@ -69,7 +69,7 @@ def shipped(path):
     return searched(cg.load(f"configs/{path}.yaml"))
 
 
-def tangent_of(search, tendons=Tendons.CONSTANT):
+def tangent_of(search, tendons=TendonBehavior.CONSTANT):
     return GraspTangent(search.best.problem, search.best.attempt.x, tendons)
 
 

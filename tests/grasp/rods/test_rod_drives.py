@@ -136,7 +136,7 @@ def test_the_certificate_measures_tendons_that_do_not_go_together(changed):
 
 @pytest.mark.parametrize("friction", few([0.0, 0.1, 0.3], 2))
 def test_the_certificate_follows_the_cables_to_the_same_places(friction):
-    """Paths and stretches with friction, by integrals along a rod that it integrates anew."""
+    """Paths and elongations with friction, by integrals along a rod that it integrates anew."""
     grasp = of_mug(SERVO, friction).best
     scene = mug(SERVO, friction)
     rod = certify_rods(scene, held_rods(grasp)).rods[0]

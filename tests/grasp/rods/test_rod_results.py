@@ -18,7 +18,7 @@ from continuum_grasp.grasp.page import page
 from continuum_grasp.grasp.rods.optimize import held_by_rods
 from continuum_grasp.grasp.rods.search import RodSearch
 from continuum_grasp.grasp.rods.sensitivity import sensitivities_of
-from continuum_grasp.grasp.rods.verdict import Doubt, verdict_of
+from continuum_grasp.grasp.rods.verdict import VerdictDoubt, verdict_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.plotting import plot_grasp
 
@@ -107,7 +107,7 @@ def test_a_scene_whose_limits_are_in_the_way_says_by_how_much():
 
 def test_a_load_that_no_forces_balance_is_infeasible():
     scene = cg.load(MUG).changed({"contacts.friction": 0.0, "supports.palm.friction": 0.0})
-    with pytest.raises(SolverError, match=Doubt.NO_BALANCE.value) as raised:
+    with pytest.raises(SolverError, match=VerdictDoubt.NO_BALANCE.value) as raised:
         held_by_rods(scene)
     assert raised.value.result.status is GraspStatus.INFEASIBLE
     assert not raised.value.result.solved
@@ -121,7 +121,7 @@ def test_iterations_that_are_used_up_leave_a_doubt():
     search.run()
     verdict = verdict_of(search)
     assert verdict.status is GraspStatus.FEASIBLE
-    assert Doubt.CUT in verdict.doubts
+    assert VerdictDoubt.CUT in verdict.doubts
 
 
 def test_a_clock_that_ends_before_a_grasp_is_an_emergency():
@@ -138,7 +138,7 @@ def test_ctrl_c_after_a_grasp_gives_that_grasp():
     result = held_by_rods(cg.load(MUG), progress=press)
     assert result.status is GraspStatus.FEASIBLE
     assert result.statistics["interrupted"]
-    assert Doubt.INTERRUPTED.value in result.message
+    assert VerdictDoubt.INTERRUPTED.value in result.message
     assert any("interrupted" in warning for warning in result.warnings)
 
 

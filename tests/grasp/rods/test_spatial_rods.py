@@ -19,8 +19,9 @@ import continuum_grasp as cg
 from continuum_grasp.grasp.rods.guess import PosedFinger, ShotFinger, filled
 from continuum_grasp.grasp.rods.hand_numbers import hand_numbers, hand_table
 from continuum_grasp.grasp.rods.kinds import stage_kind
+from continuum_grasp.grasp.rods.places import NearPair
 from continuum_grasp.grasp.rods.planar_numbers import planar_numbers, planar_table
-from continuum_grasp.grasp.rods.problem import GraspRods, NearPair
+from continuum_grasp.grasp.rods.problem import GraspRods
 from continuum_grasp.grasp.rods.spatial import SPACE, columns, quaternion_of
 from continuum_grasp.scene import GraspScene, HandScene
 
