@@ -62,7 +62,7 @@ class WoundCables:
         return float(_SIGNS[k] * (beyond + self.paths[k] - law.start))
 
     def misfit(self, held: Array) -> Array:
-        """Differences of elongations (2,) from the ones with which drives hold ``held`` [m]; of the load on a pulley."""
+        """Differences of elongations (2,) from the ones of drives that hold ``held``, and of a load on a pulley [m]."""
         law, left_more = self.law, float(self._tensions @ _SIGNS)
         if law.pulley:
             wound = held[0] - law.servo * left_more if law.locks else self._by_pulley

@@ -81,7 +81,7 @@ class JudgedPosture:
 
 
 @dataclass(frozen=True, eq=False)
-class _Rows:
+class _PostureRows:
     """Rows of a posture: zero, zero or more, and at least the reserve."""
 
     zero: Array
@@ -305,7 +305,7 @@ class HistoryPostures:
         clear = body.distance(rod.at(s).points) - profile.half_thickness(s) + self.stage.deviation
         return np.array(zero), np.array([*positive, *(clear / length + FOLLOWED)]), touching
 
-    def rows(self, held: HeldRods, of_fingers: list[FingerRows]) -> _Rows:
+    def rows(self, held: HeldRods, of_fingers: list[FingerRows]) -> _PostureRows:
         """All rows, by the rows of each finger."""
         stage, body = self.stage, self.stage.body(held)
         touching = [touch for *_, each in of_fingers for touch in each]
@@ -326,18 +326,18 @@ class HistoryPostures:
         elif stage.upright:
             balance = [*balance[:3], balance[5]]
         pressing = [(t.most - t.force @ t.normal) / self.scale for t in touching if np.isfinite(t.most)]
-        return _Rows(
+        return _PostureRows(
             np.concatenate([*(zero for zero, *_ in of_fingers), balance]),
             np.concatenate([*(positive for _, positive, _ in of_fingers), pressing]),
             np.array([touch.spare for touch in touching]) / self.scale,
         )
 
-    def _evaluated(self, x: Array, histories: list[Array]) -> tuple[_Rows, list[FingerRows]]:
+    def _evaluated(self, x: Array, histories: list[Array]) -> tuple[_PostureRows, list[FingerRows]]:
         held = self._record(x)
         each = [self.finger_rows(k, held, history) for k, history in enumerate(histories)]
         return self.rows(held, each), each
 
-    def _slopes(self, x: Array, rows: _Rows, each: list[FingerRows], histories: list[Array]) -> Array:
+    def _slopes(self, x: Array, rows: _PostureRows, each: list[FingerRows], histories: list[Array]) -> Array:
         """Slopes of all rows by all unknowns."""
         columns = []
         for i, owner in enumerate(self.owners.tolist()):
@@ -399,7 +399,7 @@ class HistoryPostures:
 
     def _tried(
         self, x: Array, step: Array, slopes: Array, histories: list[Array], penalty: float
-    ) -> tuple[Array, _Rows, list[FingerRows]]:
+    ) -> tuple[Array, _PostureRows, list[FingerRows]]:
         """A step with what it leads to; with a second one that takes off what bends along it, where that is better.
 
         R. Fletcher, "Second order corrections for non-differentiable optimization", 1982.
@@ -456,7 +456,9 @@ def _along(normal: Array, dimensions: int) -> list[Array]:
     return [first, np.cross(normal, first)]
 
 
-def _linear(rows: _Rows, slopes: Array, within: tuple[Array, Array], penalty: float) -> tuple[Array, float, Array]:
+def _linear(
+    rows: _PostureRows, slopes: Array, within: tuple[Array, Array], penalty: float
+) -> tuple[Array, float, Array]:
     """Step with the greatest merit to first order, what it gains, and slopes of the merit by all rows."""
     low, high = within
     a, b, c = rows.zero.size, rows.positive.size, rows.spare.size
