@@ -1,7 +1,7 @@
 """What each tuned number of the grasp search decides: scenes held, their tensions, and time, with half and twice of it.
 
     python -m benchmarks.grasp_numbers
-    python -m benchmarks.grasp_numbers --numbers SEEDS FLAT --count 10
+    python -m benchmarks.grasp_numbers --numbers FLAT PICKED --count 10
 
 Numbers are those that modules of the search name in capitals; the scenes are of ``benchmarks.grasp_populations``. A
 number with which nothing changes, either way, decides nothing there.

@@ -242,6 +242,14 @@ class BlockProblem(Constraints):
         self.at[name] = at
         return at
 
+    def named(self, other: BlockProblem, x: Array) -> Array:
+        """Unknowns by the ones ``x`` of the same names and sizes in another problem; zeros where it has none."""
+        found = np.zeros(self.size)
+        for name, at in self.at.items():
+            if name in other.at and other.at[name].size == at.size:
+                found[at] = x[other.at[name]]
+        return found
+
     def add(self, kind: BlockKind, unknowns: ArrayLike, rows: ArrayLike, data: ArrayLike) -> None:
         """Add a block of a kind by the places of its unknowns and rows, and its data."""
         blocks = self._blocks.setdefault(kind.name, _Blocks(kind, [], [], []))

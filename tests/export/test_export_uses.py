@@ -28,7 +28,7 @@ def installed(packages, tmp_path_factory):
     run("cmake", "-S", packages("tendons", "double"), "-B", build, f"-DCMAKE_INSTALL_PREFIX={place}")
     run("cmake", "--build", build)
     said = run("ctest", "--test-dir", build)
-    assert "100% tests passed, 0 tests failed out of 3" in said
+    assert re.search("100% tests passed.* out of 3", said)  # newer versions of ctest say less
     run("cmake", "--install", build)
     return place
 

@@ -11,6 +11,7 @@ LEFT = {
     ("simulation/accuracy/motion.py", "1.0"): "motions of users, whose durations are theirs",
     ("simulation/stepping.py", "_BESIDE"): "rounding of instants",
     ("simulation/replay.py", "_AFTER"): "rounding of instants",
+    ("grasp/rods/answers.py", "STEADY"): "how users move their hands",
     ("grasp/hand/solve.py", "_FAINT"): "direction of a weight that is given as a force; the fingers do not feel it",
 }
 

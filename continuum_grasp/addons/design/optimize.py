@@ -216,7 +216,7 @@ class _DesignSearch:
         self.best: Evaluation | None = None
         self._first: Evaluation | None = None
         self._near: Sequence[Evaluation] = ()
-        """Designs on both sides of a kink at which the best one lies."""
+        """Designs on both sides of the kink where the best design lies."""
         self._before: dict[str, GraspResult] = {}
         self._scale, self._grasps, self._why = 1.0, self.problem.snapshot(), ""
         self._round = 0

@@ -3,6 +3,7 @@
 No door leads here yet: `optimize_grasp` still searches with a few elements. `problem.py` writes the problem, `kinds.py`
 its blocks, `supports.py` and `obstacles.py` what else is there, `geometry.py` the differences of plane and space,
 `solving.py` the search from starts, `limits.py` and `repairs.py` the reasons, `verdict.py` the status, `projection.py`
-the elements that stand for the rods, `optimize.py` the result;
+the elements that stand for the rods, `optimize.py` the result; `answers.py` adds pushes, disturbances and stability,
+`copies.py` and `robust.py` errors and histories;
 `python -m benchmarks.bench_rods` compares it with the search of elements.
 """

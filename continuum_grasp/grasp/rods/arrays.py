@@ -124,7 +124,7 @@ class _PlaneArrays(RodArrays):
 
 
 class _HandArrays(RodArrays):
-    """Arrays of a hand's scene; its fingers bend in the planes of their bases but for small shifts."""
+    """Arrays of a hand's scene. Its fingers bend in the planes of their bases, with small shifts out of them."""
 
     def __init__(self, scene: HandScene) -> None:
         self._scene, self._stage = scene, GraspStage.of(scene)

@@ -14,10 +14,7 @@ from continuum_grasp.grasp.rods.problem import GraspRods
 
 def carried(before: GraspRods, x: Array, problem: GraspRods) -> Array:
     """Unknowns of a problem with as many stages as another, or a multiple, by the unknowns of the other."""
-    y = np.zeros(problem.size)
-    for name, at in problem.at.items():
-        if name in before.at and len(before.at[name]) == len(at) and not name.startswith("node "):
-            y[at] = x[before.at[name]]
+    y = problem.named(before, x)
     for index in range(len(problem.parts)):
         _set_nodes(before, x, problem, index, y)
     return y

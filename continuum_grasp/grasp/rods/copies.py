@@ -33,7 +33,7 @@ class HeldValue:
 
 @dataclass(frozen=True, eq=False)
 class RodCopy:
-    """A copy of a grasp, and what it holds as the first copy does."""
+    """A copy of a grasp, and the values that it shares with the first copy."""
 
     problem: GraspRods
     held: tuple[HeldValue, ...]

@@ -525,8 +525,8 @@ def bend_kind(geometry: Geometry, form: SectionForm) -> BlockKind:
 def landing_kind(geometry: Geometry) -> BlockKind:
     """Rows (dimensions - 1): along its surface, an object is touched where a tip landed on it.
 
-    The tip is where the object touches it in ``first``, a grasp in which the object has the pose ``landed`` less an
-    error ``off``; the object was off before it yielded to the tip.
+    Without errors, the object has the pose ``landed`` less the error ``off``. The tip touches the object
+    at the same spot in both grasps: the object was displaced before it yielded to the tip.
     """
     parts = _Parts(geometry)
     d = geometry.dimensions

@@ -57,7 +57,7 @@ class WidenedLimit(ABC):
 
     name: ClassVar[str]
     loads: ClassVar[bool] = False
-    """Whether it is about the weight and the forces that bear it, wherever fingers touch."""
+    """Whether the limit concerns the weight and the forces that carry it, wherever fingers touch."""
 
     def applies(self, scene: AnyGraspScene) -> bool:
         """Whether a scene has this limit."""

@@ -113,7 +113,7 @@ class FingerNumbers:
         """The numbers of a finger with the contacts ``on`` by name, under gravity (dimensions,) [m/s2]; with the
         ``paths`` of tendons among its states, if asked for.
 
-        ``placed`` are the numbers that depend on where it is: base, its bounds, across, sides, arm and
+        ``placed`` has the numbers that depend on the finger's place: base, its bounds, across, sides, arm and
         obstacles.
         """
         finger = setup.finger

@@ -6,8 +6,8 @@ the normal forces N, with which the gaps stay closed; friction stays as it is:
     Q(q, u, F(N)) = 0,    d(r_k(q)) = h(s_k)
 
 Q is the generalized force that is missing at rest (`FingerModel.statics`), r_k the place of a contact, d the distance
-of the exact object, and h the half thickness. Fingers of hands bend in the planes of their bases; places and forces out
-of these planes are those of the rods.
+of the exact object, and h the half thickness. Fingers of hands bend in the planes of their bases. The rods supply
+places and forces out of these planes.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _NEWTON = 40
 _LEFT = 1e-9
 """Share of the greatest moment, and of the length for gaps, that counts as zero."""
 _STEP = 1e-6
-"""Shift at which normals are differenced, per length of the finger: they are exact to rounding."""
+"""Step of the differences of normals, per length of the finger: normals are exact to rounding."""
 _NEAR = 0.1
 """Greatest displacement, per length, of an equilibrium that stands for the rod: one that snaps over is farther off."""
 _FINE = 400

@@ -65,7 +65,7 @@ class LeastRepair:
 
     @property
     def is_unusual(self) -> bool:
-        """Whether it asks for a friction that few surfaces have."""
+        """Whether the repair asks for a friction coefficient that few surfaces have."""
         slips = any(isinstance(limit, WidenedFriction) for limit in self.limits)
         return slips and any(value > UNUSUAL for key, value in self.changes.items() if key.endswith("friction"))
 

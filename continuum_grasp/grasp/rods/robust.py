@@ -119,7 +119,7 @@ class RodResponder:
         problem.bound(problem.margin, low=-SLIPS)
         attempt = self._next_to_known(error, problem)
         if attempt is None or (not self._holds(copy, attempt) and self._fruitless < FRUITLESS):
-            first = np.concatenate([self._x, np.zeros(problem.size - self._x.size)])
+            first = problem.named(self.errors.grasp.problem, self._x)
             again = self._cold.solve(problem.nlp, problem.start(first), self._budget)
             better = attempt is None or not _margin(copy, attempt) >= _margin(copy, again) - NEAR
             self._fruitless = 0 if better else self._fruitless + 1
@@ -224,7 +224,7 @@ class RobustGrasp:
 
     @property
     def holds(self) -> bool:
-        """Whether it holds the object for all corners."""
+        """Whether the grasp holds the object at all corners."""
         return bool(self.responses) and self.grasp.holds and all(response.holds for response in self.responses)
 
     @property

@@ -326,7 +326,7 @@ class RodSearch(StartedSearch):
         return RodSearch(scene, self.budget, self.stages)
 
     def with_contacts(self, scene: GraspScene) -> RodSearch:
-        """A search of the scene with other contacts, but for the sets that were searched already."""
+        """A search of the scene with other contacts. It skips the sets that were searched already."""
         search = self.again(scene)
         search.maps, search._known = self.maps, contact_sets(self.scene)
         return search

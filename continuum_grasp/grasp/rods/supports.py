@@ -34,7 +34,7 @@ class SupportNumbers(ABC):
     friction: float
     most: float  # greatest normal force [F0]
     touches: bool
-    """Whether it may exert forces; else the object keeps clear of it."""
+    """Whether the support may exert forces; otherwise the object stays clear of it."""
 
     @property
     def curvature(self) -> float:

@@ -167,7 +167,7 @@ def test_derivatives_of_answers_are_differences_of_rows():
     best = shipped("grasp/pinch").best
     problem = GraspRods(best.problem.numbers, joints=best.start.joints)
     BornePush(problem, 0.2)
-    x = np.concatenate([best.attempt.x, np.zeros(problem.size - best.problem.size)])
+    x = problem.named(best.problem, best.attempt.x)
     problem.fill(x)
     functions, p = problem.nlp.functions, problem.parameters
     random, h = np.random.default_rng(1), 1e-6

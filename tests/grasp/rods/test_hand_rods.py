@@ -28,7 +28,7 @@ def hand(name, **changes):
 
 
 def found(scene, kind=HandRodSearch):
-    search = kind(scene, Budget.of(scene.solver))
+    search = kind(scene.replaced(stability="ignore"), Budget.of(scene.solver))
     search.run()
     return search.best
 

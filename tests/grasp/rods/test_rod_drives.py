@@ -147,6 +147,7 @@ def test_the_certificate_follows_the_cables_to_the_same_places(friction):
     assert np.abs(cables.misfit(cables.held)).max() < 1e-9 * L
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("gravity", [(0.0, -9.81, 0.0), (4.0, -3.0, 0.0)])
 def test_a_body_at_the_tip_weighs_at_its_center(gravity):
     """The certificate adds its weight as a force beside the line. No door lets such a finger through yet."""

@@ -59,7 +59,7 @@ def test_backbones_touch_the_object_at_their_contacts():
 
 @pytest.mark.parametrize("name", ["mug", "pinch"])
 def test_sensitivities_are_differences_of_tensions(name):
-    scene = cg.load(f"configs/grasp/{name}.yaml")
+    scene = cg.load(f"configs/grasp/{name}.yaml").replaced(stability="ignore")
     search = RodSearch(scene, Budget())
     search.run(1)
     best, step = search.best, 1e-4
@@ -150,17 +150,9 @@ def test_ctrl_c_before_a_grasp_is_an_error():
         held_by_rods(cg.load(MUG).changed({"finger.tendons.max_tension": 40.0}), progress=press)
 
 
-@pytest.mark.parametrize(
-    ("name", "change", "key"),
-    [
-        ("grasp/mug", "objective=least_normal_force", "objective"),
-        ("grasp/mug", "contacts.push=1.0", "contacts.push"),
-        ("hand/turned", "name=", "gravity"),
-    ],
-)
-def test_what_rods_do_not_have_is_refused(name, change, key):
-    with pytest.raises(InputError, match=key):
-        held_by_rods(cg.load(f"configs/{name}.yaml", [change]))
+def test_a_weight_in_every_direction_is_refused():
+    with pytest.raises(InputError, match="gravity"):
+        held_by_rods(cg.load("configs/hand/turned.yaml"))
 
 
 # -- files, texts and pictures -------------------------------------------------------------------------------------
