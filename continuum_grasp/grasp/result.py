@@ -38,9 +38,9 @@ from continuum_grasp.scene import FAMILIES, GraspScene
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.drives import RecomputedDrive
+    from continuum_grasp.grasp.exploration import Exploration
     from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.robust.result import Robustness
-    from continuum_grasp.grasp.tried import Exploration
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class GraspResult(AnyGrasp):
     ['finger.middle', 'finger.tip', 'palm']
     >>> finger = grasp.fingers["finger"]
     >>> [round(tension, 1) for tension in finger.tensions.tolist()], finger.backbone.shape
-    ([41.3, 1.0], (201, 4))
+    ([38.7, 1.0], (201, 4))
     """
 
     kind: ClassVar[str] = "grasp"

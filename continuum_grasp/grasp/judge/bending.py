@@ -6,14 +6,13 @@
 m is the moment of the tendons. By the capstan equation the tension falls by exp(-l) from the base on where a tendon
 slides toward it, and rises where one on the other side slides away. w is the length, per offset in the base, that the
 bend beyond s draws in. Branches of dry friction k_j, M_j hold in the base, and go with the bending stiffness. Sections
-are taken to be bent one way from rest on, as pulling does. Of another history the directions z from -1 to 1 are given
-in cells along the finger: d = z, and each branch has the moment z M_j.
+are taken to be bent one way from rest on, as pulling does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,15 +31,6 @@ class SectionState(NamedTuple):
     """Change of the length drawn in [1/m]."""
 
 
-class FrictionCells(NamedTuple):
-    """Cells along a finger in which friction has one direction each."""
-
-    ends: Array
-    """Positions of their ends (cells,) [m]."""
-    directions: Array
-    """Directions from -1 to 1 (cells, frictions): of the tendons, then of branches of dry friction."""
-
-
 Bends = Callable[[float, float, float, float], SectionState]
 """State of a section by its position [m], its moment M [N m], l and w."""
 
@@ -48,9 +38,7 @@ Bends = Callable[[float, float, float, float], SectionState]
 class SectionBending:
     """The sections of a finger at tensions (T,) [N]."""
 
-    def __init__(self, setup: FingerSetup, tensions: Array, history: FrictionCells | None = None) -> None:
-        """Take tensions (T,) [N], and a history of friction; None: pulled."""
-        self._history = history
+    def __init__(self, setup: FingerSetup, tensions: Array) -> None:
         self._profile = setup.finger.profile
         self._channels = [
             (channel.shape, [(arm * channel.gain * float(t), float(np.sign(arm))) for arm, t in pulls])
@@ -71,12 +59,7 @@ class SectionBending:
     @property
     def slides(self) -> bool:
         """Whether tendons have friction whose direction depends on the shape."""
-        return self._friction > 0.0 and self._history is None
-
-    @property
-    def ends(self) -> list[float]:
-        """Ends of the cells of a history [m]."""
-        return [] if self._history is None else self._history.ends.tolist()
+        return self._friction > 0.0
 
     @property
     def curves(self) -> list[Curve]:
@@ -91,7 +74,6 @@ class SectionBending:
         base = float(self._profile.bending_stiffness(0.0))
         channels = [(value_of(shape, middle), pulls) for shape, pulls in self._channels]
         friction, per_path, branches = self._friction, self._per_path, self._branches
-        way, held = self._directions(middle)
 
         def bends(s: float, moment: float, loss: float, path: float) -> SectionState:
             shaped = 0.0
@@ -100,30 +82,17 @@ class SectionBending:
                 for pull, side in pulls:
                     moment += shaped * (pull if loss == 0.0 else pull * float(np.exp(-side * loss)))
             elastic = moment / stiffness(s)
-            if held is not None:
-                elastic -= held / base
-            elif branches:
+            if branches:
                 elastic = _yielded(elastic, base, branches)
             curvature = rest(s) + elastic
             if not friction:
                 return SectionState(curvature, 0.0, 0.0)
-            if way is not None:
-                return SectionState(curvature, friction * abs(curvature) * way, -shaped * elastic)
             slid = min(max(per_path * path, -1.0), 1.0) if shaped else 0.0
             return SectionState(
                 curvature, friction * abs(curvature) * 0.5 * slid * (3.0 - slid * slid), -shaped * elastic
             )
 
         return bends
-
-    def _directions(self, middle: float) -> tuple[float | None, float | None]:
-        """Direction of the friction of tendons, and moment of dry friction in the base [N m]; None: pulled."""
-        if self._history is None:
-            return None, None
-        cell = int(np.searchsorted(self._history.ends[:-1], middle))
-        own = self._history.directions[cell].tolist()
-        way = own.pop(0) if self._friction else 0.0
-        return way, sum(z * most for z, (_, most) in zip(own, self._branches, strict=True))
 
 
 def _yielded(elastic: float, stiffness: float, branches: list[tuple[float, float]]) -> float:
@@ -138,16 +107,16 @@ def _yielded(elastic: float, stiffness: float, branches: list[tuple[float, float
     return float(np.copysign((size - held) / (stiffness + sticking), elastic))
 
 
-def value_of(curve: Curve, middle: float) -> Callable[[float], float]:
-    """The values of a curve on its piece around a position."""
+def value_of(curve: Curve, middle: float) -> Callable[[Any], Any]:
+    """The values of a curve on its piece around a position, at floats or arrays."""
     piece = int(np.searchsorted(np.asarray(curve.edges[1:-1]), middle))
     start, coefficients = curve.edges[piece], curve.coefficients[piece]
     if curve.exponential:
-        return lambda s: float(curve.on(piece, s))
+        return lambda s: curve.on(piece, s)
     if len(coefficients) == 1:
         return lambda _: coefficients[0]
 
-    def value(s: float) -> float:
+    def value(s: Any) -> Any:
         total = 0.0
         for coefficient in reversed(coefficients):
             total = total * (s - start) + coefficient

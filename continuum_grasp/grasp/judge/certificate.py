@@ -20,6 +20,7 @@ from continuum_grasp.grasp.judge.clearance import Gap, SampledRod, apart, apart_
 from continuum_grasp.grasp.judge.drives import drive_findings
 from continuum_grasp.grasp.judge.findings import CROSSING, EXACT, FOLLOWED, SHORT, Finding, Requirement, greatest
 from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, HeldSupport
+from continuum_grasp.grasp.judge.histories import history_findings
 from continuum_grasp.grasp.judge.obstacles import ExactObject, Obstacle
 from continuum_grasp.grasp.judge.pushed import (
     GIVE,
@@ -32,7 +33,7 @@ from continuum_grasp.grasp.judge.pushed import (
     rolls,
 )
 from continuum_grasp.grasp.judge.space_rod import TOLERANCE, RodLoad, SpaceRod
-from continuum_grasp.grasp.judge.stage import GraspStage
+from continuum_grasp.grasp.judge.stage import GraspStage, support_of
 from continuum_grasp.scene import FingerSetup, GraspScene, HandScene
 
 
@@ -115,7 +116,6 @@ def certify_rods(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: fl
     findings = [
         Finding(Requirement.NUMBERS, "", float(held.not_finite), 0.0),
         Finding(Requirement.CONTACTS, "", float(_strangers(stage, held)), 0.0),
-        Finding(Requirement.LAWS, "", float(_not_certified(stage)), 0.0),
     ]
     # Without these there is nothing to integrate.
     if not all(finding.passed for finding in findings):
@@ -123,7 +123,11 @@ def certify_rods(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: fl
     with np.errstate(all="ignore"):
         grasp = _Grasp(stage, held, tolerance)
         findings += grasp.findings()
-        certificate = RodCertificate(tuple(findings), tuple(line.rod for line in grasp.lines), grasp.pushed)
+        rods = tuple(line.rod for line in grasp.lines)
+        # Postures of other histories are sought next to a grasp that is one as it is reached.
+        if all(finding.passed for finding in findings):
+            findings += history_findings(stage, held, rods)
+        certificate = RodCertificate(tuple(findings), rods, grasp.pushed)
         asked = scene.contacts.push or 0.0
         if not asked:
             return certificate
@@ -156,18 +160,6 @@ def _strangers(stage: GraspStage, held: HeldRods) -> int:
     wrong += present[""]
     wrong += sum(each.touch == ("off" if present[each.name] else "on") for each in stage.obstacles)
     return wrong
-
-
-def _not_certified(stage: GraspStage) -> int:
-    """Count of what a scene asks for that the certificate does not know: all histories of friction."""
-    setups = stage.setups.values()
-    return int(stage.scene.friction_states == "any" and any(setup.friction_states for setup in setups))
-
-
-def support_of(stage: GraspStage, contact: str) -> str:
-    """Name of the support of a contact such as ``palm``, ``palm.1`` or ``palm_1``; empty of strangers."""
-    names = {obstacle.name for obstacle in stage.obstacles}
-    return next((name for name in (contact, contact[:-2]) if name in names), "")
 
 
 @dataclass(frozen=True, eq=False)

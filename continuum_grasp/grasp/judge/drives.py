@@ -31,9 +31,10 @@ def soft(length: Array, onset: float) -> Array:
 class WoundCables:
     """The two cables of a finger by its shape."""
 
-    def __init__(self, setup: FingerSetup, law: DriveLaw, rod: SpaceRod, tensions: Array) -> None:
+    def __init__(self, setup: FingerSetup, law: DriveLaw, cables: tuple[float, Array], tensions: Array) -> None:
+        """Take the length that the bend draws in per offset [rad] and mean shares of tensions, as `SpaceRod.cables`."""
         self.law, self._tensions = law, tensions
-        drawn, means = rod.cables()
+        drawn, means = cables
         self.paths = setup.tendons.offset * drawn * _SIGNS
         self.elongations = (law.series + law.axial * means) * tensions
 
@@ -58,7 +59,9 @@ class WoundCables:
         """Cable that a pulley winds up of the left tendon [m], by the one that pulls more."""
         law, k = self.law, int(np.argmax(self._tensions))
         onset, elongation = law.onset, float(self.elongations[k])
-        beyond = brentq(lambda length: float(soft(np.array(length), onset)) - elongation, -onset, elongation + onset)
+        beyond = brentq(
+            lambda length: float(soft(np.array(length), onset)) - elongation, -onset, elongation + onset, xtol=1e-15
+        )
         return float(_SIGNS[k] * (beyond + self.paths[k] - law.start))
 
     def misfit(self, held: Array) -> Array:
@@ -80,7 +83,7 @@ def drive_findings(setup: FingerSetup, rod: SpaceRod, tensions: Array) -> Iterat
     if law is None:
         return
     if law.pulley:
-        cables = WoundCables(setup, law, rod, tensions)
+        cables = WoundCables(setup, law, rod.cables(), tensions)
         off = float(np.abs(cables.misfit(cables.held)).max())
         yield Finding(Requirement.DRIVE, setup.name, off, FOLLOWED * rod.length, "m")
     if isinstance(motor := law.drive, MotorDrive):

@@ -29,7 +29,6 @@ class Requirement(Enum):
 
     NUMBERS = "numbers are finite"
     CONTACTS = "contacts match the scene"
-    LAWS = "laws that are not certified"
     POSE = "pose of the object"
     BASE = "base of the finger"
     SHAPE = "moment left at the tip"

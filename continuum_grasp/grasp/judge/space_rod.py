@@ -22,7 +22,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.judge.bending import FrictionCells, SectionBending, value_of
+from continuum_grasp.grasp.judge.bending import SectionBending, value_of
 from continuum_grasp.scene import FingerSetup
 
 TOLERANCE = 1e-10
@@ -91,12 +91,8 @@ class SpaceRod:
         section: SideStiffness,
         *,
         tolerance: float = TOLERANCE,
-        history: FrictionCells | None = None,
     ) -> None:
-        """Integrate a finger from its base (position (3,) [m], axes (3, 3)) under loads and gravity (3,) [m/s2].
-
-        With a history of friction, its directions are constant; else the finger was pulled.
-        """
+        """Integrate a finger from its base (position (3,) [m], axes (3, 3)) under loads and gravity (3,) [m/s2]."""
         self.setup = setup
         self.position, self.axes = base
         self.profile = setup.finger.profile
@@ -106,7 +102,7 @@ class SpaceRod:
         self._gravity = self.axes.T @ gravity
         self._section, self._tolerance = section, tolerance
         self._soft = [0, 1, 2] if np.isfinite(section.torsion) else [2]
-        self._bending = SectionBending(setup, tensions, history)
+        self._bending = SectionBending(setup, tensions)
         self._path = 0.0  # drawn in by the whole finger, per offset in the base
         weights = [RodLoad(mass.at, mass.mass * gravity) for mass in setup.finger.masses]
         if (body := setup.finger.tip_body) is not None:
@@ -121,7 +117,6 @@ class SpaceRod:
     def edges(self) -> list[float]:
         """Positions between which all is smooth [m]."""
         inside = {at for curve in self._bending.curves for at in curve.edges} | {load.at for load in self.loads}
-        inside |= set(self._bending.ends)
         return [0.0, *sorted(at for at in inside if 0.0 < at < self.length), self.length]
 
     def integrate(self, moment: Array) -> None:
@@ -260,6 +255,16 @@ class SpaceRod:
         points = self.position + self.length * states[:3].T @ self.axes.T
         moment = self._moment * states[7:10].T @ self.axes.T
         return RodPlaces(points, np.einsum("ij,kjn->nik", self.axes, axes), moment)
+
+    @property
+    def turn(self) -> float:
+        """Angle by which the rod is bent about d3 beyond its shape at rest [rad]."""
+        total = 0.0
+        for a, b, _ in self._solutions:
+            s, weights = 0.5 * (a + b) + 0.5 * (b - a) * _NODES, 0.5 * (b - a) * _WEIGHTS
+            rest = value_of(self.profile.rest_curvature, 0.5 * (a + b))
+            total += float((self.curvature(s) - [rest(at) for at in s.tolist()]) @ weights)
+        return total
 
     def curvature(self, s: Array) -> Array:
         """Curvature (n,) about d3 at positions (n,) [1/m]."""

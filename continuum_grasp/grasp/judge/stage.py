@@ -208,3 +208,9 @@ def _differs(place: tuple[Array, Array], other: tuple[Array, Array], length: flo
     """By how much two places differ, per a length and in radians."""
     (position, axes), (wanted, turned) = place, other
     return greatest([np.abs(position - wanted).max() / length, np.abs(axes - turned).max()])
+
+
+def support_of(stage: GraspStage, contact: str) -> str:
+    """Name of the support of a contact such as ``palm``, ``palm.1`` or ``palm_1``; empty of strangers."""
+    names = {obstacle.name for obstacle in stage.obstacles}
+    return next((name for name in (contact, contact[:-2]) if name in names), "")

@@ -12,10 +12,9 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
 from continuum_grasp.grasp.hand.frames import PlaneFrame
-from continuum_grasp.grasp.judge.certificate import support_of
 from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, HeldSupport, in_plane
 from continuum_grasp.grasp.judge.space_rod import SpaceRod
-from continuum_grasp.grasp.judge.stage import GraspStage
+from continuum_grasp.grasp.judge.stage import GraspStage, support_of
 from continuum_grasp.scene import GraspScene, HandScene
 
 BACKBONE_POINTS = 201

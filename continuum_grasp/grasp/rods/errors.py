@@ -137,7 +137,9 @@ class ErrorSpace(ABC):
         moved = [f"{1e3 * e:+.3g}" for e, (_, key) in zip(error, self.axes, strict=False) if key == "position"]
         turned = [f"{np.degrees(e):+.3g}" for e, (_, key) in zip(error, self.axes, strict=False) if key == "angle"]
         shares = [f"{'size' if name == 'radius' else name} {self.share(error, name):+.1%}" for name in SHARES[:3]]
-        return ", ".join([f"corner ({', '.join(moved)}) mm", f"{', '.join(turned)} deg", *shares])
+        words = [f"corner ({', '.join(moved)}) mm", f"{', '.join(turned)} deg", *shares] if self.bounds.any() else []
+        states = self.histories.words(self.scene, self.states(error))
+        return ", ".join([*words, *([states] if states else [])])
 
     # -- copies ------------------------------------------------------------------------------------------------
 
@@ -254,10 +256,8 @@ class PlanarErrors(ErrorSpace):
 
     @cached_property
     def _in_error(self) -> InError:
-        numbers = self.grasp.problem.numbers
-        names = [name for finger in numbers.fingers for name in finger.contacts]
-        names += [support.name for support in numbers.supports]
-        return InError(self.scene, {"contact_names": names, "object.pose": self.pose})
+        touching = (self.scene.support_of(support.name) for support in self.grasp.problem.numbers.supports)
+        return InError(self.scene, self.pose, [support.name for support in touching if support is not None])
 
     def _object(self, error: Array) -> Array:
         """Errors of the object, as `InError` has them."""
@@ -267,7 +267,7 @@ class PlanarErrors(ErrorSpace):
         return self._in_error.scene_with(self._object(error))
 
     def placed(self, error: Array) -> ObjectInError:
-        pose = self._in_error.pose_in_error(self._object(error))
+        pose = self._in_error.pose(self._object(error))
         numbers = self.grasp.problem.numbers
         supports = numbers.supports
         if supports:

@@ -16,11 +16,18 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.problem import GraspRods
+from continuum_grasp.scene import FingerSetup
 
 _STEP = 1e-4
 """Step of differences in a direction of friction [1], which the rows of a stage depend on nearly linearly."""
 _NOTHING = 1e-4
 """Share of the greatest slope below which a direction stays as it is [1]."""
+
+
+def frictions_of(setup: FingerSetup) -> list[str]:
+    """Frictions of a finger, in words: of its tendons, and each branch of dry friction in bending."""
+    tendons = ["of the tendons"] * (setup.tendons.friction > 0.0)
+    return tendons + ["in bending"] * len(setup.finger.damping.dry_friction)
 
 
 @dataclass(frozen=True)
@@ -56,6 +63,17 @@ class HistoryColumns:
         ]
         turned = [row * self._row(self._half(k, size) for k, size in enumerate(self.sizes)) for row in alike]
         return np.array([*alike, *turned] if self.size else alike)
+
+    def words(self, scene: Any, states: Array) -> str:
+        """Directions from base to tip, by their signs where all are at their bounds."""
+        found = list[str]()
+        for setup, part in zip(scene.setups, self.split(states) if states.size else (), strict=False):
+            of = f" of {setup.name}" * (len(scene.setups) > 1)
+            for name, each in zip(frictions_of(setup), part.T, strict=False):
+                signs = "".join("+" if z > 0.0 else "-" for z in each)
+                shown = signs if (np.abs(each) == 1.0).all() else " ".join(f"{z:+.3g}" for z in each)
+                found.append(f"friction states {name}{of} {shown}")
+        return ", ".join(found)
 
     @staticmethod
     def _half(index: int, size: tuple[int, int]) -> Array:

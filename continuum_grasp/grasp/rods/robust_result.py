@@ -6,9 +6,10 @@ from dataclasses import replace
 from typing import Any
 
 from continuum_grasp.base import amount_text
-from continuum_grasp.grasp.judge.certificate import certify_rods
+from continuum_grasp.grasp.judge.certificate import RodCertificate, certify_rods
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust.result import GraspTrials, Robustness
+from continuum_grasp.grasp.rods.histories import frictions_of
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.robust import RobustSearch, robustness_of, share_held
 from continuum_grasp.grasp.rods.solving import StartedSearch
@@ -20,20 +21,26 @@ _KEYS = ("position", "angle", "radius", "friction", "mass")
 """Keys of the bounds of a scene."""
 
 
-def bounds_of(robust: Robust) -> dict[str, float]:
+DRAWS = 20
+"""Friction states that are drawn, where the scene names no errors: 100 of `mug_motor` take 5 s, and none is as bad as
+those that are sought."""
+
+
+def bounds_of(robust: Robust | None) -> dict[str, float]:
     """Bounds of the errors that a scene names."""
-    return {key: bound for key in _KEYS if (bound := getattr(robust, key))}
+    return {} if robust is None else {key: bound for key in _KEYS if (bound := getattr(robust, key))}
 
 
 class SoughtRobust:
-    """A grasp that is sought for the errors of a scene, next to grasps of a search."""
+    """A grasp that is sought for the errors and friction states of a scene, next to grasps of a search."""
 
     def __init__(self, search: StartedSearch) -> None:
         scene = search.scene
         self._search, self._bounds = search, bounds_of(scene.robust)
         self._found = RobustSearch(search, self._bounds)
         self._found.run()
-        self._robustness = robustness_of(search, self._found, scene.robust.draws, scene.solver.random_seed)
+        draws = DRAWS if scene.robust is None else scene.robust.draws
+        self._robustness = robustness_of(search, self._found, draws, scene.solver.random_seed)
 
     def verdict(self, nominal: RodVerdict) -> RodVerdict:
         """The verdict on the robust grasp, by that on the nominal one; the same where there is none."""
@@ -51,8 +58,8 @@ class SoughtRobust:
         nominal, own = (amount_text(each.tension, "N", ".4g") for each in (self._robustness.nominal, trials))
         notes = result.message.split("; ")[1:]
         words = [
-            f"held with {own} of total tension whatever the errors within robust",
-            f"{nominal} without errors",
+            f"held with {own} of total tension whatever {self._whatever}",
+            f"{nominal} {'without errors' if self._bounds else 'as they are pulled'}",
             *notes,
         ]
         changed = replace(
@@ -62,13 +69,24 @@ class SoughtRobust:
             robustness=self._robustness,
             statistics={**result.statistics, "robust": self._effort},
         )
-        if result.certificate is not None and not result.certificate.passed:
-            message = "found for the errors within robust, but the independent check refuses the grasp"
+        if isinstance(result.certificate, RodCertificate) and not result.certificate.passed:
+            worst = result.certificate.worst
+            message = f"found for {self._whatever}, but the independent certificate refuses the grasp: {worst}"
             return replace(changed, status=GraspStatus.NOT_SOLVED, message=message)
         if trials.holds:
             return changed
-        message = f"held at all corners of robust, but NOT robust: {_failures(trials)}"
+        corners = "corners of robust" if self._bounds else "friction states that were sought"
+        message = f"held at all {corners}, but NOT robust: {_failures(trials)}"
         return replace(changed, status=GraspStatus.FEASIBLE, message=message)
+
+    @property
+    def _whatever(self) -> str:
+        """Errors and friction states that must not matter, in words."""
+        scene = self._search.scene
+        parts = {word for setup in scene.setups for word in frictions_of(setup)} if scene.state_columns else set()
+        words = ["the errors within robust"] * bool(self._bounds)
+        words += [f"the friction states {' and '.join(sorted(parts, reverse=True))}"] * bool(parts)
+        return " and ".join(words)
 
     @property
     def _effort(self) -> dict[str, Any]:
@@ -79,14 +97,20 @@ class SoughtRobust:
     def _none(self, result: GraspResult) -> GraspResult:
         """No robust grasp: with which share of the bounds there is one."""
         robustness: Robustness = self._robustness
-        share = share_held(self._search, self._bounds)
+        share = share_held(self._search, self._bounds) if self._bounds else 0.0
         text = (
             f"the object can be held as it is ({amount_text(robustness.nominal.tension, 'N', '.4g')}), but no grasp "
-            "was found that holds whatever the errors within robust"
+            f"was found that holds whatever {self._whatever}"
         )
         changed = replace(result, robustness=robustness, sensitivity=())
         if not share:
             advice = "Lower the bounds in robust, raise contacts.friction or tendons.max_tension, or add a contact."
+            if not self._bounds:
+                advice = (
+                    "Lower the friction of the fingers, raise contacts.friction or contacts.normal_force_max, which "
+                    "fingers that were let out press with more, or add a contact. friction_states: pulled, where "
+                    "nothing moves the fingers after they are pulled."
+                )
             return replace(changed, status=GraspStatus.NOT_SOLVED, message=text, advice=advice)
         text += f"; with {share:.0%} of all bounds there is one"
         repair = f"multiply all bounds in robust by {share:.4g}"

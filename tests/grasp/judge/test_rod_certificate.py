@@ -157,12 +157,11 @@ def test_a_moment_in_the_base_is_not_trusted():
     assert Requirement.SHAPE in failed(certificate)
 
 
-def test_what_is_not_certified_does_not_pass():
+def test_a_finger_that_touches_nothing_holds_in_all_histories():
     finger = cases.make_finger(tendons=Tendons(offset=cases.OFFSET, max_tension=60.0, friction=0.1))
-    for states, passes in (("pulled", True), ("any", False)):
+    for states in ("pulled", "any"):
         scene, arrays = cases.apart(finger, family="clothoid", friction_states=states)
-        certificate = certify_rods(scene, held_plane(scene, arrays))
-        assert (Requirement.LAWS not in failed(certificate)) is passes
+        assert Requirement.HISTORIES not in failed(certify_rods(scene, held_plane(scene, arrays)))
 
 
 @pytest.mark.parametrize(("share", "passes"), [(1.001, True), (0.999, False)])

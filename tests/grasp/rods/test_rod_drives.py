@@ -142,7 +142,7 @@ def test_the_certificate_follows_the_cables_to_the_same_places(friction):
     rod = certify_rods(scene, held_rods(grasp)).rods[0]
     setup = scene.setups[0]
     drives, tensions, _ = states(grasp)
-    cables = WoundCables(setup, setup.drive, rod, tensions)
+    cables = WoundCables(setup, setup.drive, rod.cables(), tensions)
     assert cables.held == pytest.approx([drive[2][0] for drive in drives], abs=1e-5 * L)
     assert np.abs(cables.misfit(cables.held)).max() < 1e-9 * L
 

@@ -15,7 +15,6 @@ import continuum_grasp as cg
 from continuum_grasp.grasp.certificate.certificate import equilibrium_checks
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.judge.certificate import certify_rods, rods_of
-from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.rods.arrays import RodArrays
 from continuum_grasp.grasp.rods.hand_search import HandRodSearch
 from continuum_grasp.grasp.rods.projection import CLOSE, on_elements, projected
@@ -24,6 +23,18 @@ from continuum_grasp.grasp.rods.search import RodSearch
 from continuum_grasp.nlp import Budget
 from tests.marks import few
 from tests.rods import order
+
+
+def with_elements(scene, per_segment):
+    """The scene whose fingers have so many elements between contacts."""
+    counts = {setup.name: per_segment * (len(setup.middles) + 1) for setup in scene.setups}
+    fingers = {
+        setup.name: setup.finger.replaced(
+            fidelity=scene.fidelity.replaced(elements=counts[setup.name], family=setup.family, tolerance=None)
+        )
+        for setup in scene.setups
+    }
+    return scene.with_fingers(fingers)
 
 
 @cache

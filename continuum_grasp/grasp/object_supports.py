@@ -5,18 +5,30 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Collection
+from dataclasses import dataclass
 
 import numpy as np
 
-from continuum_grasp.grasp.starts.curves import EXACT
-from continuum_grasp.grasp.starts.values import ContactStart, Pose
 from continuum_grasp.model import PartOutline, surface_of
 from continuum_grasp.scene import FingerSetup, GraspScene, Peg, Wall
 
 Interval = tuple[float, float]
+Pose = tuple[float, float, float]
+"""World x, y [m] and angle [rad]."""
+EXACT = 1e-12
+"""Residual, in sizes of the object, at which it touches a support: rounding after a few operations."""
 
 _MORE_BASES = (4, 2)
 """Further poses of a free base: for the first pose of the object, and for the others."""
+
+
+@dataclass(frozen=True)
+class TouchedPlace:
+    """Place of a contact on the object, in its frame."""
+
+    part: int  # index of the object's part that is touched
+    point: tuple[float, float]  # on its surface [m]
+    normal_angle: float  # of the outward normal [rad]
 
 
 def object_outlines(scene: GraspScene) -> tuple[PartOutline, ...]:
@@ -24,14 +36,14 @@ def object_outlines(scene: GraspScene) -> tuple[PartOutline, ...]:
     return tuple(surface_of(part).outline(part) for part in scene.object.parts)
 
 
-def support_contacts(scene: GraspScene, pose: Pose, wanted: Collection[str]) -> dict[str, ContactStart]:
+def support_contacts(scene: GraspScene, pose: Pose, wanted: Collection[str]) -> dict[str, TouchedPlace]:
     """Contacts of the object with walls and pegs by name at a world pose [m, rad], whether it touches there or not.
 
     A wall touches the outermost point; a flat face that lies on it touches at its two ends, "<wall>.1" and "<wall>.2",
     as far as a finite wall reaches.
     """
     shapes = object_outlines(scene)
-    contacts: dict[str, ContactStart] = {}
+    contacts: dict[str, TouchedPlace] = {}
     for wall in scene.walls:
         if wall.name in wanted:
             ends = _wall_ends(shapes, wall, pose, scene.touching_gap)
@@ -79,7 +91,7 @@ def _lowest(shapes: tuple[PartOutline, ...], wall: Wall, pose: Pose, flat: float
     return [(part, point) for _, part, point in (level if len(level) == 1 else (level[0], level[-1]))]
 
 
-def _wall_ends(shapes: tuple[PartOutline, ...], wall: Wall, pose: Pose, flat: float) -> list[ContactStart]:
+def _wall_ends(shapes: tuple[PartOutline, ...], wall: Wall, pose: Pose, flat: float) -> list[TouchedPlace]:
     level = _lowest(shapes, wall, pose, flat)
     normal = math.remainder(wall.normal_angle + math.pi - pose[2], math.tau)
     if len(level) == 2 and np.isfinite(wall.half_length):
@@ -91,17 +103,17 @@ def _wall_ends(shapes: tuple[PartOutline, ...], wall: Wall, pose: Pose, flat: fl
             aim = min(max(at, -wall.half_length), wall.half_length)
             clipped.append((part, point + (aim - at) / (high - low) * face))
         level = clipped if abs(clipped[0][1] - clipped[1][1]) > flat else clipped[:1]
-    return [ContactStart(part, (point.real, point.imag), normal) for part, point in level]
+    return [TouchedPlace(part, (point.real, point.imag), normal) for part, point in level]
 
 
-def nearest_contact(scene: GraspScene, pose: Pose, world: complex) -> ContactStart:
+def nearest_contact(scene: GraspScene, pose: Pose, world: complex) -> TouchedPlace:
     """The place on the object nearest to a world point [m]."""
     outlines = object_outlines(scene)
     at = np.array([(world - complex(pose[0], pose[1])) * cmath.exp(-1j * pose[2])])
     part = int(np.argmin([float(outline.distance(at)[0]) for outline in outlines]))
     place = outlines[part].walk(outlines[part].nearest(at)[1])
     point = complex(place.point[0])
-    return ContactStart(part, (point.real, point.imag), math.remainder(float(place.angle[0]), math.tau))
+    return TouchedPlace(part, (point.real, point.imag), math.remainder(float(place.angle[0]), math.tau))
 
 
 def object_poses(scene: GraspScene, on: frozenset[str]) -> list[Pose]:
@@ -198,23 +210,6 @@ def _gaps(
             gaps.append(gap if wanted else gap - 1e-3 * scene.object.size)
             slopes.append((normal.real, normal.imag, (normal.conjugate() * 1j * arm).real))
     return np.array(gaps), np.array(slopes).reshape(-1, 3)
-
-
-def pinned_by(scene: GraspScene, on: frozenset[str], pose: Pose, *, flat: bool) -> tuple[int, ...]:
-    """Coordinates of a pose (0: x, 1: y, 2: angle) that follow from the others where the object touches the supports
-    that are ``on``, its angle too where a face of it lies ``flat``.
-    """
-    size = scene.object.size
-    slopes = _gaps(scene, object_outlines(scene), on, pose)[1] / [1.0, 1.0, size]
-    rows = np.concatenate([slopes, np.eye(3)[2:]]) if flat else slopes
-    coordinates: list[int] = []
-    for _ in range(np.linalg.matrix_rank(rows, tol=1e-6) if len(rows) else 0):
-        # The steepest coordinate; the rest of the rows is perpendicular to it.
-        k = int(np.abs(rows).max(axis=0).argmax())
-        row = rows[np.abs(rows[:, k]).argmax()]
-        rows = rows - np.outer(rows[:, k] / row[k], row)
-        coordinates.append(k)
-    return tuple(sorted(coordinates))
 
 
 def _gap(shapes: tuple[PartOutline, ...], body: Wall | Peg, pose: Pose) -> tuple[float, complex, complex]:
