@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
+
+import yaml
 
 from continuum_grasp.scene import (
     BasePose,
@@ -68,6 +71,15 @@ def make_scene(family="matched_clothoid", gravity=INTO_PLANE, base_y=-0.055, ele
         **changes,
     }
     return GraspScene(**values)
+
+
+def repaired(scene, repair):
+    """A scene with the repair of a reason typed into it, ``key = value together with key = value``."""
+    for part in repair.split(" together with "):
+        key, _, value = part.partition(" = ")
+        number = re.sub(r"(?<=\d) (N m|N|kg|m)$", "", value)
+        scene = scene.changed({key: yaml.safe_load(number)})
+    return scene
 
 
 def finger_to(tip, towards, length=0.2, half=0.006, stiffness=0.4, **more):

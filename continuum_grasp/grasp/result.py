@@ -93,7 +93,7 @@ class GraspResult(AnyGrasp):
     ['finger.middle', 'finger.tip', 'palm']
     >>> finger = grasp.fingers["finger"]
     >>> [round(tension, 1) for tension in finger.tensions.tolist()], finger.backbone.shape
-    ([41.3, 1.0], (201, 4))
+    ([38.7, 1.0], (201, 4))
     """
 
     kind: ClassVar[str] = "grasp"

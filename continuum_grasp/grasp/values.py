@@ -32,6 +32,9 @@ basin must promise for the search not to be complete without it."""
 CLOSE = 0.03
 """Change of a normal force, per greatest one, up to which elements stand for a rod [1]: less than the error with which
 friction and stiffness are known."""
+YIELDS = 0.1
+"""Distance by which an object that fingers alone hold may move as friction, its errors or disturbances change: part of
+its size, and rad."""
 PUSH_SHARE = 0.1
 """Share of the greatest push that a grasp must bear if the scene has neither loads on the object nor a push [1]:
 contacts press with a tenth of their possible force, a hundred times the error of models, at tensions far from their
@@ -58,19 +61,18 @@ class GraspStatus(StrEnum):
     """Outcome of the search."""
 
     OPTIMAL = "optimal"
-    """A local optimum that the certificate confirms, next to the exact rod that holds with the least tension; rods
-    under the forces found are off by 1 % of the length at most."""
+    """A local optimum that the certificate confirms: starts from different postures lead to it, and none to a better
+    one."""
     FEASIBLE = "feasible"
-    """A grasp that the certificate confirms, but the solver stopped early, the elements are too few, exact rods hold
-    with less, or only samples were tried: the message says which."""
+    """A grasp that the certificate confirms; the message says what is missing for ``optimal``, such as a second start
+    that leads to it."""
     UNSTABLE = "unstable"
     """All checks of the certificate pass, but small motions that the contacts allow lower the energy, where the scene
     requires a stable grasp: the fingers do not hold the object."""
     INFEASIBLE = "infeasible"
-    """No start leads to a grasp, but relaxing a named limit does: see ``reasons``. For hands the search has also tried
-    the starts of the greatest effort."""
+    """No forces at any place of the object balance its weight; ``reasons`` name changes that allow a grasp."""
     NOT_SOLVED = "not_solved"
-    """Neither a grasp nor a proof that none exists; ``reasons`` may name the nearest attempt."""
+    """Neither a grasp nor a proof that none exists; ``reasons`` name changes that allow one, where some are found."""
     STOPPED = "stopped"
     """The clock stopped the search before there was a verdict: an emergency, which another machine may not meet."""
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from continuum_grasp.grasp.changes import FIRST
 
 from continuum_grasp.base import InputError
 from continuum_grasp.grasp import certify, optimize_grasp
 from continuum_grasp.grasp.certificate.friction import friction_of, state_cells
-from continuum_grasp.grasp.changes import FIRST
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.blocks import Columns
 from continuum_grasp.grasp.problem.curves import curve_numbers, curves_of

@@ -40,7 +40,7 @@ def hurry(monkeypatch, seconds=0.5):
 
 
 @pytest.mark.parametrize(
-    ("changes", "status"), [(HELD, GraspStatus.FEASIBLE), *few([(WEAK, GraspStatus.INFEASIBLE)], 0)]
+    ("changes", "status"), [(HELD, GraspStatus.OPTIMAL), *few([(WEAK, GraspStatus.NOT_SOLVED)], 0)]
 )
 def test_a_busy_machine_gives_the_same_verdict_bit_by_bit(monkeypatch, changes, status):
     calm = solved(**changes)
@@ -48,7 +48,8 @@ def test_a_busy_machine_gives_the_same_verdict_bit_by_bit(monkeypatch, changes, 
     busy = solved(**changes)
     assert calm.status is status
     assert numbers(busy) == numbers(calm)
-    if status is GraspStatus.INFEASIBLE:
+    if status is GraspStatus.NOT_SOLVED:
+        assert busy.reasons
         assert busy.statistics["total_seconds"] > 60.0
 
 
@@ -84,7 +85,7 @@ def jump_after(monkeypatch, run):
     monkeypatch.setattr(Solver, "solve", counted)
 
 
-@pytest.mark.parametrize("run", [1, 3])
+@pytest.mark.parametrize("run", [1, 12])
 def test_the_clock_gives_no_verdict_but_says_that_it_stopped(monkeypatch, run):
     """The first run of the search, and one of the diagnosis, whose reasons so far are none."""
     jump_after(monkeypatch, run)
@@ -99,7 +100,7 @@ def test_the_clock_gives_no_verdict_but_says_that_it_stopped(monkeypatch, run):
 
 def test_a_grasp_from_before_the_clock_stopped_is_called_so(monkeypatch):
     jump_after(monkeypatch, 2)
-    result = optimize_grasp("configs/grasp/table_peg.yaml")
+    result = optimize_grasp("configs/grasp/mug.yaml")
     assert result.status is GraspStatus.FEASIBLE
     assert "clock" in result.message
     assert any("cut short" in warning for warning in result.warnings)
@@ -110,6 +111,6 @@ def test_a_search_says_how_it_stands():
     said = []
     result = optimize_grasp(make_scene(elements=4), progress=said.append)
     assert len(said) == result.exploration.starts_solved + result.exploration.starts_failed
-    assert said[-1].startswith(f"{result.tension:.4g} N so far; {len(said)} starts tried, ")
+    assert said[-1].startswith(f"{result.tension:.4g} N so far; {len(said)} starts tried")
     optimize_grasp(make_scene(mass=60.0), raise_on_failure=False, progress=said.append)
     assert any(text.startswith("no grasp found") for text in said)

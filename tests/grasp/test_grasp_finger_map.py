@@ -12,6 +12,8 @@ import re
 import numpy as np
 import pytest
 import shapely
+from continuum_grasp.grasp.reasons.starts import Starts
+from continuum_grasp.grasp.search import GraspSearch
 from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
@@ -24,8 +26,6 @@ from continuum_grasp.grasp.finger_map import SETTLED, SceneMaps, balance, fill, 
 from continuum_grasp.grasp.finger_map.settled import MISSES
 from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.reasons.starts import Starts
-from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import GraspScene
 

@@ -11,12 +11,11 @@ from grasp_scenes import CONFIGS
 from tests import test_interrupt as interrupted
 
 PRESS = """
-    from continuum_grasp.grasp.problem import solver_run
     from continuum_grasp.nlp import solver
 
     def press(run, iteration):
         "Ctrl-C inside the solver, at an iteration of a run (both from 1)."
-        count, whole = [0, 0], solver_run.GraspSolverRun.run
+        count, whole = [0, 0], solver.Solver.solve
 
         class Pressing(solver._Stop):
             def eval_buffer(self, *arguments):
@@ -29,7 +28,7 @@ PRESS = """
             count[:] = count[0] + 1, 0
             return whole(self, *arguments, **options)
 
-        solver_run.GraspSolverRun.run = counted
+        solver.Solver.solve = counted
         solver._Stop = Pressing
 """
 
@@ -59,7 +58,7 @@ def test_before_any_grasp_the_command_says_so_and_exits_with_130(tmp_path):
 @pytest.mark.deep
 def test_after_a_grasp_that_is_the_result(tmp_path):
     thorough = ("--set", "solver.effort=thorough")
-    done = python(CLI.format(run=2), CONFIGS / "table_peg.yaml", *thorough, "--out", tmp_path / "run")
+    done = python(CLI.format(run=2), CONFIGS / "mug.yaml", *thorough, "--out", tmp_path / "run")
     assert done.returncode == 130, done.stderr
     assert "interrupted" in done.stdout.splitlines()[0]
     assert done.stdout.startswith("feasible")
@@ -76,12 +75,12 @@ def test_an_interrupted_start_does_not_count():
         print(result.status.value, len(result.statistics["attempts"]), result.statistics["interrupted"])
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     """
-    done = python(code, CONFIGS / "table_peg.yaml")
+    done = python(code, CONFIGS / "mug.yaml")
     assert done.stdout.split() == ["feasible", "1", "True"], done.stderr
 
 
 def test_an_interrupted_diagnosis_is_no_verdict():
-    """The tendon is too weak; Ctrl-C while the solver looks for the reason."""
+    """The tendon is too weak, and one start ends; Ctrl-C while the solver looks for the reason."""
     code = """
         press(run=5, iteration=2)
         from continuum_grasp.base import Interrupted
@@ -98,21 +97,21 @@ def test_an_interrupted_diagnosis_is_no_verdict():
 
 
 def test_ctrl_c_from_outside():
-    """The signal comes from another process while the second of several starts is tried."""
+    """The signal comes from another process while the second start is tried."""
     code = """
         import time
         from continuum_grasp.grasp import optimize_grasp
         from continuum_grasp.scene.reading import load
-        run = solver_run.GraspSolverRun.run
+        run = solver.Solver.solve
         def reported(self, *arguments, **options):
             print("start", flush=True)
             time.sleep(0.3)
             return run(self, *arguments, **options)
-        solver_run.GraspSolverRun.run = reported
+        solver.Solver.solve = reported
         result = optimize_grasp(load(sys.argv[1], []))
         print(result.status.value, result.statistics["interrupted"])
     """
-    with interrupted.begun(dedent(PRESS) + dedent(code), CONFIGS / "table_peg.yaml") as process:
+    with interrupted.begun(dedent(PRESS) + dedent(code), CONFIGS / "mug.yaml") as process:
         for _ in range(2):
             assert process.stdout.readline() == "start\n"
         process.send_signal(signal.SIGINT)

@@ -34,16 +34,19 @@ def wrapped() -> GraspResult:
 @pytest.fixture(scope="module")
 def bent() -> GraspResult:
     """By a finger with a rest curvature, with tendon friction as it is pulled, in the plane."""
-    return optimize_grasp(_mug("preshaped", **PLACES).replaced(friction_states="pulled"))
+    return optimize_grasp(_mug("preshaped", **PLACES).replaced(friction_states="pulled", stability="ignore"))
 
 
 @pytest.mark.deep
 @pytest.mark.parametrize("which", ["wrapped", "bent"])
 def test_what_presses_bends_the_finger_as_statics_asks(which: str, request: pytest.FixtureRequest) -> None:
-    """By code of another hand, which asks for tangent contacts; stations need not be tangent."""
+    """By code of another hand, of the elements that stand for the rod: they are as near to it as the result says."""
     result = request.getfixturevalue(which)
+    assert result.certificate.passed
+    (error,) = result.element_errors.values()
+    assert error.is_close
     for name, value in residuals(result.scene, result.arrays).items():
-        assert value < LIMITS[name] or name == "contact", name
+        assert value < max(LIMITS[name], 5e-3), name
 
 
 @pytest.mark.deep
@@ -67,7 +70,8 @@ def test_stations_touch_near_where_they_are(wrapped: GraspResult) -> None:
 def test_a_first_station_within_the_palm_is_no_obstacle(wrapped: GraspResult) -> None:
     # The finger, 6 mm to either side, comes out of the palm; its second station is where the first of `wrapped` is.
     found = optimize_grasp(_mug(stations=5, middle_range=(0.004, 0.116)))
-    assert found.tension == pytest.approx(wrapped.tension, rel=0.03)
+    # Stations 16 mm apart are not where those of `wrapped` are.
+    assert found.tension == pytest.approx(wrapped.tension, rel=0.05)
     assert "finger.station_1" not in [c.name for c in found.contacts]
 
 
@@ -90,6 +94,7 @@ def test_a_station_opposite_a_palm_presses_as_friction_asks() -> None:
         gravity=[0.0, 0.0, -9.81],  # type: ignore[arg-type]
         fidelity={"family": "matched_clothoid", "elements": 4},  # type: ignore[arg-type]
         objective="least_normal_force",
+        stability="ignore",
     )
     found = optimize_grasp(scene)
     assert [c.normal_force for c in found.contacts] == pytest.approx([0.3 * 9.81 / (2 * 0.5)] * 2, rel=1e-6)
@@ -101,7 +106,7 @@ def test_the_greatest_mass_can_be_held_and_more_cannot() -> None:
         optimize_grasp(_mug(mass=1.5, **PLACES))
     result = raised.value.result
     assert isinstance(result, GraspResult)
-    assert result.status is GraspStatus.INFEASIBLE
+    assert result.status is GraspStatus.NOT_SOLVED
     most = next(reason.needed for reason in result.reasons if reason.name == "mass")
     assert optimize_grasp(_mug(mass=0.995 * most, **PLACES)).certificate
     assert not optimize_grasp(_mug(mass=1.02 * most, **PLACES), raise_on_failure=False).solved

@@ -11,12 +11,9 @@ from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.check import EXACT, GUARDED, Check, worst
 from continuum_grasp.grasp.certificate.friction import extreme_states, state_cells
 from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS, OF_FINGER, RecomputedFinger, RecomputedGrasp
+from continuum_grasp.grasp.values import YIELDS
 
 Recompute = Callable[[Mapping[str, Any]], tuple[list[Check], RecomputedGrasp | None]]
-
-YIELDS = 0.1
-"""Distance by which an object that fingers alone hold may move as friction, its errors or disturbances change: part of
-its size, and rad."""
 
 
 def held_checks(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Recompute) -> Iterator[Check]:

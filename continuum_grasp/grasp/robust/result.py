@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from continuum_grasp.base import Array, Summarized, amount_text
-from continuum_grasp.grasp.starts.values import ContactStart
 
 ERRORS = ("x", "y", "angle", "radius", "friction", "mass")
 """Errors, in the order of the columns."""
@@ -69,16 +68,14 @@ class Robustness(Summarized):
     ----------
     errors : ndarray, shape (draws, 6 + S)
         The draws: x, y [m], angle [rad], shares of size, friction and mass [1], and S friction states.
-    nominal : Trials
+    nominal : GraspTrials
         Trials of the best grasp without errors, with the first draws.
-    robust : Trials or None
+    robust : GraspTrials or None
         Trials of the grasp that holds at all corners; None where none was found.
     active : ndarray, shape (K, 6 + S)
         Corners that are part of its problem.
     nominal_arrays : mapping
         Arrays of the nominal grasp, as `GraspResult.arrays`.
-    touching : sequence of mapping
-        Contacts that are on in the posture of each corner of ``active`` (K), and their places on the object.
 
     Examples
     --------
@@ -94,7 +91,6 @@ class Robustness(Summarized):
     robust: GraspTrials | None
     active: Array
     nominal_arrays: Mapping[str, Array] = field(repr=False)
-    touching: Sequence[Mapping[str, ContactStart]] = field(repr=False)
 
     @property
     def names(self) -> tuple[str, str, str]:

@@ -18,17 +18,17 @@ from typing import Any, ClassVar
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.certificate.held import YIELDS
-from continuum_grasp.grasp.robust.errors import InError, scaled
 from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.copies import HeldValue, RodCopy, held_by_drives
 from continuum_grasp.grasp.rods.histories import HistoryColumns
 from continuum_grasp.grasp.rods.numbers import GraspAims, SceneNumbers
+from continuum_grasp.grasp.rods.object_error import PlanarObjectError, scaled
 from continuum_grasp.grasp.rods.places import StagePlace
 from continuum_grasp.grasp.rods.planar_numbers import planar_supports
 from continuum_grasp.grasp.rods.problem import GraspRods
 from continuum_grasp.grasp.rods.solving import RodGrasp
 from continuum_grasp.grasp.rods.supports import SupportNumbers
+from continuum_grasp.grasp.values import YIELDS
 from continuum_grasp.scene import GraspScene, HandScene
 
 SHARES = ("radius", "friction", "mass", "tension")
@@ -107,6 +107,10 @@ class ErrorSpace(ABC):
         # Half of all states at their bounds.
         states = random.uniform(-2.0, 2.0, (count, self.histories.size))
         return np.concatenate([errors, np.clip(states, -1.0, 1.0)], axis=1)
+
+    def reported(self, errors: Array) -> Array:
+        """Errors (n, columns) without those of the tensions, which no scene states."""
+        return np.delete(errors, len(self.axes) + SHARES.index("tension"), axis=1)
 
     @staticmethod
     def _with(errors: Array, states: Array) -> Array:
@@ -253,14 +257,14 @@ class PlanarErrors(ErrorSpace):
     axes = (("x", "position"), ("y", "position"), ("angle", "angle"))
 
     @cached_property
-    def _in_error(self) -> InError:
+    def _in_error(self) -> PlanarObjectError:
         numbers = self.grasp.problem.numbers
         names = [name for finger in numbers.fingers for name in finger.contacts]
         names += [support.name for support in numbers.supports]
-        return InError(self.scene, {"contact_names": names, "object.pose": self.pose})
+        return PlanarObjectError(self.scene, names, self.pose.tolist())
 
     def _object(self, error: Array) -> Array:
-        """Errors of the object, as `InError` has them."""
+        """Errors of the object, as `PlanarObjectError` has them."""
         return error[: len(self.axes) + 3]
 
     def scene_with(self, error: Array) -> GraspScene:

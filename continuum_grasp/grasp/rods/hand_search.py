@@ -114,8 +114,6 @@ class HandRodSearch(StartedSearch):
     @property
     def asked(self) -> AskedAnswers | None:
         """Push that the scene asks for; None where it asks for none."""
-        if self.scene.unloaded:
-            return self.share_of_greatest_push(self.scene.contacts.normal_force_max)
         push = self.scene.contacts.push
         return AskedAnswers(push) if push else None
 

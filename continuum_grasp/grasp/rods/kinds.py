@@ -436,12 +436,14 @@ def square_kind(size: int) -> BlockKind:
 
 
 @cache
-def moved_kind() -> BlockKind:
-    """Rows (2): normal force of a contact after a change, and what its friction cone leaves then."""
+def moved_kind(*, spatial: bool) -> BlockKind:
+    """Rows: normal force of a contact after a change, and what its friction cone, or both lines of it, leave then."""
     parts = _Parts()
     held, change = parts.unknown("held", HELD), parts.unknown("change", HELD)
     friction, apex = parts.datum("friction"), parts.datum("apex")
     now = held + change
+    if not spatial:
+        return parts.kind("moved_wedge", [now[0], friction * now[0] - now[1], friction * now[0] + now[1]])
     return parts.kind("moved", [now[0], friction * now[0] - ca.sqrt(ca.sumsqr(now[1:]) + apex**2)])
 
 

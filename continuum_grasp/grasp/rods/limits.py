@@ -13,10 +13,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.base import Array, Indices
+from continuum_grasp.base import Array, Indices, amount_text
 from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.numbers import FingerNumbers, SceneNumbers
-from continuum_grasp.grasp.rods.problem import GraspRods
+from continuum_grasp.grasp.rods.problem import UNBORNE, GraspRods
 from continuum_grasp.scene import FingerSetup, GraspScene, HandScene, MotorDrive
 
 AnyGraspScene = GraspScene | HandScene
@@ -75,13 +75,17 @@ class WidenedLimit(ABC):
     def used(self, problem: GraspRods, x: Array) -> float:
         """Relative amount, zero or more, by which a solution goes beyond the limit."""
 
+    def beyond(self, amount: float, share: float) -> float:
+        """A greater amount, by a share of what the limit is about."""
+        return (1.0 + share) * amount
+
     @abstractmethod
     def changes(self, scene: AnyGraspScene, amount: float, problem: GraspRods, x: Array) -> dict[str, Any]:
         """Changes of keys of a scene that widen its limit by a relative amount, towards a solution that uses it."""
 
     @abstractmethod
-    def words(self, scene: AnyGraspScene, changes: dict[str, Any]) -> tuple[str, str, float, float]:
-        """Return a sentence about the changes, the unit, the limit, and the number that is needed."""
+    def words(self, scene: AnyGraspScene, changes: dict[str, Any], amount: float) -> tuple[str, str, float, float]:
+        """Return a sentence about changes by an amount, the unit, the limit, and the number that is needed."""
 
 
 class NumberLimit(WidenedLimit):
@@ -98,12 +102,16 @@ class NumberLimit(WidenedLimit):
         """Whether a scene has this limit."""
         return any(math.isfinite(number.value) and number.value > 0.0 for number in self.numbers(scene))
 
+    def beyond(self, amount: float, share: float) -> float:
+        """A greater amount, with numbers that are farther by a share of them."""
+        return (1.0 + amount) * (1.0 + share) - 1.0 if self.grows else 1.0 - (1.0 - amount) / (1.0 + share)
+
     def changes(self, scene: AnyGraspScene, amount: float, problem: GraspRods, x: Array) -> dict[str, Any]:
         """Changes of the numbers."""
         factor = 1.0 + amount if self.grows else 1.0 - amount
         return {number.key: number.times(factor) for number in self.numbers(scene) if number.value}
 
-    def words(self, scene: AnyGraspScene, changes: dict[str, Any]) -> tuple[str, str, float, float]:
+    def words(self, scene: AnyGraspScene, changes: dict[str, Any], amount: float) -> tuple[str, str, float, float]:
         """Return a sentence about the first number."""
         number = next(number for number in self.numbers(scene) if number.key in changes)
         needed = float(changes[number.key])
@@ -256,6 +264,70 @@ class WidenedMass(NumberLimit):
         return max(0.0, float(x[problem.at["less mass"]][0]))
 
 
+class WidenedStrain(NumberLimit):
+    """Greatest strains of rods."""
+
+    name = "strain"
+    sentence = "the rod must bend more: a strain of {limit} is allowed, and a grasp needs {needed}"
+
+    def numbers(self, scene: AnyGraspScene) -> Iterator[KeyNumber]:
+        """Return the limits of all fingers that have one."""
+        for setup in _different(scene):
+            if setup.finger.strain_limit is not None:
+                yield KeyNumber(f"{setup.where}.strain_limit", setup.finger.strain_limit, "1")
+
+    def widen(self, problem: GraspRods, cost: float) -> None:
+        """Take what curvatures exceed their limits by off their rows, as far as a share of these."""
+        more = problem.unknown("more strain", 0.0, FAR - 1.0)
+        problem.cost(more, cost)
+        give = kinds.share_kind()
+        for block in [block for block in problem.blocks if block.name.startswith("strain, ")]:
+            beyond = problem.unknown("strain beyond", -np.inf, np.inf)
+            problem.add(give, beyond, block.rows.ravel(), [-1.0])
+            for sign in (1.0, -1.0):
+                row = problem.rows("widened", "limit", "1", 1, 1.0, 0.0, np.inf)
+                problem.add(give, more, row, [float(block.upper.item())])
+                problem.add(give, beyond, row, [sign])
+
+    def used(self, problem: GraspRods, x: Array) -> float:
+        """Share by which curvatures exceed their limits."""
+        return max(0.0, float(x[problem.at["more strain"]][0]))
+
+
+class WidenedTilt(WidenedLimit):
+    """Balance of the object against tilting out of the plane."""
+
+    name = "tilt balance"
+
+    def applies(self, scene: AnyGraspScene) -> bool:
+        """Whether contacts bear these moments of a weight."""
+        return isinstance(scene, GraspScene) and scene.spatial and 3 in scene.balances and scene.weight > 0.0
+
+    def widen(self, problem: GraspRods, cost: float) -> None:
+        """Let something else bear the moments."""
+        for axis in ("x", "y"):
+            moment = problem.at.pop(f"unborne, moment {axis}")
+            problem.at[f"tilt, moment {axis}"] = moment
+            problem.bound(moment, high=np.inf)
+            problem.scale_costs(moment, cost / UNBORNE)
+
+    def used(self, problem: GraspRods, x: Array) -> float:
+        """Moment that something else bears, per weight and size of the object."""
+        moment = np.hypot(*(x[problem.at[f"tilt, moment {axis}"]] @ [1.0, -1.0] for axis in ("x", "y")))
+        return float(moment / np.linalg.norm(problem.numbers.weight[:3]))
+
+    def changes(self, scene: AnyGraspScene, amount: float, problem: GraspRods, x: Array) -> dict[str, Any]:
+        """The key by which something else bears the moments."""
+        return {"upright": True}
+
+    def words(self, scene: AnyGraspScene, changes: dict[str, Any], amount: float) -> tuple[str, str, float, float]:
+        """Return a sentence with the moment, for which there is no key."""
+        moment = amount * scene.weight * scene.object.size
+        missing = amount_text(moment, "N m", ".3g")
+        text = f"the object would tip over: contacts leave a moment of {missing}, which something else may bear"
+        return text, "N m", 0.0, moment
+
+
 class WidenedPlace(WidenedLimit):
     """Places that are fixed: of the bases or of the object."""
 
@@ -294,7 +366,7 @@ class WidenedPlace(WidenedLimit):
             changes[key] = tuple(values)
         return changes
 
-    def words(self, scene: AnyGraspScene, changes: dict[str, Any]) -> tuple[str, str, float, float]:
+    def words(self, scene: AnyGraspScene, changes: dict[str, Any], amount: float) -> tuple[str, str, float, float]:
         """Return a sentence about how far the places move."""
         positions = dict(self.keys(scene))
         far = max(math.dist(positions[key], needed) for key, needed in changes.items())
@@ -366,7 +438,9 @@ LIMITS: tuple[WidenedLimit, ...] = (
     WidenedBase(),
     WidenedTension(),
     WidenedNormalForce(),
+    WidenedStrain(),
     WidenedMass(),
+    WidenedTilt(),
     WidenedFriction(),
 )
 """Limits in the order in which they are named."""
@@ -374,6 +448,8 @@ LIMITS: tuple[WidenedLimit, ...] = (
 
 def shown(value: Any, unit: str = "1") -> str:
     """A number with its unit, or a list of numbers, as it is typed."""
+    if isinstance(value, bool):
+        return str(value).lower()
     if isinstance(value, tuple):
         return f"[{', '.join(f'{part:.{DIGITS + 1}g}' for part in value)}]"
     return value if isinstance(value, str) else f"{value:.4g}" + (f" {unit}" if unit != "1" else "")

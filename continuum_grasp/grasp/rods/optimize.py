@@ -1,16 +1,22 @@
-"""The grasp of a scene as exact rods: search, verdict, certificate, reasons, elements, and all of it as a result.
-
-`optimize_grasp` does not lead here yet: tests do.
-"""
+"""The grasp of a scene as exact rods: search, verdict, certificate, reasons, elements, and all of it as a result."""
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, overload
 
-from continuum_grasp.base import Array, InputError, Interrupted, SolverError, amount_text, interruptible
+from continuum_grasp.base import (
+    Array,
+    InputError,
+    Interrupted,
+    SolverError,
+    amount_text,
+    check_arguments,
+    interruptible,
+)
 from continuum_grasp.grasp.hand.result import HandResult
 from continuum_grasp.grasp.judge.certificate import RodCertificate, rods_of
 from continuum_grasp.grasp.judge.held import HeldRods
@@ -19,6 +25,7 @@ from continuum_grasp.grasp.result import GraspResult, with_outline
 from continuum_grasp.grasp.rods.arrays import RodArrays
 from continuum_grasp.grasp.rods.hand_search import HandRodSearch
 from continuum_grasp.grasp.rods.projection import MOST_ELEMENTS, on_elements
+from continuum_grasp.grasp.rods.proofs import gaps_of, overlaps_of
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.repairs import LeastRepairs, reason_of
 from continuum_grasp.grasp.rods.robust_result import SoughtRobust
@@ -27,31 +34,73 @@ from continuum_grasp.grasp.rods.sensitivity import sensitivities_of
 from continuum_grasp.grasp.rods.solving import BORNE, STARTS, RodGrasp, StartedSearch
 from continuum_grasp.grasp.rods.verdict import RodVerdict, VerdictDoubt, verdict_of
 from continuum_grasp.grasp.tried import Exploration
-from continuum_grasp.grasp.values import ElementError, GraspStatus, Reason
+from continuum_grasp.grasp.values import OPENED, STEADIER, ElementError, GraspStatus, Reason, unloaded_words
 from continuum_grasp.nlp import Budget
-from continuum_grasp.scene import GraspScene, HandScene
+from continuum_grasp.scene import GraspScene, HandScene, scene_of
 
 _MORE = {"quick": STARTS // 2, "normal": STARTS, "thorough": 4 * STARTS}
 """Starts by effort."""
 
 
+_Listener = Callable[[str], None] | None
+
+
 @overload
-def held_by_rods(
-    scene: GraspScene, *, raise_on_failure: bool = ..., progress: Callable[[str], None] | None = ...
-) -> GraspResult: ...
+def optimize_grasp(scene: HandScene, *, raise_on_failure: bool = ..., progress: _Listener = ...) -> HandResult: ...
 @overload
-def held_by_rods(
-    scene: HandScene, *, raise_on_failure: bool = ..., progress: Callable[[str], None] | None = ...
-) -> HandResult: ...
+def optimize_grasp(scene: GraspScene, *, raise_on_failure: bool = ..., progress: _Listener = ...) -> GraspResult: ...
+@overload
+def optimize_grasp(
+    scene: str | os.PathLike[str], *, raise_on_failure: bool = ..., progress: _Listener = ...
+) -> Any: ...
 @interruptible()
-def held_by_rods(
-    scene: GraspScene | HandScene,
+@check_arguments
+def optimize_grasp(
+    scene: GraspScene | HandScene | str | os.PathLike[str],
     *,
     raise_on_failure: bool = True,
     progress: Callable[[str], None] | None = None,
-) -> GraspResult | HandResult:
-    """Find the best grasp of a scene as exact rods; with arguments, result and errors as in `optimize_grasp`."""
-    result = _result(scene, Budget.of(scene.solver, progress))
+) -> Any:
+    """Find the best grasp of an object by the fingers of a scene, and verify it.
+
+    Parameters
+    ----------
+    scene : GraspScene, HandScene or path-like
+        The scene, in the plane or of a hand in space, or its YAML file. With
+        ``robust``, the grasp holds for all those errors, and ``robustness`` of the result has the trials.
+    raise_on_failure : bool, optional
+        Raise an error if no verified grasp holds the object; False: return the result with its ``status``.
+    progress : callable, optional
+        Takes a line of text now and then: the best so far, and the remaining work.
+
+    Returns
+    -------
+    GraspResult or HandResult
+        The best verified grasp found; its ``exploration`` describes the search. ``optimal`` is a local optimum to which
+        starts from different postures lead, and none to a better one.
+
+    Raises
+    ------
+    InputError
+        The scene is inconsistent, or its file cannot be read.
+    SolverError
+        There is no verified grasp, or only an unstable one (``status`` unstable) where the scene requires a stable
+        one; ``result`` of the error holds the outcome.
+    Interrupted
+        Ctrl-C was pressed before any grasp was verified. With one, that is the result, and its message
+        reports the interruption.
+
+    Examples
+    --------
+    A finger holds a mug against a palm; tensions and forces in N:
+
+    >>> import continuum_grasp as cg
+    >>> grasp = cg.optimize_grasp("configs/grasp/mug_arcs.yaml")
+    >>> grasp.status.value, round(grasp.tension, 1), len(grasp.contacts)
+    ('optimal', 39.7, 3)
+    """
+    asked = scene_of(scene, (GraspScene, HandScene))
+    result = _result(asked, Budget.of(asked.solver, progress))
     if raise_on_failure and not result.solved:
         raise SolverError(
             result.message,
@@ -109,8 +158,11 @@ class _EndedSearch:
             return self.solved(verdict)
         self.search.budget.tell("grasp found; looking for one that holds for all errors")
         sought = SoughtRobust(self.search)
-        result = self.solved(sought.verdict(verdict))
-        return sought.result(result) if isinstance(result, GraspResult) else result
+        nominal, found = self.solved(verdict), sought.verdict(verdict)
+        result = nominal if found is verdict else self.solved(found)
+        if not (isinstance(nominal, GraspResult) and isinstance(result, GraspResult)):
+            return result
+        return sought.result(nominal, result)
 
     # -- with a grasp ------------------------------------------------------------------------------------------
 
@@ -119,9 +171,15 @@ class _EndedSearch:
         best, held, certificate = verdict.best, verdict.held, verdict.certificate
         if best is None or held is None or certificate is None:
             raise ValueError(f"a verdict {verdict.status} has a certified grasp")
-        scene, arrays, errors = stored(self.scene, held, certificate)
+        scene, arrays, errors = stored(self.search.scene, held, certificate)
         tension = amount_text(best.tension, "N", ".4g")
-        message = "; ".join([f"held with a sum of tensions of {tension}", *(doubt.value for doubt in verdict.doubts)])
+        held_with = f"held with a sum of tensions of {tension}"
+        if scene.contacts.push:
+            held_with += f" against any push up to {amount_text(certificate.push, 'N', '.3g')}"
+        doubts = [doubt.value for doubt in verdict.doubts]
+        message = "; ".join([held_with, *doubts, *self._unloaded, *overlaps_of(scene)])
+        if self.search.steady is None and not best.is_stable:
+            message += OPENED
         if isinstance(scene, HandScene):
             return HandResult(
                 scene,
@@ -141,18 +199,26 @@ class _EndedSearch:
             statistics=self._statistics(best),
             sensitivity=sensitivities_of(scene, best) if best.attempt.converged else (),
             exploration=self._exploration,
+            lower_bound=self.search.bound,
             element_errors=errors,
         )
+
+    @property
+    def _unloaded(self) -> list[str]:
+        """Why a grasp bears a push that the scene does not state."""
+        return [] if self.search.greatest_push is None else [unloaded_words(self.search.greatest_push)]
 
     # -- without one -------------------------------------------------------------------------------------------
 
     def _without(self, verdict: RodVerdict) -> GraspResult | HandResult:
         """The result without a grasp, with what stands in the way."""
         reasons = self._reasons(verdict)
+        if self.search.budget.stopped and verdict.status is GraspStatus.NOT_SOLVED:
+            verdict, reasons = replace(verdict, status=GraspStatus.STOPPED, doubts=(VerdictDoubt.CLOCK,)), []
         message = self._said(verdict, reasons)
-        advice = self._advice(verdict, reasons)
+        advice = " ".join([*gaps_of(self.scene), self._advice(verdict, reasons)])
         scene, arrays, errors = self.scene, dict[str, Array](), dict[str, ElementError]()
-        if reasons:
+        if reasons and not self.search.yielding:
             arrays = dict(reasons[0].arrays)
         elif verdict.best is not None:
             # What is no grasp is not worth more elements.
@@ -186,21 +252,43 @@ class _EndedSearch:
 
     def _reasons(self, verdict: RodVerdict) -> list[Reason]:
         """Limits that stand in the way, with the grasp of the first one."""
-        if verdict.best is None or VerdictDoubt.UNBORNE not in verdict.doubts:
+        if verdict.proof is not None and verdict.proof.reason is not None:
+            return [verdict.proof.reason]
+        if verdict.proof is None and VerdictDoubt.UNBORNE not in verdict.doubts:
             return []
+        if self.search.yielding:
+            return [self._push_reason()]
         self.search.budget.tell("no grasp found; looking for a change that allows one")
         found = LeastRepairs(self.search).found()
         reasons = [reason_of(self.search.scene, repair) for repair in found]
         if reasons:
             changed = self.search.scene.changed(found[0].changes)
-            arrays = stored(changed, held_rods(found[0].grasp))[1]
+            arrays = stored(changed, held_rods(found[0].grasp), most=0)[1]
             reasons[0] = replace(reasons[0], arrays=arrays)
         return reasons
 
+    def _push_reason(self) -> Reason:
+        """Reason that grasps hold the object, but bear a smaller push than the scene states."""
+        # 0.99: a grasp with it is found, too
+        asked, borne = self.search.scene.contacts.push or 0.0, 0.99 * self.search.most_push()
+        most = amount_text(borne, "N", ".3g")
+        text = f"the push is too great: {amount_text(asked, 'N', '.3g')}; a grasp bears {most}"
+        return Reason("push", "contacts.push", "N", asked, borne, text, f"contacts.push = {most}")
+
     def _said(self, verdict: RodVerdict, reasons: Sequence[Reason]) -> str:
-        """Why there is no grasp, in one sentence."""
-        if reasons:
-            return reasons[0].text
+        """Why there is no grasp, and which fingers are in the way at rest."""
+        words = [reasons[0].text] if reasons else []
+        if verdict.proof is not None:
+            words.append(verdict.proof.text)
+        return "; ".join([*dict.fromkeys(words or [self._unsolved(verdict)]), *overlaps_of(self.scene)])
+
+    def _unsolved(self, verdict: RodVerdict) -> str:
+        """Why there is no grasp, where neither a proof nor a reason says so."""
+        if self.search.greatest_push is not None and not self.search.scene.contacts.push:
+            most = amount_text(self.search.greatest_push, "N", ".3g")
+            return f"nothing loads the object, and the greatest push that any found grasp bears is negligible: {most}"
+        if verdict.status is GraspStatus.UNSTABLE:
+            return "; ".join([f"in balance, but {verdict.doubts[0].value}", *self._unloaded])
         if verdict.certificate is not None:
             return f"{verdict.doubts[0].value}: {verdict.certificate.worst}"
         words = [doubt.value for doubt in verdict.doubts]
@@ -212,11 +300,19 @@ class _EndedSearch:
         """A remedy."""
         if reasons:
             return "Any one of these repairs it: " + "; ".join(reason.repair for reason in reasons) + "."
+        if verdict.proof is not None:
+            return (
+                "Change the load, or what contacts can bear: object.mass, contacts.friction, contacts.normal_force_max."
+            )
+        if verdict.status is GraspStatus.UNSTABLE:
+            return STEADIER
         if self.search.budget.stopped:
             return "Raise solver.time_limit, or free the machine."
         if self.search.budget.cut:
             return "Raise solver.max_total_iterations."
         move = "move the base or the object, or let the middle contact be elsewhere (contacts.middle_range)"
+        if verdict.best is not None and verdict.best.crosses:
+            return "Use a shorter finger, or bases further apart: base_free lets the search find them."
         if self.scene.solver.effort == "thorough":
             return f"Probably the geometry is the cause: {move}."
         return f"Try solver.effort: thorough, which tries more starts. Otherwise {move}."
@@ -227,14 +323,15 @@ class _EndedSearch:
     def _exploration(self) -> Exploration:
         """Record of the search."""
         tried = self.search.tried
+        starts = self.search.starts if self.search.refuted is None else []
         solved = sum(grasp.holds for grasp in tried)
         modes = len(contact_modes(self.scene)) if isinstance(self.scene, GraspScene) else 0
         return Exploration(
             modes=modes,
             starts_solved=solved,
             starts_failed=len(tried) - solved,
-            settled=len(self.search.starts),
-            untried=max(len(self.search.starts) - len(tried), 0),
+            settled=len(starts),
+            untried=max(len(starts) - len(tried), 0),
         )
 
     def _statistics(self, chosen: RodGrasp | None) -> dict[str, Any]:

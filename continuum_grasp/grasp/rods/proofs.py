@@ -1,31 +1,48 @@
-"""Proofs that a scene has no grasp, which solve nothing, and overlaps of a scene at rest."""
+"""Proofs that a scene has no grasp, which solve nothing, and overlaps and gaps of a scene at rest."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from continuum_grasp.base import amount_text
 from continuum_grasp.grasp.at_rest import CLEAR, free_line, overlaps_at_rest
 from continuum_grasp.grasp.bound import cannot_balance
-from continuum_grasp.grasp.reasons.diagnosis import out_of_reach
+from continuum_grasp.grasp.shape import ROUNDING
+from continuum_grasp.grasp.starts.supports import object_outlines, settle, touching_supports
+from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene import FingerSetup, GraspScene, HandScene
 
 
-def proof_of_none(scene: GraspScene | HandScene) -> str:
-    """Return the reason why no forces or no shapes hold the object, in a sentence; empty where there is no proof."""
+@dataclass(frozen=True)
+class Refutation:
+    """Proof that a scene has no grasp.
+
+    Attributes
+    ----------
+    text : str
+        The proof in a sentence.
+    reason : Reason or None
+        What would have to change; None: limits of the load and of the forces that carry it.
+    """
+
+    text: str
+    reason: Reason | None = None
+
+
+def proof_of_none(scene: GraspScene | HandScene) -> Refutation | None:
+    """Return the proof that no forces or no shapes hold the object; None where there is none."""
     if isinstance(scene, HandScene):
-        most = _greatest_force(scene)
-        need = scene.weight
+        most, need = _greatest_force(scene), scene.weight
         if need <= most:
-            return ""
-        return (
-            f"contacts exert {amount_text(most, 'N', '.3g')} at most; the object weighs {amount_text(need, 'N', '.3g')}"
-        )
+            return None
+        limit, weight = amount_text(most, "N", ".3g"), amount_text(need, "N", ".3g")
+        return Refutation(f"contacts exert {limit} at most; the object weighs {weight}")
     if (reach := out_of_reach(scene)) is not None:
-        return reach.text
-    return "no forces at any place of the object balance its weight" if cannot_balance(scene) else ""
+        return Refutation(reach.text, reach)
+    return Refutation("no forces at any place of the object balance its weight") if cannot_balance(scene) else None
 
 
 def _greatest_force(scene: HandScene) -> float:
@@ -50,6 +67,30 @@ def overlaps_of(scene: GraspScene | HandScene) -> list[str]:
     return found
 
 
+def gaps_of(scene: GraspScene | HandScene) -> list[str]:
+    """Return sentences about supports that a fixed planar object is away from, and where it touches them."""
+    if isinstance(scene, HandScene):
+        return []
+    gaps = ((body.name, scene.gap_range(body)[0]) for body in scene.places)
+    return [
+        f"The object is {gap:.4g} m away from {name}, so {name} carries nothing{_place_at(scene, name)}."
+        for name, gap in gaps
+        if gap > scene.touching_gap
+    ]
+
+
+def _place_at(scene: GraspScene, support: str) -> str:
+    """Position of a fixed object at which it touches one more support, in words; empty where there is none within its
+    size.
+    """
+    (x, y, angle), size = scene.object.pose, scene.object.size
+    on = touching_supports(scene, scene.object.pose) | {support}
+    within = [(x - size, x + size), (y - size, y + size), (angle, angle)]
+    fixed = scene.object.free is None
+    pose = settle(scene, object_outlines(scene), on, scene.object.pose, within) if fixed else None
+    return "" if pose is None else f"; it touches at object.position = [{pose[0]:.9g}, {pose[1]:.9g}]"
+
+
 def _depth_in_itself(setup: FingerSetup) -> float:
     """Depth of a finger at rest in itself [m], negative where it is apart.
 
@@ -63,3 +104,34 @@ def _depth_in_itself(setup: FingerSetup) -> float:
         return -float(half.max())
     gaps = np.linalg.norm(line[:, None] - line, axis=2) - half[:, None] - half
     return -float(gaps[far].min())
+
+
+def out_of_reach(scene: GraspScene) -> Reason | None:
+    """The exact test of distance: no shape at all can touch."""
+    needed = [s for s in scene.setups if "on" in (*s.middles, s.tip) or len(scene.setups) == 1]
+    away = [(_distance(scene, setup), _reach(setup)) for setup in needed]
+    missing, distance, reach = max(((d - r, d, r) for d, r in away), key=lambda gap: gap[0], default=(0.0, 0.0, 0.0))
+    if missing <= ROUNDING * reach:
+        return None
+    text = f"the object is out of reach: it is {distance:.4g} m from the base; the finger reaches {reach:.4g} m"
+    repair = f"move object and base closer together, by at least {missing:.4g} m"
+    return Reason("reach", "object.position", "m", distance, reach, text, repair)
+
+
+def _reach(setup: FingerSetup) -> float:
+    """Greatest distance from its base at which a finger can touch [m]."""
+    length = setup.finger.rod.length
+    middle = setup.middle_bounds[1] if "on" in setup.middles else length
+    return min(middle, length) + setup.finger.thickness_radius
+
+
+def _distance(scene: GraspScene, setup: FingerSetup) -> float:
+    """Least distance between a base and the object's surface [m]; a lower bound where a pose is free."""
+    x, y = setup.finger.base.position
+    body = scene.object
+    if body.free is None or body.free.angle is None:
+        away = body.distance((x, y))
+    else:
+        # However it is turned about its position, the object lies within its size of its center of mass.
+        away = math.dist((x, y), body.position) - math.hypot(*body.com) - body.size
+    return away - body.greatest_shift - setup.finger.base_shift

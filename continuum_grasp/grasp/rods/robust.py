@@ -20,6 +20,8 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.robust.result import GraspTrials, Robustness
+from continuum_grasp.grasp.rods.answers import AskedAnswers
+from continuum_grasp.grasp.rods.carried import carried
 from continuum_grasp.grasp.rods.clearance import CROSSED, Crossing, deep_places
 from continuum_grasp.grasp.rods.copies import RodCopies, RodCopy
 from continuum_grasp.grasp.rods.errors import ErrorSpace, PlanarErrors, SpatialErrors
@@ -251,9 +253,15 @@ class RobustSearch:
 
     @property
     def best(self) -> RobustGrasp | None:
-        """The robust grasp with the least aim."""
+        """The robust grasp with the least aim; of those that are as stable as the scene requires, if there are any."""
         held = [robust for robust in self.tried if robust.holds]
-        return min(held, key=lambda robust: robust.grasp.attempt.objective, default=None)
+        steady = [robust for robust in held if self.is_steady(robust)]
+        return min(steady or held, key=lambda robust: robust.grasp.attempt.objective, default=None)
+
+    def is_steady(self, robust: RobustGrasp) -> bool:
+        """Whether a robust grasp is as stable as the scene requires, without errors."""
+        steady = self._search.steady
+        return steady is None or robust.grasp.meets(steady)
 
     @property
     def nominal(self) -> RobustGrasp:
@@ -272,8 +280,24 @@ class RobustSearch:
         for grasp in _apart(held)[:BRANCHES]:
             best = self.best
             if self._search.budget.over or (best and best.grasp.attempt.objective <= grasp.attempt.objective):
-                return
-            self.tried.append(self.next_to(grasp))
+                break
+            self.tried.append(self.next_to(self._plain(grasp)))
+        if self.best is not None and not self.is_steady(self.best):
+            self._steady(self.best)
+
+    def _plain(self, grasp: RodGrasp) -> RodGrasp:
+        """The grasp without the push that it must bear: one for all errors bears more, and its problem is smaller."""
+        if not isinstance(grasp.variant, AskedAnswers) or grasp.variant.aimed:
+            return grasp
+        plain = self._search.solved(grasp.start, beside=grasp, fine=grasp.fine)
+        return plain if plain.holds else grasp
+
+    def _steady(self, robust: RobustGrasp) -> None:
+        """Seek next to a grasp that is as stable as the scene requires, beside the one that a robust grasp is from."""
+        nominal = next(grasp for grasp in self._search.tried if grasp.start is robust.grasp.start)
+        steady = self._search.steadied(nominal)
+        if steady is not None:
+            self.tried.append(self.next_to(steady))
 
     def next_to(self, grasp: RodGrasp) -> RobustGrasp:
         """The robust grasp next to a grasp; the last one where none is found."""
@@ -302,9 +326,10 @@ class RobustSearch:
         self, errors: ErrorSpace, active: Array, known: Sequence[Array], beside: RodGrasp
     ) -> RobustGrasp | None:
         """The grasp and its copies, with rows where a copy is in the object between nodes."""
-        first, xs = errors.grasp.problem, [beside.attempt.x, *known]
+        xs = [beside.attempt.x, *known]
         places = [tuple[StagePlace, ...]() for _ in active]
         for _ in range(ROUNDS + 1):
+            first = errors.grasp.problem
             copies = [
                 errors.copy(error, self._search.stages, places=more) for error, more in zip(active, places, strict=True)
             ]
@@ -313,9 +338,13 @@ class RobustSearch:
             if not attempt.converged:
                 return None
             xs = problem.split(attempt.x)
+            if deeper := [place for place in deep_places(first, xs[0]) if place not in first.places]:
+                # Copies have the rows of the first one.
+                errors = replace_grasp(errors, _with_places(errors.grasp, deeper))
+                xs[0] = carried(first, xs[0], errors.grasp.problem)
             deep = [deep_places(copy.problem, x) for copy, x in zip(copies, xs[1:], strict=True)]
             new = [tuple(p for p in found if p not in more) for found, more in zip(deep, places, strict=True)]
-            if not any(new):
+            if not any(new) and not deeper:
                 break
             places = [(*more, *found) for more, found in zip(places, new, strict=True)]
         grasps = tuple(
@@ -337,8 +366,10 @@ def share_held(search: StartedSearch, bounds: Mapping[str, float], halvings: int
     return low
 
 
-def robustness_of(search: StartedSearch, robust: RobustSearch, count: int, seed: int) -> Robustness:
-    """The best grasp of a search and the robust one, tried with the same errors.
+def robustness_of(
+    search: StartedSearch, robust: RobustSearch, count: int, seed: int, arrays: Mapping[str, Array]
+) -> Robustness:
+    """The best grasp of a search, of which there are arrays, and the robust one, tried with the same errors.
 
     The nominal grasp is tried with `DRAWS` of them at most: its share is then known to 7 percentage points at 95 %.
     """
@@ -348,7 +379,25 @@ def robustness_of(search: StartedSearch, robust: RobustSearch, count: int, seed:
     trials = trials_of(nominal, drawn[:DRAWS], stages, budget)
     own = None if best is None else trials_of(best, drawn, stages, budget)
     active = drawn[:0] if best is None else best.active
-    return Robustness(drawn, trials, own, active, {}, ())
+    reported = nominal.errors.reported
+    return Robustness(reported(drawn), trials, own, reported(active), arrays)
+
+
+def _with_places(grasp: RodGrasp, more: Sequence[StagePlace]) -> RodGrasp:
+    """The grasp in a problem with rows at more places."""
+    known = grasp.problem
+    problem = GraspRods(
+        known.numbers,
+        joints=grasp.start.joints,
+        stages=known.stages,
+        places=(*known.places, *more),
+        near=known.near,
+        fine=known.fine,
+    )
+    if grasp.variant is not None:
+        grasp.variant(problem)
+    x = carried(known, grasp.attempt.x, problem)
+    return replace(grasp, problem=problem, attempt=replace(grasp.attempt, x=x))
 
 
 def replace_grasp(errors: ErrorSpace, grasp: RodGrasp) -> ErrorSpace:
@@ -384,19 +433,22 @@ def trials_of(robust: RobustGrasp, drawn: Array, stages: int, budget: Budget) ->
     """Try the tensions of a grasp with errors that are drawn, and with each bound alone."""
     errors = robust.errors
     responder = RodResponder(errors, stages, budget)
+    reserve = errors.scene.contacts.reserve
+
+    def free(response: RodResponse) -> float:
+        """Share of the friction that is free, of which the problem leaves the reserve: zero at the edge of the cone."""
+        margin = reserve + (1.0 - reserve) * response.margin
+        return max(margin, 0.0) if margin >= HOLDS else margin
+
     responses = [responder.to(error) for error in drawn]
-    failing = (response for response in responses if not response.holds)
-    alone = {name: min(responder.to(error).margin for error in ends) for name, ends in errors.alone.items()}
+    margins = np.array([free(response) for response in responses])
+    failing = (response for response, margin in zip(responses, margins, strict=True) if not margin >= 0.0)
+    alone = {name: min(free(responder.to(error)) for error in ends) for name, ends in errors.alone.items()}
     return GraspTrials(
         robust.grasp.tension,
-        np.array([_at_edge(response.margin) for response in responses]),
-        np.array([_at_edge(response.margin) for response in robust.responses]),
+        margins,
+        np.array([free(response) for response in robust.responses]),
         alone,
         Counter(response.weakest or "balance" for response in failing),
         errors.words(robust.worst.error),
     )
-
-
-def _at_edge(margin: float) -> float:
-    """A margin, which is zero at the edge of the cone."""
-    return max(margin, 0.0) if margin >= HOLDS else margin

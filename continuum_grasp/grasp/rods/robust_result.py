@@ -12,7 +12,7 @@ from continuum_grasp.grasp.robust.result import GraspTrials, Robustness
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.robust import RobustSearch, robustness_of, share_held
 from continuum_grasp.grasp.rods.solving import StartedSearch
-from continuum_grasp.grasp.rods.verdict import RodVerdict
+from continuum_grasp.grasp.rods.verdict import RodVerdict, unsteady
 from continuum_grasp.grasp.values import GraspStatus, Reason
 from continuum_grasp.scene import Robust
 
@@ -29,11 +29,9 @@ class SoughtRobust:
     """A grasp that is sought for the errors of a scene, next to grasps of a search."""
 
     def __init__(self, search: StartedSearch) -> None:
-        scene = search.scene
-        self._search, self._bounds = search, bounds_of(scene.robust)
+        self._search, self._bounds = search, bounds_of(search.scene.robust)
         self._found = RobustSearch(search, self._bounds)
         self._found.run()
-        self._robustness = robustness_of(search, self._found, scene.robust.draws, scene.solver.random_seed)
 
     def verdict(self, nominal: RodVerdict) -> RodVerdict:
         """The verdict on the robust grasp, by that on the nominal one; the same where there is none."""
@@ -41,25 +39,39 @@ class SoughtRobust:
         if best is None:
             return nominal
         held = held_rods(best.grasp)
-        return replace(nominal, best=best.grasp, held=held, certificate=certify_rods(self._search.scene, held))
+        # A grasp that no push opens without errors may be opened with the tensions for all of them.
+        doubts = nominal.doubts if self._found.is_steady(best) else (*nominal.doubts, unsteady(best.grasp))
+        status = nominal.status if self._found.is_steady(best) else GraspStatus.UNSTABLE
+        return replace(
+            nominal,
+            status=status,
+            doubts=doubts,
+            best=best.grasp,
+            held=held,
+            certificate=certify_rods(self._search.scene, held),
+        )
 
-    def result(self, result: GraspResult) -> GraspResult:
-        """The result of that verdict, with trials; or why no grasp is robust."""
-        trials = self._robustness.robust
+    def result(self, nominal: GraspResult, result: GraspResult) -> GraspResult:
+        """The result of that verdict, with trials of it and of the nominal one; or why no grasp is robust."""
+        scene = self._search.scene
+        robustness = robustness_of(
+            self._search, self._found, scene.robust.draws, scene.solver.random_seed, nominal.arrays
+        )
+        trials = robustness.robust
         if trials is None:
-            return self._none(result)
-        nominal, own = (amount_text(each.tension, "N", ".4g") for each in (self._robustness.nominal, trials))
+            return self._none(nominal, robustness)
+        without, own = (amount_text(each.tension, "N", ".4g") for each in (robustness.nominal, trials))
         notes = result.message.split("; ")[1:]
         words = [
             f"held with {own} of total tension whatever the errors within robust",
-            f"{nominal} without errors",
+            f"{without} without errors",
             *notes,
         ]
         changed = replace(
             result,
             message="; ".join(words),
             sensitivity=(),  # the nominal grasp has it
-            robustness=self._robustness,
+            robustness=robustness,
             statistics={**result.statistics, "robust": self._effort},
         )
         if result.certificate is not None and not result.certificate.passed:
@@ -76,9 +88,8 @@ class SoughtRobust:
         corners = (0, 0) if best is None else (len(best.responses), len(best.active))
         return {"corners": corners[0], "corners_in_problem": corners[1], "branches": len(self._found.tried)}
 
-    def _none(self, result: GraspResult) -> GraspResult:
+    def _none(self, result: GraspResult, robustness: Robustness) -> GraspResult:
         """No robust grasp: with which share of the bounds there is one."""
-        robustness: Robustness = self._robustness
         share = share_held(self._search, self._bounds)
         text = (
             f"the object can be held as it is ({amount_text(robustness.nominal.tension, 'N', '.4g')}), but no grasp "
@@ -92,7 +103,7 @@ class SoughtRobust:
         repair = f"multiply all bounds in robust by {share:.4g}"
         reason = Reason("errors", "robust", "1", 1.0, share, text, repair)
         advice = f"Any one of these repairs it: {repair}."
-        return replace(changed, status=GraspStatus.INFEASIBLE, message=text, reasons=(reason,), advice=advice)
+        return replace(changed, status=GraspStatus.NOT_SOLVED, message=text, reasons=(reason,), advice=advice)
 
 
 def _failures(trials: GraspTrials) -> str:

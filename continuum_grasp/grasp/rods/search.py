@@ -10,6 +10,7 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.body.table import DistanceTable
+from continuum_grasp.grasp.bound import least_normal_force_bound
 from continuum_grasp.grasp.finger_map import ROUGH, Place, SceneMaps, places_of
 from continuum_grasp.grasp.finger_map.balance import WEIGHTS, ObjectBalance, Settled
 from continuum_grasp.grasp.finger_map.fill import FingerMap
@@ -331,11 +332,14 @@ class RodSearch(StartedSearch):
         search.maps, search._known = self.maps, contact_sets(self.scene)
         return search
 
+    @cached_property
+    def bound(self) -> float | None:
+        """Lower bound on the greatest normal force of all grasps [N]; None where that is not the objective."""
+        return least_normal_force_bound(self.scene) if self.scene.objective == "least_normal_force" else None
+
     @property
     def asked(self) -> AskedAnswers | None:
         """Answers to loads that the scene asks for; None where it asks for none."""
-        if self.scene.unloaded:
-            return self.share_of_greatest_push(self.scene.contacts.normal_force_max)
         return asked_of(self.scene)
 
     @cached_property

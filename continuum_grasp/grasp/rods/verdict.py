@@ -6,14 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
-from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.judge.certificate import RodCertificate, certify_rods
 from continuum_grasp.grasp.judge.held import HeldRods
-from continuum_grasp.grasp.rods.answers import tangent_of
+from continuum_grasp.grasp.rods.proofs import Refutation
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.solving import AGREE, RodGrasp, StartedSearch
-from continuum_grasp.grasp.values import GraspStatus
-from continuum_grasp.scene import GraspScene
+from continuum_grasp.grasp.values import NEAR, GraspStatus
 
 REFUSED = 3
 """Grasps that the certificate may refuse, before none is tried any more."""
@@ -26,13 +24,13 @@ class VerdictDoubt(Enum):
     CHOICES_DIFFER = "starts of the least tension and starts that differ lead to other grasps"
     REFUSED = "the independent certificate refuses a better grasp"
     CUT = "the budget ended before all starts were tried"
+    CLOCK = "the clock ended the search (solver.time_limit)"
     INTERRUPTED = "you interrupted the search, so it did not try all starts"
     LEAST_TENSION = "this grasp has the least tension; no grasp was found for the objective"
     DRIVEN_AWAY = "any small push drives the object away (no stable grasp was found)"
     YIELDS = "it does not bear the required push in every direction (contacts.push states another)"
     UNBORNE = "nothing bears a part of the load"
     UNTOUCHED = "no finger touches the object in an equilibrium"
-    NO_BALANCE = "no forces at any place of the object balance its weight"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +48,8 @@ class RodVerdict:
         Its record.
     certificate : RodCertificate or None
         Of the record.
+    proof : Refutation or None
+        Proof that there is no grasp, of an ``infeasible`` scene.
     """
 
     status: GraspStatus
@@ -57,6 +57,7 @@ class RodVerdict:
     best: RodGrasp | None = None
     held: HeldRods | None = None
     certificate: RodCertificate | None = None
+    proof: Refutation | None = None
 
 
 def verdict_of(search: StartedSearch, *, interrupted: bool = False) -> RodVerdict:
@@ -69,33 +70,36 @@ def verdict_of(search: StartedSearch, *, interrupted: bool = False) -> RodVerdic
             doubts = tuple(_doubts(search, refused is not None, interrupted))
             status = GraspStatus.FEASIBLE if doubts else GraspStatus.OPTIMAL
             if search.steady is not None and not best.meets(search.steady):
-                return RodVerdict(GraspStatus.UNSTABLE, (_unsteady(best),), best, held, certificate)
+                return RodVerdict(GraspStatus.UNSTABLE, (unsteady(best),), best, held, certificate)
             return RodVerdict(status, doubts, best, held, certificate)
         refused = refused or RodVerdict(GraspStatus.NOT_SOLVED, (VerdictDoubt.REFUSED,), best, held, certificate)
     return refused or _without(search)
 
 
-def _unsteady(best: RodGrasp) -> VerdictDoubt:
+def unsteady(best: RodGrasp) -> VerdictDoubt:
     """Why the best grasp is not as stable as the scene requires, and no grasp near one that was found is."""
-    tangent = tangent_of(best.problem, best.attempt.x)
-    return VerdictDoubt.YIELDS if tangent is not None and tangent.stable else VerdictDoubt.DRIVEN_AWAY
+    return VerdictDoubt.YIELDS if best.is_stable else VerdictDoubt.DRIVEN_AWAY
 
 
 def _candidates(search: StartedSearch) -> Iterator[RodGrasp]:
     """Grasps that hold, the best first, each as exactly as it can be."""
     held = sorted((g for g in search.tried if g.holds), key=lambda g: g.attempt.objective)
     for grasp in held[:REFUSED]:
-        yield grasp if grasp.fine or search.budget.over else search.refined(grasp)
+        finer = grasp if grasp.fine or search.budget.over else search.refined(grasp)
+        yield finer if finer.holds else grasp
 
 
 def _doubts(search: StartedSearch, refused: bool, interrupted: bool) -> Iterator[VerdictDoubt]:
     """Why a better grasp may have been missed."""
+    best = search.best
+    if search.bound and best is not None and best.greatest_normal_force <= (1.0 + NEAR) * search.bound:
+        return
     if refused:
         yield VerdictDoubt.REFUSED
     if interrupted:
         yield VerdictDoubt.INTERRUPTED
     elif search.budget.cut:
-        yield VerdictDoubt.CUT
+        yield _cut(search)
     if not search.aimed:
         yield VerdictDoubt.LEAST_TENSION
     if not search.confirmed:
@@ -104,13 +108,18 @@ def _doubts(search: StartedSearch, refused: bool, interrupted: bool) -> Iterator
         yield VerdictDoubt.CHOICES_DIFFER
 
 
+def _cut(search: StartedSearch) -> VerdictDoubt:
+    """What ended a search before its time."""
+    return VerdictDoubt.CLOCK if search.budget.stopped else VerdictDoubt.CUT
+
+
 def _without(search: StartedSearch) -> RodVerdict:
     """Verdict on a search that found no grasp."""
+    if search.refuted is not None:
+        return RodVerdict(GraspStatus.INFEASIBLE, (), proof=search.refuted)
     nearest = min(search.tried, key=lambda grasp: grasp.unborne, default=None)
     if search.budget.stopped:
-        return RodVerdict(GraspStatus.STOPPED, (VerdictDoubt.CUT,), nearest)
-    if isinstance(search.scene, GraspScene) and cannot_balance(search.scene):
-        return RodVerdict(GraspStatus.INFEASIBLE, (VerdictDoubt.NO_BALANCE,), nearest)
+        return RodVerdict(GraspStatus.STOPPED, (VerdictDoubt.CLOCK,), nearest)
     cut = (VerdictDoubt.CUT,) if search.budget.cut else ()
     if nearest is None:
         return RodVerdict(GraspStatus.NOT_SOLVED, (VerdictDoubt.UNTOUCHED, *cut))

