@@ -29,7 +29,7 @@ import continuum_grasp as cg
 from benchmarks.grasp_populations import EQUAL, HELD, LITTLE, document
 from benchmarks.report import begun
 
-PACKAGES = "finger_map", "reasons", "starts", "effort", "search"
+PACKAGES = "finger_map", "rods"
 """Of the package of grasps, those whose numbers decide on what is tried."""
 FACTORS = 0.5, 2.0
 SHARED = "FORCE", "MOST_MIDDLES", "WIDE"

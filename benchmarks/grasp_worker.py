@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import functools
 import json
-import math
 import os
 import resource
 import signal
@@ -75,9 +74,8 @@ def _summary(result: Any) -> dict[str, Any]:
         row |= {"total": sum(tensions), "greatest": max(tensions), "warnings": len(result.warnings)}
         row["elements"] = max(len(finger.lengths) for finger in result.fingers.values())
     if result.verified and certificate is not None:
-        error = certificate.model_error
-        row |= {"passed": certificate.passed, "stable": certificate.stability.stable}
-        row["deviation"] = error.greatest / error.length if math.isfinite(error.greatest) else None
+        row |= {"passed": certificate.passed, "stable": certificate.stable}
+        row["deviation"] = max((error.displacement for error in result.element_errors.values()), default=None)
     return row
 
 

@@ -142,7 +142,33 @@ def stored(scene, fingers, contacts, pose=None):
     arrays = {"object.pose": np.array(scene.object.pose if pose is None else pose, dtype=float)}
     for name, values in fingers.items():
         arrays |= finger_arrays(scene, name, **values)
-    return arrays | contact_arrays(contacts)
+    arrays |= contact_arrays(contacts)
+    return arrays | {f"{name}.base_moment": base_moment(scene, arrays, name) for name in fingers}
+
+
+def base_moment(scene, arrays, name):
+    """Moment (3,) in the base of a planar finger that bears its contacts and its weight, by statics alone."""
+    finger, base = scene.named_fingers[name], arrays[f"{name}.base"]
+    s, *line, _ = arrays[f"{name}.backbone"].T
+    gravity = np.array(scene.gravity[:2])
+    loads = [
+        (place, n * normal + f * np.array([-normal[1], normal[0]]))
+        for contact, place, normal, (n, f, _) in zip(
+            *(arrays[f"contact_{key}"] for key in ("names", "positions", "normals", "forces")), strict=True
+        )
+        if str(contact).startswith(f"{name}.")
+    ]
+    loads += [(np.array([np.interp(m.at, s, x) for x in line]), m.mass * gravity) for m in finger.masses]
+    middle = np.diff(s)[:, None] * 0.5 * (np.array(line).T[1:] + np.array(line).T[:-1])
+    center = middle.sum(axis=0) / s[-1]
+    loads.append((center, float(finger.profile.linear_density.integral()) * gravity))
+    return np.array(
+        [
+            0.0,
+            0.0,
+            sum(float((place[0] - base[0]) * force[1] - (place[1] - base[1]) * force[0]) for place, force in loads),
+        ]
+    )
 
 
 NONE = float("nan")

@@ -22,8 +22,11 @@ from continuum_grasp.addons.mission import MissionScene
 from continuum_grasp.addons.planning import PlanScene
 from continuum_grasp.addons.planning.search import PlanSearch
 from continuum_grasp.base import InputError
-from continuum_grasp.grasp.problem.problem import GraspProblem
-from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.grasp.finger_map import places_of
+from continuum_grasp.grasp.rods.contact_sets import contact_sets
+from continuum_grasp.grasp.rods.problem import GraspRods
+from continuum_grasp.grasp.rods.search import Case, RodSearch
+from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import Consumer, ControlScene, GraspScene, Scene, Value
 from continuum_grasp.simulation import resolve_fidelity
 from tests import scene_products as products
@@ -218,8 +221,12 @@ def scene_of(kind: type[Value], feature: Feature, more: Mapping[str, Any]) -> Va
 
 
 def _problem(scene: GraspScene) -> Iterator[object]:
-    """The problem of a grasp without contacts."""
-    yield GraspProblem(ProblemSpec.of(scene, {})).nlp.f
+    """The problem of a grasp with all contacts."""
+    on, *_ = contact_sets(scene)
+    case = Case(RodSearch(scene, Budget.of(scene.solver)), on, places_of(scene, on)[0])
+    lengths = (setup.finger.rod.length for setup in scene.setups)
+    pairs = zip(scene.setups, lengths, strict=True)
+    yield GraspRods(case.numbers, joints=[tuple(at / length for at in s.middle_places) for s, length in pairs]).nlp.f
 
 
 def _fit(scene: Scene) -> Iterator[object]:

@@ -45,7 +45,15 @@ def stored(scene, contacts, **fingers):
     ):
         values = np.array([contact[k + 1] for contact in contacts], dtype=float)
         arrays[f"contact_{key}"] = values.reshape((-1, shape) if shape else -1)
-    return arrays
+    return arrays | {f"{setup.name}.base_moment": base_moment(scene, arrays, setup.name) for setup in scene.setups}
+
+
+def base_moment(scene, arrays, name):
+    """Moment (3,) in the base of a finger without weight that bears its contacts, by statics alone."""
+    base = np.array(scene.hand.named_bases[name].position)
+    own = [k for k, contact in enumerate(arrays["contact_names"]) if str(contact).startswith(f"{name}.")]
+    arms = arrays["contact_positions"][own] - base
+    return np.cross(arms, arrays["contact_forces"][own]).sum(axis=0) if own else np.zeros(3)
 
 
 def sag(force, press=0.0):
@@ -87,6 +95,8 @@ def twisted_box(offset=1e-3, press=2.0, mass=0.05, torsional_friction=1e-3, **co
     scene, arrays = squeezed_box(press, mass, body, torsional_friction=torsional_friction, **contacts)
     moment = 0.5 * offset * 9.81 * mass
     arrays["contact_moments"] = np.array([moment, -moment])
+    for name, normal, turn in zip(("left", "right"), arrays["contact_normals"], (moment, -moment), strict=True):
+        arrays[f"{name}.base_moment"] = arrays[f"{name}.base_moment"] + turn * normal
     return scene, arrays
 
 
@@ -141,6 +151,7 @@ def of_plane(scene, found, height):
         line[:, 1:3] = (line[:, 1:3] - [x, y]) @ [[c, -s], [s, c]]
         line[:, 3] -= angle
         arrays |= {f"{name}.base": np.zeros(3), f"{name}.backbone": line}
+        arrays[f"{name}.base_moment"] = found[f"{name}.base_moment"]
     normals, (n, f, lift) = found["contact_normals"], found["contact_forces"].T
     loads = n[:, None] * normals + f[:, None] * np.stack([-normals[:, 1], normals[:, 0]], axis=1)
     none = np.zeros(len(n))

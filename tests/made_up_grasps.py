@@ -50,6 +50,7 @@ def made_up(scene, curvature=12.0):
             f"{name}.tip_curvature": np.array(curvature),
             f"{name}.tensions": np.array([12.25, 1.0]),
             f"{name}.base": base,
+            f"{name}.base_moment": np.zeros(3),
             f"{name}.backbone": line,
         }
         places[f"{name}.middle"], places[f"{name}.tip"] = line[30, 1:3], line[-1, 1:3]
@@ -77,6 +78,7 @@ def held(name="mug", /, **changes):
 def failed(name="heavy_bottle", /, arrays=True, **changes):
     scene = scene_of(name, **changes)
     numbers = made_up(scene) if arrays else {}
+    violated = ("lift: 3.2 N",)
     return GraspResult(
-        scene, GraspStatus.INFEASIBLE, "too heavy", numbers, None, ("lift: 3.2 N",), (REASON,), "Use two."
+        scene, GraspStatus.INFEASIBLE, "too heavy", numbers, None, (REASON,), "Use two.", violated=violated
     )

@@ -59,7 +59,7 @@ CALLS = {
     "equilibrium_under": (simulation.equilibrium_under, {"model": MODEL, "u": [0.0], "w": [], "guess": None}),
     "initial_state": (simulation.initial_state, {"scene": SCENE, "model": MODEL}),
     "accuracy_report": (cg.accuracy_report, {"scene": SCENE, "counts": (), "progress": None}),
-    "optimize_grasp": (cg.optimize_grasp, {"scene": GRASP, "raise_on_failure": True, "fine": False}),
+    "optimize_grasp": (cg.optimize_grasp, {"scene": GRASP, "raise_on_failure": True}),
     "plan": (cg.plan, {"scene": PLAN, "warm": None, "grasp": None, "raise_on_failure": True}),
     "run_mission": (cg.run_mission, {"scene": MISSION, "grasp": None, "progress": None}),
     "run_closed_loop": (cg.run_closed_loop, {"scene": CONTROL, "controller": None, "plant": None, "functions": None}),

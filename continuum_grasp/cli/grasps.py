@@ -19,9 +19,6 @@ def _trials() -> dict[str, str]:
 def grasp(
     output: Output,
     seed: int | None = option("Seed for the draws of robust grasps (default: from the configuration).", metavar="N"),
-    fine: bool = option(
-        "Solve once more with a fine model and report what that changes.", "--fine/--no-fine", default=True
-    ),
     try_in: str | None = option(
         "Hands only: hold, turn and push the object in another program; status 1 if the object is lost.",
         words=tuple(_trials()),
@@ -50,9 +47,7 @@ def grasp(
             doubt(overlap.key, f"is in the way: {overlap}")
     output.check_folder()  # by the files of its results
     with output.busy("searching") as report:
-        result = optimize_grasp(
-            scene, raise_on_failure=False, fine=fine, progress=lambda text: report(None, f"searching, {text}")
-        )
+        result = optimize_grasp(scene, raise_on_failure=False, progress=lambda text: report(None, f"searching, {text}"))
     with output.saving():  # the grasp is safe before what can be computed again
         result.save(output.folder, quality=False)
     if try_in is not None and result.solved:

@@ -1,13 +1,9 @@
 from .at_rest import overlaps_at_rest as overlaps_at_rest
 from .bound import least_normal_force_bound as least_normal_force_bound
-from .certificate.certificate import Certificate as Certificate
-from .certificate.certificate import certify as certify
-from .certificate.check import Check as Check
 from .hand.result import HandResult as HandResult
-from .nearby.follower import GraspFollower as GraspFollower
-from .nearby.held import HeldGrasp as HeldGrasp
-from .nearby.held import Stencil as Stencil
-from .nearby.held import StructureChanges as StructureChanges
+from .judge.certificate import Certificate as Certificate
+from .judge.certify import certify as certify
+from .judge.check import Check as Check
 from .quality.quality import Quality as Quality
 from .quality.resistance import Resistance as Resistance
 from .result import GraspResult as GraspResult
@@ -15,7 +11,9 @@ from .robust.result import GraspTrials as GraspTrials
 from .robust.result import Robustness as Robustness
 from .rods.nearby import RodsAtScene as RodsAtScene
 from .rods.nearby import RodsFollower as RodsFollower
-from .solve import optimize_grasp as optimize_grasp
+from .rods.optimize import optimize_grasp as optimize_grasp
+from .rods.stencil import Stencil as Stencil
+from .rods.stencil import StructureChanges as StructureChanges
 from .values import SAME as SAME
 from .values import Contact as Contact
 from .values import FingerPosture as FingerPosture

@@ -29,10 +29,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from continuum_grasp.base import Array, check_arguments
+from continuum_grasp.grasp.object_supports import object_outlines, support_contacts, touching_supports
 from continuum_grasp.grasp.quality.conic import FAR, solve_conic
 from continuum_grasp.grasp.shape import ROUNDING
-from continuum_grasp.grasp.starts.curves import wrapped
-from continuum_grasp.grasp.starts.supports import object_outlines, support_contacts, touching_supports
 from continuum_grasp.grasp.values import NEAR, SAME
 from continuum_grasp.model import PartOutline
 from continuum_grasp.scene import GraspScene, Wall
@@ -258,7 +257,7 @@ class _Places:
         for _ in range(_ROUNDS):
             before = np.where(np.isin(high, outline.breaks), np.nextafter(high, low), high)
             first, last = outline.walk(low), outline.walk(before)
-            turn = np.abs(wrapped(last.angle - first.angle))
+            turn = np.abs(np.angle(np.exp(1j * (last.angle - first.angle))))
             lines = np.stack([self._line(first.point, first.angle), self._line(last.point, last.angle)])
             # A convex arc is no longer than its chord over the cosine of half its turn; half of it is near either end.
             bow = 0.5 / np.maximum(np.cos(0.5 * turn), 0.1)

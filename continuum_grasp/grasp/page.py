@@ -38,7 +38,6 @@ def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None) -> 
     if result.arrays and not result.verified:
         lead = f'<p class="quiet">{_WORTH[result.answer]}</p>'
         sections = [details(answer_words(result), "\n".join((lead, *sections)))]
-    searched = {k: v for k, v in result.statistics.items() if k != "fine_model"}
     return report(
         scene.name or "grasp",
         result.status.word,
@@ -48,7 +47,7 @@ def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None) -> 
         _picture(result, drawn),
         cards(result.pairs().items() if result.verified else ()),
         *sections,
-        section("The search", folded("Statistics", searched)),
+        section("The search", folded("Statistics", result.statistics)),
         section("The scene", folded("Configuration as read", configuration, exact=True)),
         solved=result.solved,
     )

@@ -1,46 +1,31 @@
-"""The result of the search for a grasp."""
+"""The result of the search for a planar grasp."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-
 from continuum_grasp.base import Array, InputError, amount_text, check_arguments, named_value
-from continuum_grasp.grasp.certificate.certificate import Certificate
-from continuum_grasp.grasp.certificate.space import ASIDE
-from continuum_grasp.grasp.grasp_result import AnyGrasp
-from continuum_grasp.grasp.judge.certificate import RodCertificate
+from continuum_grasp.grasp.exploration import Exploration
+from continuum_grasp.grasp.grasp_result import AnyGrasp, scene_of_run
 from continuum_grasp.grasp.stored import DIMENSIONS, STORED
 from continuum_grasp.grasp.values import (
     NEAR,
-    ROUGH,
-    Change,
     Contact,
-    ElementError,
-    GraspStatus,
     OutlineError,
-    Reason,
     Sensitivity,
     contacts_of,
-    error_warning,
     force_text,
     force_units,
 )
-from continuum_grasp.model import Family
 from continuum_grasp.results import Dimension, File, Picture, Stored
-from continuum_grasp.scene import FAMILIES, GraspScene
+from continuum_grasp.scene import GraspScene
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.certificate.drives import RecomputedDrive
     from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.robust.result import Robustness
-    from continuum_grasp.grasp.tried import Exploration
 
 
 @dataclass(frozen=True)
@@ -50,8 +35,8 @@ class GraspResult(AnyGrasp):
     Attributes
     ----------
     scene : GraspScene
-        The scene as given.
-    status : Status
+        The scene as given, with the elements that stand for the fingers.
+    status : GraspStatus
     message : str
         One sentence on how it ended.
     arrays : dict of str to ndarray
@@ -59,31 +44,27 @@ class GraspResult(AnyGrasp):
         give them by object. Where there is no grasp: what `answer` says, or empty.
     certificate : Certificate, optional
         Independent verification of these numbers.
-    violated : tuple of str
-        Violated constraints by name with their amounts, where there is no grasp.
     reasons : tuple of Reason
         Reasons why there is none, each with the number that would repair it.
     advice : str
         A remedy.
     statistics : dict
         Times, iterations, starts.
+    element_errors : dict of str to ElementError
+        By finger, the difference of the elements from the exact rod that they stand for.
+    violated : tuple of str
+        Violated constraints by name with their amounts, where there is no grasp.
     sensitivity : tuple of Sensitivity
         Changes of the answer with friction, mass and pose; empty where the solver stopped early.
-    fine : Change, optional
-        Changes by a fine model, if requested.
     outline : OutlineError, optional
-        Error of the polygons that stand for drawings of the object, and changes by a finer one, if requested; None: the
-        object is exact.
+        Error of the polygons that stand for drawings of the object; None: the object is exact.
     exploration : Exploration, optional
         Extent of the search.
     lower_bound : float, optional
         Where the objective is ``least_normal_force``: lower bound of any grasp's greatest normal force [N], by
         `least_normal_force_bound`.
     robustness : Robustness, optional
-        Trials of the grasp with errors of the object, where the scene has ``robust``.
-    element_errors : dict of str to ElementError
-        By finger, the difference of the elements from the exact rod that they stand for; empty where the grasp was
-        sought with elements.
+        Trials of the grasp with errors of the object, where the scene has ``robust``; not read from folders.
 
     Examples
     --------
@@ -93,7 +74,7 @@ class GraspResult(AnyGrasp):
     ['finger.middle', 'finger.tip', 'palm']
     >>> finger = grasp.fingers["finger"]
     >>> [round(tension, 1) for tension in finger.tensions.tolist()], finger.backbone.shape
-    ([41.3, 1.0], (201, 4))
+    ([38.7, 1.0], (201, 4))
     """
 
     kind: ClassVar[str] = "grasp"
@@ -109,21 +90,28 @@ class GraspResult(AnyGrasp):
     pages: ClassVar[tuple[File, ...]] = (File("report.html", "continuum_grasp.grasp.page:page"),)
 
     scene: GraspScene
-    status: GraspStatus
-    message: str
-    arrays: Mapping[str, Array] = field(default_factory=dict)
-    certificate: Certificate | RodCertificate | None = None
     violated: tuple[str, ...] = ()
-    reasons: tuple[Reason, ...] = ()
-    advice: str = ""
-    statistics: Mapping[str, Any] = field(default_factory=dict)
     sensitivity: tuple[Sensitivity, ...] = ()
-    fine: Change | None = None
     outline: OutlineError | None = None
     exploration: Exploration | None = None
     lower_bound: float | None = None
     robustness: Robustness | None = None
-    element_errors: Mapping[str, ElementError] = field(default_factory=dict)
+
+    @classmethod
+    def _scene_of(cls, config: Mapping[str, Any], folder: str) -> GraspScene:
+        scene: GraspScene = scene_of_run(GraspScene, config, folder)
+        return scene
+
+    @classmethod
+    def _further(cls, meta: Mapping[str, Any]) -> dict[str, Any]:
+        outline, exploration = meta.get("outline"), meta.get("exploration")
+        return {
+            "violated": tuple(meta.get("violated") or ()),
+            "sensitivity": tuple(Sensitivity(**each) for each in meta.get("sensitivity") or ()),
+            "outline": OutlineError(**outline) if outline else None,
+            "exploration": Exploration(**exploration) if exploration else None,
+            "lower_bound": meta.get("lower_bound"),
+        }
 
     @cached_property
     def quality(self) -> Quality:
@@ -152,44 +140,23 @@ class GraspResult(AnyGrasp):
         )
 
     @property
-    def verified(self) -> bool:
-        """Whether forces and limits of the numbers are verified, as in a grasp, also in one that is unstable."""
-        return self.solved or self.status is GraspStatus.UNSTABLE
-
-    @property
-    def balanced(self) -> bool:
-        """Whether the numbers are a grasp of this scene, at least in balance."""
-        return self.verified
-
-    @property
     def answer(self) -> str:
         """Kind of the numbers: ``grasp``, ``unstable_grasp``, ``first_repair`` (the grasp of the first of the
         ``reasons``), ``nominal_grasp`` (without errors), ``closest_attempt``; empty where there are none.
         """
-        if not self.arrays:
-            return ""
-        if self.verified:
-            return "grasp" if self.solved else "unstable_grasp"
-        if self.robustness is not None and self.robustness.robust is None:
+        if self.arrays and not self.verified and self.robustness is not None and self.robustness.robust is None:
             return "nominal_grasp"
-        return "first_repair" if self.reasons and self.reasons[0].arrays else "closest_attempt"
+        return super().answer
 
     def words(self) -> dict[str, list[str]]:
-        """Names of the fingers, of the trials with errors, and of postures with other friction where there are some."""
+        """Names of the fingers, and of the trials with errors."""
         trials = [] if self.robustness is None or self.robustness.robust is None else ["robust"]
-        held = ["held"] if "held.object.pose" in self.arrays else []
-        return {
-            "finger": list(self.scene.named_fingers),
-            "trials": trials,
-            "held": held,
-            "held trials": trials if self.scene.state_columns else [],
-        }
+        return {"finger": list(self.scene.named_fingers), "trials": trials}
 
     def pairs(self) -> dict[str, str]:
         """Tension, greatest force, least margin and certificate; where there is no grasp, why."""
         if not self.verified:
-            reasons = {f"reason {k + 1}": reason.text for k, reason in enumerate(self.reasons[:4])}
-            return {**(reasons or {"message": self.message}), **({"advice": self.advice} if self.advice else {})}
+            return self._why()
         of_tensions, of_contacts = self.force_units
         rows = {"sum of tensions": f"{self.force_text(self.tension, of_tensions)} {of_tensions}"}
         if self.contacts:
@@ -200,55 +167,20 @@ class GraspResult(AnyGrasp):
             rows["least in any grasp"] = f"{self.force_text(self.lower_bound, of_contacts)} {of_contacts}"
         if self.certificate is not None:
             rows["checks passed"] = self.certificate.headline().removesuffix(" checks passed")
-        if isinstance(self.certificate, Certificate):
-            error = self.certificate.model_error.greatest
-            rows["second-order test"] = self.certificate.stability.word
-            rows["model error"] = f"{1e3 * error:.2f} mm" if np.isfinite(error) else "not computed"
         if self.outline is not None:
-            change = self.outline.change
-            tension = "" if change is None else f", tension {change.tension_change:+.1%}"
-            rows["outline error"] = f"{1e3 * self.outline.deviation:.3g} mm{tension}"
+            rows["outline error"] = f"{1e3 * self.outline.deviation:.3g} mm"
         return rows
-
-    @property
-    def opens(self) -> bool:
-        """Whether the grasp is known to be unstable: small motions that the contacts allow lower the energy."""
-        return isinstance(self.certificate, Certificate) and not self.certificate.stability.stable
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings before this grasp is relied on."""
         if not self.verified or self.certificate is None:
             return ()
-        return (*self._warnings_of_elements(), *self._general_warnings())
+        return (*self._common_warnings(), *self._planar_warnings())
 
-    def _warnings_of_elements(self) -> list[str]:
-        """Warnings about elements with which a grasp was sought, and about its stability."""
+    def _planar_warnings(self) -> list[str]:
+        """Warnings about contacts, tendons, errors and the search."""
         warnings = list[str]()
-        if not isinstance(self.certificate, Certificate):
-            return warnings
-        error = self.certificate.model_error
-        if not error.small:
-            fine = FAMILIES.default(free_tip=False)
-            coarse = any(Family.named(f.family).order < Family.named(fine).order for f in self.fingers.values())
-            other = f" or take fidelity.family: {fine}" if coarse else ""
-            warnings.append(f"{error}: raise fidelity.elements{other}")
-        stability = self.certificate.stability
-        if self.solved and not stability.in_plane:
-            warnings.append("the grasp is unstable: small motions that the contacts allow lower the energy")
-        elif self.solved and stability.in_space is not None and not stability.stable:
-            warnings.append(f"the grasp is not stable in space: {stability.in_space}")
-        shortest = min(setup.finger.rod.length for setup in self.scene.setups)
-        if stability.in_space is not None and stability.in_space.sinks > ASIDE * shortest:
-            sinks = f"{1e3 * stability.in_space.sinks:.2g} mm"
-            warnings.append(
-                f"fingers count as stiff out of the plane, but the weight moves the object by {sinks} there"
-            )
-        return warnings
-
-    def _general_warnings(self) -> list[str]:
-        """Warnings about elements that stand for rods, contacts, tendons, outlines, errors and the search."""
-        warnings = [error_warning(name, error) for name, error in self.element_errors.items() if not error.is_close]
         if self._idle:
             warnings.append(
                 f"{' and '.join(self._idle)} on, but without a force: other contacts hold the object, and the least "
@@ -260,12 +192,8 @@ class GraspResult(AnyGrasp):
                 "fingers against the object, so slack tendons do not release it, and its forces depend on the places "
                 "of bases and object"
             )
-        if self.outline is not None and self.outline.change and abs(self.outline.change.tension_change) > ROUGH:
-            warnings.append(f"the outline is rough, {self.outline.words}: {self.outline.advice}")
         if self.robustness is not None:
             warnings += self.robustness.warnings()
-        if "NOT satisfied" in str(self.statistics.get("fidelity", "")):
-            warnings.append(str(self.statistics["fidelity"]))
         for key, how in (("cut_short", "cut short"), ("interrupted", "interrupted")):
             if self.statistics.get(key):
                 warnings.append(f"the search was {how}: another start may hold the object with less tension")
@@ -285,16 +213,6 @@ class GraspResult(AnyGrasp):
         over = sum(float((f.tensions - setups[name].min_tension).clip(0.0).sum()) for name, f in self.fingers.items())
         # A tendon's arm is a hundredth to a tenth of a finger's length: fingers that pull have a ratio of about ten.
         return over < NEAR * self.greatest_normal_force
-
-    @cached_property
-    def drives(self) -> dict[str, tuple[RecomputedDrive, ...]]:
-        """States of the winches or motors of each finger; none of fingers whose tensions are commanded."""
-        from continuum_grasp.grasp.certificate.drives import StoredFinger
-
-        if not self.arrays or self.certificate is None:
-            return {}
-        fingers = [StoredFinger(setup, self.arrays) for setup in self.scene.setups if setup.drive is not None]
-        return {finger.name: finger.wound.drives for finger in fingers if finger.wound is not None}
 
     @property
     def object_pose(self) -> Array:
@@ -350,59 +268,22 @@ class GraspResult(AnyGrasp):
 
     def details(self, *, quality: bool = True) -> dict[str, Any]:
         """Verification, indices of quality, and why there is no grasp."""
-        return {
+        return self._details(quality=quality) | {
             "seed": self.scene.solver.random_seed,
-            "message": self.message,
             "lower_bound": self.lower_bound,
-            "certificate": self._certified(quality=quality),
             "quality": self.quality.data() if quality and self.solved else None,
             "violated": list(self.violated),
-            "reasons": [reason.data() for reason in self.reasons],
-            "advice": self.advice,
+            "sensitivity": [asdict(each) for each in self.sensitivity],
             "outline": None if self.outline is None else asdict(self.outline),
             "exploration": None if self.exploration is None else asdict(self.exploration),
             "robustness": None if self.robustness is None else self.robustness.data(),
-            "element_errors": {name: asdict(error) for name, error in self.element_errors.items()},
         }
-
-    def _certified(self, *, quality: bool) -> dict[str, Any] | None:
-        """The certificate as plain data."""
-        if isinstance(self.certificate, Certificate):
-            return self.certificate.data(error=quality)
-        return None if self.certificate is None else self.certificate.data()
-
-    @check_arguments
-    def save(self, folder: str | PathLike[str], *, quality: bool = True) -> Path:
-        """Write ``result.npz``, ``meta.json`` and ``result.yaml`` into a run folder, as `Result.save` does.
-
-        Parameters
-        ----------
-        folder : path-like
-            Made where missing; a run in it is replaced.
-        quality : bool, optional
-            Save the indices of quality and the model's error too, which take some tenths of a second.
-        """
-        return self._save(folder, quality=quality)
-
-
-def flawed(result: GraspResult, flaw: str) -> GraspResult:
-    """A grasp with a flaw that was found afterwards; one that does not hold anyway stays as it is."""
-    if not result.solved:
-        return result
-    message = result.message.replace("held with ", f"held but {flaw}: ", 1)
-    if message == result.message:  # it has flaws already
-        message = message.replace(": ", f" and {flaw}: ", 1)
-    return replace(result, status=GraspStatus.FEASIBLE, message=message)
 
 
 def with_outline(result: GraspResult) -> GraspResult:
-    """The result with the error of its object's outline; what that changes is not computed."""
+    """The result with the error of its object's outline."""
     body = result.scene.object
-    off = body.deviation
-    if off == 0.0:
+    if body.deviation == 0.0:
         return result
-    corners, finer = (sum(len(part.outline()) for part in each.parts) for each in (body, body.redrawn()))
-    missing = "what that changes was not computed"
-    return replace(
-        result, outline=OutlineError(off, body.size, corners, finer, missing=missing, noise=body.outline_error)
-    )
+    corners = sum(len(part.outline()) for part in body.parts)
+    return replace(result, outline=OutlineError(body.deviation, body.size, corners, noise=body.outline_error))

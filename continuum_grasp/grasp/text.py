@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from continuum_grasp.base import Array, Summarized, amount_text, prefixes
-from continuum_grasp.grasp.certificate.certificate import Certificate
-from continuum_grasp.grasp.certificate.check import EXACT
-from continuum_grasp.grasp.judge.certificate import RodCertificate
+from continuum_grasp.grasp.judge.check import EXACT
 from continuum_grasp.results import yaml_text
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.certificate.check import Check
-    from continuum_grasp.grasp.certificate.drives import RecomputedDrive
-    from continuum_grasp.grasp.judge.findings import Finding, Requirement
+    from continuum_grasp.grasp.judge.certificate import Certificate
+    from continuum_grasp.grasp.judge.check import Check, Requirement
+    from continuum_grasp.grasp.judge.drives import DriveState
     from continuum_grasp.grasp.result import GraspResult
     from continuum_grasp.grasp.robust.result import Robustness
     from continuum_grasp.grasp.values import Contact, FingerPosture, OutlineError
@@ -47,11 +45,8 @@ def parts(result: GraspResult, quality: bool = True) -> list[TextPart]:
     every = [_fingers(result), _contacts(result)] if result.arrays else []
     if result.verified:
         every += [_quality(result), _disturbances(result)] if quality and result.solved else []
-        every += [_certificate(result.certificate)] if isinstance(result.certificate, Certificate) else []
-        every += [_findings(result.certificate)] if isinstance(result.certificate, RodCertificate) else []
+        every += [] if result.certificate is None else [_certificate(result.certificate, push=quality)]
         every += [_elements(result)] if result.element_errors else []
-        said = result.statistics.get("fine_model")
-        every += [TextPart("The same grasp in a fine model", ("", ""), [("fine model", said)])] if said else []
     every += [] if result.outline is None else [_outline(result.outline)]
     every += [_trials(result.robustness)] if result.robustness is not None else []
     return [part for part in every if part.rows]
@@ -130,20 +125,10 @@ def _fingers(result: GraspResult) -> TextPart:
 
 def _drives(result: GraspResult, finger: str) -> list[str]:
     """States of the drives of a finger, in words; none where its tensions are commanded."""
-    lines = drive_lines(result.drives.get(finger, ()), result.fingers[finger].tensions)
-    held = result.arrays.get(f"held.{finger}.tensions")
-    if held is not None and np.ptp(held, axis=0).max() > 1e-3:
-        ends = zip(("left", "right"), held.min(axis=0), held.max(axis=0), strict=True)
-        unit = result.force_units[0]
-        each = (
-            f"{side} {result.force_text(low, unit)} to {result.force_text(high, unit)} {unit}"
-            for side, low, high in ends
-        )
-        lines.append(f"tensions by friction states: {', '.join(each)}")
-    return lines
+    return drive_lines(result.drives.get(finger, ()), result.fingers[finger].tensions)
 
 
-def drive_lines(drives: Iterable[RecomputedDrive], tensions: Array) -> list[str]:
+def drive_lines(drives: Iterable[DriveState], tensions: Array) -> list[str]:
     """States of the drives of a finger with tensions (2,) [N]."""
     lines = []
     slack = [side for side, pull in zip(("left", "right"), tensions, strict=True) if pull < 1e-3]
@@ -200,58 +185,26 @@ def _disturbances(result: GraspResult) -> TextPart:
     return TextPart("Resisted disturbances", head, rows, (1,))
 
 
-def _certificate(certificate: Certificate) -> TextPart:
-    """Per kind of check, whichever finger or contact it is of, the worst value; stability and error of the model."""
-    kinds: dict[str, list[Check]] = {}
+def _certificate(certificate: Certificate, *, push: bool) -> TextPart:
+    """Per requirement, whichever finger or contact it is of, the check that takes the greatest share of its limit."""
+    kinds: dict[Requirement, list[Check]] = {}
     for check in certificate.checks:
-        kinds.setdefault(check.name.partition(", ")[0], []).append(check)
+        kinds.setdefault(check.requirement, []).append(check)
     rows = []
-    for name, checks in kinds.items():
-        bad = [check for check in checks if not check.passed]
-        worst = bad[0] if bad else max(checks, key=lambda check: check.value - check.limit)
-        amount = "within" if worst.value <= 0 else f"{worst.value:.1e}"
+    for requirement, checks in kinds.items():
+        worst = max(checks, key=lambda check: check.share)
         count = f" ({len(checks)})" if len(checks) > 1 else ""
-        of = f"of {worst.relative_to}" if worst.relative_to else ""
-        rows.append((name + count, amount, of, f"{worst.limit:.0e}", "FAILED" if bad else "ok"))
-    verdict = "all checks passed" if certificate.passed else f"{len(certificate.failed)} checks FAILED"
-    stability, error, overlap = certificate.stability, certificate.model_error, certificate.overlap
-    word = "stable" if stability.in_plane else "UNSTABLE"
-    mark = "" if error.small else " (raise fidelity.elements)"
-    space = stability.in_space
-    notes = [
-        *(f"FAILED: {failure.name}, {failure.value:.2e}, limit {failure.limit:.0e}" for failure in certificate.failed),
-        f"stability: {word}, least eigenvalue {stability.eigenvalue:.3g} E I / L ({stability.assumptions})",
-        *([] if space is None else [f"stability in space: {space} ({space.assumptions})"]),
-        *(
-            []
-            if space is None or not space.sinks
-            else [f"out of the plane the weight moves it by {1e3 * space.sinks:.2g} mm"]
-        ),
-        str(error),
-        f"model error, limit {1e3 * error.limit:.2g} mm{mark}: the model's bending moment differs by "
-        f"{error.moment:.1%} of the greatest one; the tension may differ as much",
-    ]
-    if overlap > 0:
-        notes.append(f"fingers overlap by {1e3 * overlap:.2f} mm in the plane: place them at different heights")
-    head = ("Check", "Found", "In terms of", "Limit", "Verdict")
-    return TextPart("Certificate", head, rows, (1, 3), f"Verified independently: {verdict}", notes)
-
-
-def _findings(certificate: RodCertificate) -> TextPart:
-    """Per requirement, whichever finger or contact it is of, the finding that takes the greatest share of its limit."""
-    kinds: dict[Requirement, list[Finding]] = {}
-    for finding in certificate.findings:
-        kinds.setdefault(finding.requirement, []).append(finding)
-    rows = []
-    for requirement, findings in kinds.items():
-        worst = max(findings, key=lambda finding: finding.share)
-        count = f" ({len(findings)})" if len(findings) > 1 else ""
         found = "within" if worst.value <= 0.0 else f"{worst.value:.1e}"
         unit = "" if worst.unit == "1" else worst.unit
         verdict = "ok" if worst.passed else "FAILED"
         rows.append((requirement.value + count, found, f"{worst.limit:.0e}", unit, verdict))
     verdict = "all checks passed" if certificate.passed else f"{len(certificate.failed)} checks FAILED"
-    notes = [f"FAILED: {finding}" for finding in certificate.failed]
+    notes = [f"FAILED: {check}" for check in certificate.failed]
+    if push and certificate.rods:
+        borne = amount_text(certificate.push, "N", ".3g")
+        notes.append(
+            f"{certificate.word} at constant tensions; bears a push of {borne} in any direction, to first order"
+        )
     head = ("Check", "Found", "Limit", "Unit", "Verdict")
     return TextPart("Certificate", head, rows, (1, 2), f"Verified independently: {verdict}", notes)
 
@@ -267,7 +220,7 @@ def _elements(result: GraspResult) -> TextPart:
 
 
 def _outline(outline: OutlineError) -> TextPart:
-    return TextPart("Outline of the object", ("", ""), [("error", str(outline)), ("changes", outline.words)])
+    return TextPart("Outline of the object", ("", ""), [("error", str(outline))])
 
 
 def _trials(robustness: Robustness) -> TextPart:
@@ -317,12 +270,11 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
         **{key: about.pop(key) for key in ("message", "advice", "reasons", "violated")},
         result.answer: answer,
         **about,
-        "fine_model": result.statistics.get("fine_model"),
     }
     return _HEAD + yaml_text({key: value for key, value in summary.items() if value not in (None, "", [], {})})
 
 
-def _plain(part: FingerPosture | RecomputedDrive | Contact) -> dict[str, Any]:
+def _plain(part: FingerPosture | DriveState | Contact) -> dict[str, Any]:
     """A part of a grasp as plain data, without its long arrays and the numbers that it does not have."""
     values = {entry.name: getattr(part, entry.name) for entry in fields(part) if entry.repr}
     return {key: value for key, value in values.items() if not (isinstance(value, float) and np.isnan(value))}

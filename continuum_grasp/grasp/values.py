@@ -23,12 +23,7 @@ LITTLE = 1e-5
 new guarded places, with which it is solved once more."""
 SATISFIED = 1e-7
 """Scaled violation below which a constraint counts as satisfied: a hundred times the tolerances of the solvers."""
-REFUTED = "refuted by the fine model"
-DRIVEN_AWAY = "but any small push drives the object away (no stable grasp was found)"
 OPENED = ". Unstable: a small push opens this grasp. (`stability: ignore` accepts it.)"
-ROUGH = 0.02
-"""Change of the tension by a polygon nearer to the object's drawing from which on a warning says so [1]: as much as a
-basin must promise for the search not to be complete without it."""
 CLOSE = 0.03
 """Change of a normal force, per greatest one, up to which elements stand for a rod [1]: less than the error with which
 friction and stiffness are known."""
@@ -36,14 +31,9 @@ PUSH_SHARE = 0.1
 """Share of the greatest push that a grasp must bear if the scene has neither loads on the object nor a push [1]:
 contacts press with a tenth of their possible force, a hundred times the error of models, at tensions far from their
 limits."""
-IGNORED = "Set stability: ignore where the drives hold their position or something else steadies the object."
 STEADIER = (
     "For a stable grasp, move contacts nearer to the base, add a contact or support, or use a stiffer finger. "
-    f"{IGNORED}"
-)
-STEADIER_IN_SPACE = (
-    "For a grasp that is stable in space, use a finger with a wider section, a contact off the line of two others, a "
-    f"support, or less force. {IGNORED}"
+    "Set stability: ignore where the drives hold their position or something else steadies the object."
 )
 
 
@@ -58,19 +48,18 @@ class GraspStatus(StrEnum):
     """Outcome of the search."""
 
     OPTIMAL = "optimal"
-    """A local optimum that the certificate confirms, next to the exact rod that holds with the least tension; rods
-    under the forces found are off by 1 % of the length at most."""
+    """A local optimum that the certificate confirms: starts from different postures lead to it, and none to a better
+    one."""
     FEASIBLE = "feasible"
-    """A grasp that the certificate confirms, but the solver stopped early, the elements are too few, exact rods hold
-    with less, or only samples were tried: the message says which."""
+    """A grasp that the certificate confirms; the message says what is missing for ``optimal``, such as a second start
+    that leads to it."""
     UNSTABLE = "unstable"
     """All checks of the certificate pass, but small motions that the contacts allow lower the energy, where the scene
     requires a stable grasp: the fingers do not hold the object."""
     INFEASIBLE = "infeasible"
-    """No start leads to a grasp, but relaxing a named limit does: see ``reasons``. For hands the search has also tried
-    the starts of the greatest effort."""
+    """No forces at any place of the object balance its weight; ``reasons`` name changes that allow a grasp."""
     NOT_SOLVED = "not_solved"
-    """Neither a grasp nor a proof that none exists; ``reasons`` may name the nearest attempt."""
+    """Neither a grasp nor a proof that none exists; ``reasons`` name changes that allow one, where some are found."""
     STOPPED = "stopped"
     """The clock stopped the search before there was a verdict: an emergency, which another machine may not meet."""
 
@@ -227,71 +216,32 @@ class Reason:
 
 
 @dataclass(frozen=True)
-class Change:
-    """Change of a grasp with other elements, or another polygon for its object's outline."""
-
-    elements: dict[str, int]  # of each finger in the model compared with
-    tension: float  # sum of tensions there [N]
-    tension_change: float  # as a part of the sum here
-    displacement: float  # greatest one of a contact point [m]
-    length: float  # of the shortest finger [m]
-
-    @property
-    def size(self) -> float:
-        """The greater of the change of tension and the displacement per length [1]."""
-        return max(abs(self.tension_change), self.displacement / self.length)
-
-    @property
-    def words(self) -> str:
-        """Changes in words."""
-        return (
-            f"the tension changes by {self.tension_change:+.2%} to {amount_text(self.tension, 'N', '#.4g')}, "
-            f"contacts by {1e3 * self.displacement:.2g} mm at most"
-        )
-
-    def __str__(self) -> str:
-        return f"with {max(self.elements.values())} elements {self.words}"
-
-
-@dataclass(frozen=True)
 class OutlineError:
-    """Error of the polygons that represent drawings or measured outlines of the object, and the changes that it
-    causes.
+    """Error of the polygons that represent drawings or measured outlines of the object.
+
+    Attributes
+    ----------
+    deviation : float
+        Greatest distance of a polygon from its drawing, or from the true outline [m].
+    size : float
+        Greatest distance of the object's boundary from its center of mass [m].
+    corners : int
+        Of the polygons.
+    noise : float
+        Part of the deviation that the noise of measured points explains [m].
     """
 
-    deviation: float  # greatest distance of a polygon from its drawing, or from the true outline [m]
-    size: float  # greatest distance of the object's boundary from its center of mass [m]
-    corners: int  # of the polygons, here
-    finer: int  # of those nearer to the drawings with which it was solved again
-    change: Change | None = None  # with these; None: not solved, or no grasp next to this one
-    missing: str = ""  # why there is no change
-    noise: float = 0.0  # part of the deviation that the noise of measured points explains [m]
-
-    @property
-    def other(self) -> str:
-        """Describe the outline of the comparison."""
-        if self.noise:
-            return f"with an outline {1e3 * self.noise:.3g} mm larger on all sides"
-        return f"with {self.finer} corners instead of {self.corners}"
-
-    @property
-    def advice(self) -> str:
-        """Say how to reduce the deviation."""
-        if 2.0 * self.noise > self.deviation:
-            return "measure the outline with less noise, or more points"
-        return "take a smaller object.tolerance"
-
-    @property
-    def words(self) -> str:
-        """Describe the changes on the other outline."""
-        return self.missing if self.change is None else f"{self.other} {self.change.words}"
+    deviation: float
+    size: float
+    corners: int
+    noise: float = 0.0
 
     def __str__(self) -> str:
         share = f"{self.deviation / self.size:.2%} of the object's size"
         off = f"{1e3 * self.deviation:.3g} mm"
         if self.noise:
             return f"the outline is within {off} of the true one ({share}), {1e3 * self.noise:.3g} mm of it by noise"
-        return f"the polygon is within {off} of the drawing ({share})"
+        return f"the polygon of {self.corners} corners is within {off} of the drawing ({share})"
 
 
 @dataclass(frozen=True)
@@ -358,11 +308,6 @@ def contacts_of(scene: GraspScene, arrays: Mapping[str, Array]) -> tuple[Contact
         margin = 1.0 - float(np.hypot(f, lift)) / friction_limit if friction_limit > 0 else 0.0
         contacts.append(Contact(str(name), position, normal, n, f, lift, margin, float(station), int(part)))
     return tuple(contacts)
-
-
-def tension_of(scene: GraspScene, arrays: Mapping[str, Array]) -> float:
-    """Sum of all tensions of a grasp [N], by its stored numbers."""
-    return float(sum(arrays[f"{name}.tensions"].sum() for name in scene.named_fingers))
 
 
 def force_units(arrays: Mapping[str, Array]) -> tuple[str, str]:

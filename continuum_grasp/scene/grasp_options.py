@@ -64,8 +64,8 @@ class GraspContacts(FingerContacts):
     """Greatest normal force at any one contact, supports included [N]. With no such limit a wedged object needs no
     friction at all."""
     middle: Middles = "on"
-    """on: the finger touches the object tangentially at a joint of two elements, whose position the search finds. auto:
-    the search decides whether it touches. A list: several such contacts, from base to tip."""
+    """on: the finger touches the object tangentially at a place that the search finds. auto: the search decides whether
+    it touches. A list: several such contacts, from base to tip."""
     tip: Switch = "on"
     """on: the rounded end of the finger touches the object. auto: the search decides whether it touches."""
     reserve: Annotated[Ratio, Field(lt=1.0, examples=[0.2])] = 0.0

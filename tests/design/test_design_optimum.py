@@ -22,14 +22,21 @@ LEAST = 1.0
 @pytest.fixture(scope="module")
 def moment():
     """M [N m] of the mug."""
-    left, right = sorted(cg.optimize_grasp(ARCS).fingers["finger"].tensions, reverse=True)
+    return moment_of(stability="ignore")
+
+
+def moment_of(**changes):
+    """M [N m] of a scene."""
+    grasp = cg.optimize_grasp(cg.load(ARCS).changed(changes))
+    left, right = sorted(grasp.fingers["finger"].tensions, reverse=True)
     assert right == pytest.approx(LEAST, abs=1e-6)
     return (left - right) * 0.005
 
 
-def designed(**keys):
+def designed(stability="ignore", **keys):
     given = {
         "scene": ARCS,
+        "set": {"stability": stability},
         "variables": {OFFSET: {"min": 0.003, "max": 0.006, "name": "e"}},
         "minimize": "tension + 1e4 * e",
         "solver": {"starts": 1, "tolerance": 1e-10},
@@ -59,6 +66,15 @@ def test_the_best_offset(moment):
     assert found.best.cost == pytest.approx(2.0 * math.sqrt(moment * 1e4) + 2.0 * LEAST, rel=1e-8)
     assert found.statistics["full_searches"] == 2
     assert found.warnings
+
+
+@pytest.mark.deep
+def test_the_best_offset_of_grasps_that_bear_a_push():
+    """Small pushes need more than balance: M is another one, and does not depend on the offset either."""
+    moment = moment_of(stability="require")
+    found = designed(stability="require")
+    assert found.status is DesignStatus.OPTIMAL
+    assert found.values[OFFSET] == pytest.approx(math.sqrt(moment / 1e4), rel=1e-4)
 
 
 def test_a_limit_decides(moment):
@@ -98,10 +114,7 @@ def test_a_cost_that_is_no_number_is_no_design(cost):
 @pytest.mark.deep
 def test_the_worst_case_and_the_mean_of_cases():
     cases = {f"{mass} g": {"object.mass": 1e-3 * mass} for mass in (200, 300)}
-    moments = []
-    for changes in cases.values():
-        left, right = sorted(cg.optimize_grasp(cg.load(ARCS).changed(changes)).fingers["finger"].tensions, reverse=True)
-        moments.append((left - right) * 0.005)
+    moments = [moment_of(stability="ignore", **changes) for changes in cases.values()]
     worst, mean = (designed(cases=cases, over=over).values[OFFSET] for over in ("worst", "mean"))
     assert worst == pytest.approx(math.sqrt(max(moments) / 1e4), rel=1e-4)
     assert mean == pytest.approx(math.sqrt(np.mean(moments) / 1e4), rel=1e-4)
@@ -129,7 +142,7 @@ def test_grasps_may_be_lost_on_the_way(moment):
     """Below M / 59 N the tendons are too weak: minimizing the offset alone ends just above."""
     found = designed(minimize="e", variables={OFFSET: {"min": 0.001, "max": 0.006, "name": "e"}})
     assert found.status is DesignStatus.FEASIBLE
-    assert 0 < found.statistics["designs_without_grasp"] <= 20
+    assert 0 < found.statistics["designs_without_grasp"] <= 40
     least = moment / (60.0 - LEAST)
     assert least < found.values[OFFSET] < 1.01 * least
     assert all(grasp.solved for grasp in found.grasps.values())

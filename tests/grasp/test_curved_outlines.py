@@ -15,7 +15,7 @@ import shapely
 from benchmarks.grasp_images import mirrored
 from benchmarks.grasp_phases import scene_of
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.grasp.certificate import surfaces
+from continuum_grasp.grasp.judge import surfaces
 from continuum_grasp.model import surface_of
 from continuum_grasp.model.surfaces.offset_polygon import pieces_of
 from continuum_grasp.scene import GraspScene, OffsetPolygon, load

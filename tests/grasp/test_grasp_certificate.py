@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 
 import numpy as np
@@ -9,14 +10,40 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.grasp import certify
-from continuum_grasp.scene import Ellipse, Polygon, Superellipse, Union
+from continuum_grasp.scene import Circle, Ellipse, Polygon, Rod, Superellipse, Union
 from tests import certificate_cases as cases
-from tests.test_imports import PACKAGE, imports, inside
+from tests.grasp_elastica import Hand, designed, stored
 
 
 def held(shape):
     """A pinch of another shape, 60 mm wide where the fingers touch it, without a moment arm."""
     return lambda: cases.pinched_box(at=0.0, turn=0.4, body=lambda values: shape(values))
+
+
+def bent_fingers():
+    """Two bent fingers on a disc, as an independent program integrates their elastica."""
+    hand = Hand(weight=(0.0, -1.0))
+    design = (hand, 2.8, 2.0)
+    normals = designed(*design, (0.0, 0.0), (0.0, 0.0), friction=0.2).normals
+    angles = normals + 0.5 * math.pi + [-0.5, 0.5]
+    state = designed(*design, angles, (3.0, -3.0), friction=0.2)
+    pairs = {
+        name: cases.make_finger(
+            tuple(base[:2]),
+            base[2],
+            rod=Rod(length=hand.length, linear_density=1e-12, bending_stiffness=hand.stiffness),
+        )
+        for name, base in zip("ab", state.bases, strict=True)
+    }
+    body = Circle(shape="circle", diameter=2.0 * hand.radius, mass=1.0 / 9.81, position=(0.0, 0.0))
+    scene = cases.make_scene(pairs, body, {"friction": 1.0}, cases.PLANAR, "clothoid", elements=60)
+    arrays = stored(hand, state, "ab")
+    for k, name in enumerate("ab"):
+        s = np.linspace(0.0, hand.length, 61)
+        line = np.column_stack([s, *(np.interp(s, state.s, state.shapes[k, j]) for j in range(3))])
+        arrays[f"{name}.backbone"] = line
+        arrays[f"{name}.base_moment"] = cases.base_moment(scene, arrays, name)
+    return scene, arrays
 
 
 HELD = {
@@ -46,12 +73,7 @@ HELD = {
     "disc on pegs": cases.disc_on_pegs,
     "disc on points": lambda: cases.disc_on_pegs(peg=0.0),
     "union on a palm": cases.union_on_palm,
-    "wrapped disc": cases.wrapped_disc,
-    "wrapped disc, lying": lambda: cases.wrapped_disc(cases.PLANAR, mass=0.2),
-    "wrapped disc, mirrored": lambda: cases.wrapped_disc(mirrored=True),
-    "wrapped with two middle contacts": lambda: cases.wrapped_disc(middles=2, friction=1.0),
-    "wrapped with three middle contacts": lambda: cases.wrapped_disc(middles=3, friction=1.0),
-    "wrapped by one tendon": lambda: cases.wrapped_disc(used="left"),
+    "disc between bent fingers": bent_fingers,
 }
 SQUARE = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
@@ -62,7 +84,6 @@ def test_what_holds_passes(case):
     certificate = certify(scene, arrays)
     assert certificate.passed, certificate.failed
     assert len({check.name for check in certificate.checks}) == len(certificate.checks)
-    assert certificate.overlap == 0.0
 
 
 def tampered(arrays, name, index, change):
@@ -73,31 +94,39 @@ def tampered(arrays, name, index, change):
 
 @pytest.fixture(scope="module")
 def wrapped():
-    return cases.wrapped_disc()
+    """A finger that is wrapped around a mug, as it is found."""
+    found = cg.optimize_grasp("configs/grasp/mug.yaml")
+    return found.scene, found.arrays
 
 
 TAMPERED = [
-    ("wrapped disc", "contact_stations", 1, np.nan, "stored contact, finger.tip"),
-    ("wrapped disc", "contact_parts", 1, 1, "missing or misshapen arrays"),
-    ("wrapped disc", "contact_parts", 1, -1, "missing or misshapen arrays"),
-    ("wrapped disc", "object.pose", 1, np.inf, "non-finite numbers"),
-    ("wrapped disc", "finger.curvature_shapes", (0, 0, 0), 0.01, "stored backbone, finger"),
-    ("wrapped disc", "finger.q", 1, 0.5, "penetration into the object, finger"),
-    ("two fingers below a disc", "left.tip_curvature", (), 1e-3, "tip moment balance, left"),
+    ("mug", "contact_stations", 1, np.nan, "non-finite numbers"),
+    ("mug", "contact_stations", 0, 1e-4, "object moment balance"),
+    ("mug", "contact_parts", 1, 1, "missing or misshapen arrays"),
+    ("mug", "contact_parts", 1, -1, "missing or misshapen arrays"),
+    ("mug", "object.pose", 1, np.inf, "non-finite numbers"),
+    ("mug", "object.pose", 0, 1e-5, "object pose"),
+    ("mug", "finger.q", 1, np.nan, "non-finite numbers"),
+    ("mug", "finger.lengths", 0, 1e-5, "stored numbers, finger"),
+    ("mug", "finger.backbone", (100, 1), 1e-6, "stored numbers, finger"),
+    ("mug", "finger.base_moment", 2, 1e-5, "finger equilibrium, finger"),
+    ("mug", "finger.tensions", 0, 1e-3, "finger equilibrium, finger"),
+    ("mug", "finger.tensions", 1, 1e3, "tendon tension, finger"),
+    ("mug", "contact_forces", (1, 0), 1e-3, "object force balance"),
     ("two fingers below a disc", "contact_forces", (1, 1), 60.0, "friction cone, right.tip"),
-    ("pinched between corners", "contact_normals", (0, 1), 1e-5, "stored contact, a.tip"),
-    ("disc in a groove", "contact_positions", (1, 0), 1e-4, "contact normal, groove.left"),
-    ("disc in a groove", "object.pose", 1, -1e-3, "penetration of the object into groove.left"),
-    ("disc on pegs", "contact_positions", (1, 0), 1e-5, "stored contact, first"),
-    ("union on a palm", "contact_parts", 0, 1, "contact gap, finger.tip"),
-    ("wrapped with two middle contacts", "contact_forces", (1, 0), 0.01, "finger equilibrium, finger"),
-    ("wrapped with two middle contacts", "finger.q", 1, 0.01, "contact gap, finger.middle_2"),
+    ("pinched between corners", "contact_normals", (0, 1), 1e-5, "stored numbers, a.tip"),
+    ("disc in a groove", "contact_positions", (1, 0), 1e-4, "contact gap, groove.left"),
+    ("disc in a groove", "object.pose", 1, -1e-3, "penetration of the object into a support, groove.left"),
+    ("disc on pegs", "contact_positions", (1, 0), 1e-5, "contact gap, first"),
+    ("union on a palm", "contact_parts", 0, 1, "stored numbers, finger.tip"),
+    ("disc between bent fingers", "a.backbone", (30, 2), 1e-6, "stored numbers, a"),
+    ("disc between bent fingers", "contact_positions", (0, 1), 1e-6, "stored numbers, a.tip"),
 ]
 
 
 @pytest.mark.parametrize(("case", "name", "index", "change", "check"), TAMPERED)
-def test_a_tampered_grasp_is_seen(case, name, index, change, check):
-    scene, arrays = HELD[case]()
+def test_a_tampered_grasp_is_seen(wrapped, case, name, index, change, check):
+    scene, arrays = wrapped if case == "mug" else HELD[case]()
     certificate = certify(scene, tampered(arrays, name, index, change))
     assert not certificate[check].passed
     assert not certificate.passed
@@ -108,11 +137,7 @@ def test_the_normal_of_a_tip_of_any_thickness_is_checked(half):
     scene, arrays = cases.squeezed_disc(half=half)
     assert certify(scene, arrays).passed
     certificate = certify(scene, tampered(arrays, "contact_normals", (0, 0), 1e-4))
-    assert not certificate.passed
-    # Of a tip that is thinner than a thousandth of the length its center does not tell the normal.
-    blunt = half > 1e-3 * cases.LENGTH
-    assert certificate["stored contact, finger.tip"].passed is not blunt
-    assert certificate["contact normal, finger.tip"].passed is blunt
+    assert not certificate["stored numbers, finger.tip"].passed
 
 
 def test_no_contact_is_buried_in_the_part_that_it_touches():
@@ -125,25 +150,24 @@ def test_no_contact_is_buried_in_the_part_that_it_touches():
     palm = cases.Palm(point=(0.0, 0.0), normal_angle=0.5 * np.pi)
     reaction = ("palm", (0.0, 0.0), cases.DOWN, (5.0, 0.0, 0.0), cases.NONE, 0)
     scene, arrays = cases.pressed_down(body, {"palm": palm}, [reaction], top=0.065, part=1)
-    certificate = certify(scene, tampered(arrays, "object.pose", 1, -1.5e-6 * cases.LENGTH))
+    certificate = certify(scene, tampered(arrays, "object.pose", 1, -1.5e-6 * body.size))
     assert certificate["contact gap, palm"].passed
-    assert certificate["contact inside another part, palm"].passed
+    assert certificate["stored numbers, palm"].passed
 
 
 @pytest.mark.parametrize(
-    ("names", "wrong"),
+    "names",
     [
-        (["finger.middle", "finger.tip", "finger.tip"], 1),
-        (["finger.middle", "finger.tip", "wall"], 1),
-        (["finger.middle", "finger.middle_1", "palm"], 2),
-        (["palm", "finger.tip", "palm.1"], 2),
-        (["finger.middle", "finger.tip", "palm.2"], 1),
+        ["finger.middle", "finger.tip", "finger.tip"],
+        ["finger.middle", "finger.tip", "wall"],
+        ["finger.middle", "finger.middle_1", "palm"],
+        ["palm", "finger.tip", "palm.1"],
     ],
 )
-def test_contacts_must_be_those_of_the_scene(wrapped, names, wrong):
+def test_contacts_must_be_those_of_the_scene(wrapped, names):
     scene, arrays = wrapped
     certificate = certify(scene, arrays | {"contact_names": np.array(names)})
-    assert certificate["contacts match the scene"].value == wrong
+    assert certificate["contacts match the scene"].value >= 1.0
     assert not certificate.passed
 
 
@@ -161,14 +185,15 @@ def test_of_numbers_that_are_no_grasp_nothing_is_known(wrapped):
     scene, arrays = wrapped
     certificate = certify(scene, arrays | {"finger.q": "words"})
     assert not certificate["missing or misshapen arrays"].passed
-    assert not certificate.stability.stable
-    assert not certificate.model_error.found
-    assert np.isnan([certificate.friction_margin, certificate.overlap]).all()
+    assert not certificate.stable
+    assert certificate.push == 0.0
+    assert np.isnan(certificate.friction_margin)
+    assert "missing or misshapen arrays" in repr(certificate)
 
 
 def test_another_family_does_not_pass(wrapped):
     scene, arrays = wrapped
-    assert not certify(scene, arrays | {"finger.family": "clothoid"}).passed
+    assert not certify(scene, arrays | {"finger.family": "arc"}).passed
 
 
 def test_a_heavier_object_fails_in_the_balance_of_its_weight(wrapped):
@@ -181,76 +206,46 @@ def test_friction_margins():
     scene, arrays = cases.squeezed_disc(mass=0.2, press=4.0, friction=0.5)
     certificate = certify(scene, arrays)
     assert certificate.friction_margins == pytest.approx({"finger.tip": 0.5095, "palm": 0.5095}, abs=1e-12)
-    arrays["contact_forces"][0, 1] = 1.0  # besides 0.981 N of lift
-    margins = certify(scene, arrays).friction_margins
-    assert margins["finger.tip"] == pytest.approx(1.0 - (1.0 + 0.981**2) ** 0.5 / 2.0, abs=1e-12)
     slides = scene.changed({"supports.palm.friction": 0.0})
     assert set(certify(slides, arrays).friction_margins) == {"finger.tip"}
     arrays["contact_forces"][1, 0] = 0.0
     assert certify(scene, arrays).friction_margin == 0.0
+    leaning = math.tan(math.asin(0.03 / (0.05 + cases.HALF)))
+    margins = certify(*cases.two_fingers_below(aside=0.03, radius=0.05)).friction_margins
+    assert margins == pytest.approx(dict.fromkeys(("left.tip", "right.tip"), 1.0 - leaning / 1.2), abs=1e-9)
 
 
 @pytest.mark.parametrize("stiffness", [0.01, 1.0, 100.0])
 def test_balances_are_relative_to_the_forces_on_the_object_however_stiff_fingers_are(monkeypatch, stiffness):
-    """1e-5 of a contact force, or a moment of 1e-4 of what it would have across the finger, is too much."""
+    """1e-5 of a contact force, or a moment in the base of 1e-4 of what it would have across the finger, is too much."""
     monkeypatch.setattr(cases, "STIFFNESS", stiffness)
     scene, arrays = cases.squeezed_disc(press=4.0)
     assert certify(scene, arrays).passed
     off = certify(scene, tampered(arrays, "contact_forces", (0, 0), 4e-5))
     assert [check.name for check in off.failed] == ["object force balance"]
-    off = certify(scene, tampered(arrays, "finger.tensions", 0, 1e-4 * 4.0 * cases.LENGTH / cases.OFFSET))
-    assert {check.name for check in off.failed} == {"finger equilibrium, finger", "tip moment balance, finger"}
-
-
-def test_a_bent_stiff_finger_bears_what_its_contact_gives():
-    """A pinch by fingers of 100 N m2, found by the optimizer; 1e-6 of a tension is 1e-3 of the contact's moment."""
-    scene = cg.load("configs/grasp/pinch.yaml")
-    stiff = {f"fingers.{name}.rod.bending_stiffness": 100.0 for name in ("left", "right")}
-    strong = {f"fingers.{name}.tendons.max_tension": 1e5 for name in ("left", "right")}
-    scene = scene.changed(stiff | strong | {"stability": "ignore"})
-    grasp = cg.optimize_grasp(scene)
-    assert grasp.certificate.passed
-    less = grasp.arrays["left.tensions"] * (1.0 - 1e-6)
-    failed = {check.name for check in certify(scene, {**grasp.arrays, "left.tensions": less}).failed}
-    assert failed == {"finger equilibrium, left", "tip moment balance, left"}
+    off = certify(scene, tampered(arrays, "finger.base_moment", 2, 1e-4 * 4.0 * cases.LENGTH))
+    assert "finger equilibrium, finger" in {check.name for check in off.failed}
 
 
 # -- use -----------------------------------------------------------------------------------------------------
 
 
 def test_certificate_travels_between_processes(wrapped):
-    certificate = pickle.loads(pickle.dumps(certify(*wrapped)))
-    assert certificate.passed
-    assert certificate.stability.stable
-    assert certificate["object pose"].value == 0.0
+    certificate = certify(*wrapped)
+    push = certificate.push
+    again = pickle.loads(pickle.dumps(certificate))
+    assert again.passed
+    assert again.stable
+    assert again.push == push
+    assert again["object pose"].value == 0.0
+    assert 0.0 < again.friction_margins["finger.tip"] < 1.0
 
 
-def test_certificate_shares_nothing_with_the_optimizer():
-    """It reaches itself, the exact rod, exact distances of bodies, the scene and numpy, and nothing else; the exact rod
-    may have scipy.
-    """
-    pending, seen = ["continuum_grasp.grasp.certificate.certificate"], set()
-    while pending:
-        module = pending.pop()
-        seen.add(module)
-        for name, *_ in imports(PACKAGE.joinpath(*module.split(".")[1:]).with_suffix(".py")):
-            assert not name.startswith("casadi")
-            assert not name.startswith("scipy") or ".rod." in module, module
-            if name.startswith(("continuum_grasp.grasp.", "continuum_grasp.rod.")):
-                pending += {name} - seen
-            elif name.startswith("continuum_grasp."):
-                known = {"grasp", "rod", "scene", "base"}
-                assert inside(name) in known, f"{module}: {name}"
-    own = (
-        "certificate chain check drives friction held model_error out_of_plane recomputed rolling shape space stability"
-    )
-    # The push that a grasp bears is judged by exact rods and numpy, which no search uses.
-    of_push = "push response bent_finger contact_set"
-    # The optimizer has expressions of `model.surfaces`, and tables.
-    of_bodies = "surfaces body outline_body plane_boundary"
-    assert {name.rpartition(".")[2] for name in seen if ".grasp." in name} == {
-        *own.split(),
-        *of_push.split(),
-        *of_bodies.split(),
-    }
-    assert {inside(name) for name in seen} == {"grasp", "rod"}
+def test_certificate_is_shown_in_a_few_lines(wrapped):
+    certificate = certify(*wrapped)
+    assert f"{len(certificate.checks)} of {len(certificate.checks)} checks passed" in repr(certificate)
+    assert "stable" in repr(certificate)
+    data = certificate.data()
+    assert data["passed"]
+    assert data["push"] == certificate.push
+    assert {check["name"] for check in data["checks"]} == {check.name for check in certificate.checks}

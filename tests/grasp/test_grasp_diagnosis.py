@@ -14,6 +14,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
+from continuum_grasp.grasp.reasons.diagnosis import Repairs, ordered, out_of_reach, part_of
+from continuum_grasp.grasp.reasons.elastic import Repair
 from grasp_scenes import CONFIGS, HEXAGON, INTO_PLANE, PLANAR, WEIGHTLESS, make_scene
 from scipy.optimize import linprog
 
@@ -24,8 +26,6 @@ from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.base import SolverError
 from continuum_grasp.grasp import GraspStatus, Reason, optimize_grasp, solve, verdict
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.reasons.diagnosis import Repairs, ordered, out_of_reach, part_of
-from continuum_grasp.grasp.reasons.elastic import Repair
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.nlp import Budget, Violation
 from continuum_grasp.scene import GraspContacts, GraspScene, load

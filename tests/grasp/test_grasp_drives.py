@@ -10,19 +10,15 @@ import re
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.linalg import eigh
-from scipy.optimize import brentq
 
 from benchmarks.grasp_oracle.check import LIMITS, residuals
-from continuum_grasp.grasp import GraspStatus, certify, optimize_grasp
-from continuum_grasp.grasp.certificate.drives import WoundTendons, _softened, _unsoftened
+from continuum_grasp.grasp import GraspResult, GraspStatus, certify, optimize_grasp
+from continuum_grasp.grasp.certificate.drives import WoundTendons
 from continuum_grasp.grasp.certificate.friction import TendonFriction
-from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
-from continuum_grasp.grasp.certificate.stability import contact_stability
+from continuum_grasp.grasp.judge.drives import soft as elongation
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.model import soft
-from continuum_grasp.scene import LengthDrive, MotorDrive, PointMass, Rod, Tendons, load
+from continuum_grasp.scene import LengthDrive, MotorDrive, Rod, Tendons, load
 from tests import certificate_cases as cases
 from tests.grasp_scenes import CONFIGS
 
@@ -110,200 +106,77 @@ def test_tendons_slide_from_a_milliradian_of_bend_beyond_a_cell_on(side):
     np.testing.assert_allclose(cells.pulled, side * 0.5 * slid * (3.0 - slid**2), rtol=1e-9)
 
 
-LEAST_PULL, LEFT = 1e-6 * 60.0, (20.0, 0.0)
-COMPLIANCE, BEND = 1.0 / SERIES + L / AXIAL, 1.2
-PATH, RADIUS = OFFSET * BEND, 0.008
+LEFT, RADIUS = (20.0, 0.0), 0.008
+COMPLIANCE = 1.0 / SERIES + L / AXIAL
 
 
-def wound(drive, tensions, rod=None, bends=(0.5 * BEND, 0.5 * BEND)):
-    """The tendons of a finger without friction that is bent to the left."""
+def path_of(tensions):
+    """Length by which the bend of a free finger draws in its left tendon [m]: it bends by (T1 - T2) e L / EI."""
+    return OFFSET**2 * (tensions[0] - tensions[1]) * L / EI
+
+
+def states_of(drive, tensions, rod=None):
+    """States of the drives of a free finger without friction."""
     tendons = Tendons(offset=OFFSET, max_tension=60.0, drive=drive, **CABLE)
-    rod = rod or Rod(length=L, linear_density=0.034, bending_stiffness=EI)
-    values = {"finger": {"q": np.array(bends), "tensions": tensions}}
-    scene, arrays = cases.apart(cases.make_finger(rod=rod, tendons=tendons), values, family="arc")
-    (setup,) = scene.setups
-    return WoundTendons(setup, FingerShape(setup, arrays), np.array(tensions), None)
+    rod = rod or Rod(length=L, linear_density=1e-12, bending_stiffness=EI)
+    finger = cases.make_finger(rod=rod, tendons=tendons)
+    scene, arrays = cases.apart(finger, {"finger": {"tensions": tensions}}, family="arc")
+    return GraspResult(scene, GraspStatus.FEASIBLE, "", arrays).drives["finger"]
 
 
 GEAR = {"backlash": 0.02, "gear_stiffness": 5.0}
 STATES = [
-    # Drive, tensions; cable wound up [m], torque to hold it, what the drive takes beside its position.
-    (LENGTH_DRIVE, LEFT, (PATH + COMPLIANCE * 20.0, -PATH), None),
-    (LENGTH_DRIVE.replaced(slack=1e-3), LEFT, (PATH + COMPLIANCE * 20.0 + 1e-3, -PATH + 1e-3), None),
-    (LENGTH_DRIVE.replaced(pretension=5.0), (20.0, 4.0),
-     (PATH + COMPLIANCE * 15.0, -PATH + COMPLIANCE * (4.0 - 5.0)), None),
-    (MOTOR, LEFT, (PATH + COMPLIANCE * 20.0, -PATH), lambda angle, torque: torque),
-    (MOTOR.replaced(position_gain=0.5), LEFT, (PATH + COMPLIANCE * 20.0, -PATH),
-     lambda angle, torque: angle + torque / 0.5),
-    (MOTOR.replaced(**PULLEY), (20.0, 4.0), (PATH + COMPLIANCE * 18.0,), lambda angle, torque: torque),
-    (MOTOR.replaced(**PULLEY), (4.0, 20.0), (PATH - COMPLIANCE * 18.0,), lambda angle, torque: torque),
-    (MOTOR.replaced(**PULLEY, **GEAR), (20.0, 4.0), (PATH + COMPLIANCE * 18.0,), lambda angle, torque: torque),
-    (MOTOR.replaced(**PULLEY, **GEAR), (4.0, 20.0), (PATH - COMPLIANCE * 18.0,), lambda angle, torque: torque),
-]  # fmt: skip
+    # Drive, tensions; cable wound up beside the path [m], what the drive takes beside its position.
+    (LENGTH_DRIVE, LEFT, (COMPLIANCE * 20.0, 0.0), None),
+    (LENGTH_DRIVE.replaced(slack=1e-3), LEFT, (COMPLIANCE * 20.0 + 1e-3, 1e-3), None),
+    (LENGTH_DRIVE.replaced(pretension=5.0), (20.0, 4.0), (COMPLIANCE * 15.0, COMPLIANCE * (4.0 - 5.0)), None),
+    (MOTOR, LEFT, (COMPLIANCE * 20.0, 0.0), lambda angle, torque: torque),
+    (MOTOR.replaced(position_gain=0.5), LEFT, (COMPLIANCE * 20.0, 0.0), lambda angle, torque: angle + torque / 0.5),
+    (MOTOR.replaced(**PULLEY), (20.0, 4.0), (COMPLIANCE * 18.0,), lambda angle, torque: torque),
+    (MOTOR.replaced(**PULLEY), (4.0, 20.0), (-COMPLIANCE * 18.0,), lambda angle, torque: torque),
+    (MOTOR.replaced(**PULLEY, **GEAR), (20.0, 4.0), (COMPLIANCE * 18.0,), lambda angle, torque: torque),
+    (MOTOR.replaced(**PULLEY, **GEAR), (4.0, 20.0), (-COMPLIANCE * 18.0,), lambda angle, torque: torque),
+]
 
 
 @pytest.mark.parametrize(("drive", "tensions", "cable", "command"), STATES)
 def test_drives_are_at_what_bend_and_tensions_ask_for(drive, tensions, cable, command):
-    found = wound(drive, tensions).drives
+    found, path = states_of(drive, tensions), path_of(tensions)
     pulls = (tensions[0] - tensions[1],) if len(cable) == 1 else tensions
-    for state, own, pull in zip(found, cable, pulls, strict=True):
+    for state, own, pull, side in zip(found, cable, pulls, (1.0, -1.0), strict=False):
+        wound = side * path + own
         if command is None:
-            assert state.position == state.command == pytest.approx(own, rel=1e-9)
+            assert state.position == state.command == pytest.approx(wound, rel=1e-7)
             continue
         torque = RADIUS * pull
-        angle = own / RADIUS + (torque / 5.0 + math.copysign(0.01, torque) if drive.backlash else 0.0)
+        angle = wound / RADIUS + (torque / 5.0 + math.copysign(0.01, torque) if drive.backlash else 0.0)
         reached = (state.position, state.torque, state.torque_to_reach, state.command)
-        assert reached == pytest.approx((angle, torque, abs(torque) + 2e-3, command(angle, torque)), rel=1e-9)
+        assert reached == pytest.approx((angle, torque, abs(torque) + 2e-3, command(angle, torque)), rel=1e-7)
 
 
 def test_the_path_of_a_tendon_follows_stiffness_that_changes():
-    """A moment that is the same all along an element bends it by m / EI: EI falls to a tenth, and jumps."""
+    """A free finger is bent by T e / B: B falls to a tenth, and jumps."""
     sections = (
-        {"to": 0.6 * L, "bending_stiffness": (EI, 0.1 * EI), "linear_density": 0.03},
-        {"to": L, "bending_stiffness": 0.4 * EI, "linear_density": 0.03},
+        {"to": 0.6 * L, "bending_stiffness": (EI, 0.1 * EI), "linear_density": 1e-12},
+        {"to": L, "bending_stiffness": 0.4 * EI, "linear_density": 1e-12},
     )
-    bends = np.array([0.4, 0.7])
-    found = wound(LENGTH_DRIVE, LEFT, Rod(length=L, sections=sections), bends).path
-    slope = 0.9 / 0.6
-    # Stiffness per EI at the middles of both elements, where bends are given per length.
-    moments = bends / (0.5 * L) * EI * np.array([1.0 - slope * 0.25, 0.4])
-    first = moments[0] * L / EI * math.log(1.0 / (1.0 - slope * 0.5)) / slope
-    second = moments[1] * L / EI * (math.log((1.0 - slope * 0.5) / 0.1) / slope + 0.4 / 0.4)
-    assert found == pytest.approx(OFFSET * (first + second), rel=1e-10)
+    tension, drive = 2.0, LENGTH_DRIVE
+    left, _ = states_of(drive, (tension, 0.0), Rod(length=L, sections=sections))
+    bend = tension * OFFSET * L / EI * (0.6 * math.log(10.0) / 0.9 + 0.4 / 0.4)
+    assert left.position == pytest.approx(OFFSET * bend + COMPLIANCE * tension, rel=1e-7)
 
 
-@pytest.mark.parametrize(("part", "count"), [(0.999, 1), (1.001, 2)])
-def test_a_tendon_is_taut_from_a_millionth_of_the_greatest_tension_on(part, count):
-    assert wound(LENGTH_DRIVE, (20.0, part * LEAST_PULL)).in_tension.sum() == count
+@pytest.mark.parametrize(("part", "taut"), [(0.999, False), (1.001, True)])
+def test_a_tendon_is_taut_from_a_millionth_of_the_greatest_tension_on(part, taut):
+    right = states_of(MOTOR, (20.0, part * 1e-6 * 60.0))[1]
+    assert (right.torque > 0.0) is taut
 
 
 def test_a_tendon_goes_slack_as_that_of_the_simulated_winch():
     onset = 20e-6
     length = np.linspace(-2.0, 2.0, 41) * onset
     exact = np.array([float(soft(x, onset)) for x in length])
-    np.testing.assert_allclose(_softened(length, onset), exact, atol=1e-15)
-    some = exact > 1e-12
-    np.testing.assert_allclose(_unsoftened(exact, onset, some), np.where(some, length, 0.0), atol=1e-12)
-
-
-# -- stability: a locked tendon is a spring on the angle of the tip ---------------------------------------------------
-
-
-def critical_weight(spring):
-    """Weight per length [N/m] at which a clamped upright rod with a torsional spring [N m/rad] at its top falls."""
-
-    def missing(weight):
-        def rates(s, y):
-            return [y[1], -weight * (L - s) / EI * y[0]]
-
-        end = solve_ivp(rates, (0.0, L), [0.0, 1.0], method="DOP853", rtol=1e-11, atol=1e-13).y[:, -1]
-        return EI * end[1] + spring * end[0]
-
-    weights = np.linspace(1.0, 40.0, 200) * EI / L**3
-    values = [missing(weight) for weight in weights]
-    k = next(k for k in range(1, len(values)) if values[k - 1] * values[k] < 0.0)
-    return brentq(missing, weights[k - 1], weights[k])
-
-
-@pytest.mark.parametrize(
-    ("drive", "tensions", "spring"),
-    [
-        (LENGTH_DRIVE, (5.0, 5.0), lambda c: 2.0 / c),
-        (LENGTH_DRIVE.replaced(**PULLEY), (2.0, 2.0), lambda c: 2.0 / c),
-        # In series with the servo: the one yields by r^2 / gain per tension, on a pulley by that of the difference.
-        (MOTOR.replaced(position_gain=0.5), (5.0, 5.0), lambda c: 2.0 / (c + 0.008**2 / 0.5)),
-        (
-            MOTOR.replaced(position_gain=0.5, **PULLEY),
-            (2.0, 2.0),
-            lambda c: 1.0 / (0.5 * c + 0.008**2 / 0.5),
-        ),
-        (MOTOR, (5.0, 5.0), lambda c: 0.0),
-        (MOTOR.replaced(**PULLEY), (2.0, 2.0), lambda c: 0.0),
-    ],
-)
-def test_an_upright_finger_with_locked_winches_stands_as_with_a_spring_at_its_tip(drive, tensions, spring):
-    """Pulled at by both tendons it stays straight; weight makes it fall, which the tendons resist by e^2 per 1 / C."""
-    compliance = 1.0 / SERIES + L / AXIAL
-    weight = critical_weight(OFFSET**2 * spring(compliance))
-    assert spring(compliance) > 0.0 or weight == pytest.approx(7.8373 * EI / L**3, rel=1e-4)
-    for share, stable in ((0.9998, True), (1.0002, False)):
-        rod = Rod(length=L, linear_density=share * weight / 9.81, bending_stiffness=EI)
-        tendons = Tendons(offset=OFFSET, max_tension=60.0, drive=drive, **CABLE)
-        finger = cases.make_finger(rod=rod, tendons=tendons)
-        found = certify(*cases.beside_box(finger, tensions, gravity=cases.PLANAR, family="clothoid")).stability
-        assert found.stable is stable
-        assert found.assumptions.startswith("locked" if spring(compliance) else "constant tensions")
-
-
-def test_locked_winches_hold_against_a_weight_that_twists_the_finger_away():
-    """A weight P at its end, along the normal: 2 E = int EI t'^2 + GJ p'^2 - 2 P (L - s) p t' ds + k t(L)^2
-    of turns t in the plane and p about the finger, which are polynomials (Prandtl's load where k = 0).
-    """
-    torsion, spring = EI / 1.3, OFFSET**2 * 2.0 / (1.0 / SERIES + L / AXIAL)
-    x, weights = np.polynomial.legendre.leggauss(20)
-    u, weights, power = 0.5 * (x + 1.0), 0.5 * weights, np.arange(1, 11)
-    turns, bends = u[:, None] ** power, power * u[:, None] ** (power - 1)
-    stiff, mixed = (bends.T * weights) @ bends, (bends.T * weights * (1.0 - u)) @ turns
-    ends, none = np.ones((10, 10)), np.zeros((10, 10))
-
-    def load(spring):
-        energy = np.block([[EI / L * stiff + spring * ends, none], [none, torsion / L * stiff]])
-        return 1.0 / eigh(L * np.block([[none, mixed], [mixed.T, none]]), energy, eigvals_only=True)[-1]
-
-    assert load(0.0) == pytest.approx(4.0126 * math.sqrt(EI * torsion) / L**2, rel=1e-4)
-    assert load(spring) > 1.2 * load(0.0)
-    tendons = Tendons(offset=OFFSET, max_tension=60.0, drive=LENGTH_DRIVE, **CABLE)
-    section = {"shape": "round", "poissons_ratio": 0.3}
-    rod = Rod(length=L, linear_density=1e-12, bending_stiffness=EI)
-    for share in (0.99, 1.01):
-        masses = (PointMass(at=L, mass=share * load(spring) / 9.81),)
-        finger = cases.make_finger(rod=rod, tendons=tendons, masses=masses, section=section)
-        scene = cases.beside_box(finger, (5.0, 5.0), gravity=cases.INTO_PLANE, family="clothoid")
-        found = certify(*scene).stability
-        assert found.in_plane
-        assert (found.in_space.eigenvalue > 0.0) is (share < 1.0)
-
-
-@pytest.mark.parametrize("pretension", [5.0, 0.3])  # of 0.3 N, tendons are among those that softly go slack
-def test_the_eigenvalue_with_locked_winches_is_that_of_the_continuous_rod(pretension):
-    """Straight: E I theta'' = -w^2 E I theta / L^2, and the tip is bent back by e^2 per compliance times its turn."""
-    drive = LENGTH_DRIVE.replaced(pretension=pretension)
-    tendons = Tendons(offset=OFFSET, max_tension=60.0, drive=drive, **CABLE)
-    finger = cases.make_finger(rod=Rod(length=L, linear_density=1e-12, bending_stiffness=EI), tendons=tendons)
-    scene, arrays = cases.beside_box(finger, (pretension, pretension), family="clothoid")
-    compliance = 1.0 / SERIES + L / AXIAL
-    onset = EI / (L * OFFSET) / 16.0 * compliance  # of a sixteenth of the tension that bends it by one radian
-
-    def elongation(wound):
-        return float(soft(wound, onset))
-
-    length, step = brentq(lambda x: elongation(x) - compliance * pretension, -1e-4, 1e-2, xtol=1e-15), 1e-8
-    stiffness = 2.0 / compliance * (elongation(length + step) - elongation(length - step)) / (2.0 * step)
-    kink = OFFSET**2 * stiffness * L / EI
-    w = brentq(lambda w: w * math.cos(w) + kink * math.sin(w), 0.5, math.pi)
-    found = contact_stability(certify(scene, arrays).grasp)
-    assert found.eigenvalue == pytest.approx(w**2, rel=2e-4)
-
-
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_locked_winches_hold_as_much_as_friction_passes_on(way):
-    """A turn of the tip elongates the tendon, whose tension falls along it as of a free rod; turns are polynomials."""
-    count = 8
-    tension = 20.0 if way > 0.0 else 5.0
-    scene, arrays, pull, _ = free_rod(tension, 0.3, way, supports=cases.PALMS)
-    share = pull / tension
-    nodes = np.linspace(0.0, 1.0, share.size)
-    compliance = 1.0 / SERIES + L / AXIAL * np.trapezoid(share, nodes)
-    x, weights = np.polynomial.legendre.leggauss(count + 6)
-    u, weights, power = 0.5 * (x + 1.0), 0.5 * weights, np.arange(1, count + 1)
-    turns, bends = u[:, None] ** power, power * u[:, None] ** (power - 1)
-    work = OFFSET**2 / compliance * np.outer(bends.T @ (weights * np.interp(u, nodes, share)), np.ones(count))
-    energy = EI / L * (bends.T * weights) @ bends + 0.5 * (work + work.T)
-    least = eigh(energy, (turns.T * weights) @ turns, eigvals_only=True)[0] / (EI / L)
-    arrays |= cases.contact_arrays(cases.BETWEEN) | {"object.pose": np.array([0.4, 0.0, 0.0])}
-    arrays["finger.friction_states"] = way * np.ones(scene.setups[0].friction_states)
-    found = contact_stability(RecomputedGrasp(scene, arrays))
-    assert found.eigenvalue == pytest.approx(least, rel=5e-4)
+    np.testing.assert_allclose(elongation(length, onset), exact, atol=1e-15)
 
 
 # -- grasps -----------------------------------------------------------------------------------------------------------
@@ -372,10 +245,8 @@ def test_a_grasp_holds_whatever_the_friction_states(drive):
     scene = mug(drive, 0.1)
     found, pulled = optimize_grasp(scene), optimize_grasp(scene.replaced(friction_states="pulled"))
     assert found.status is GraspStatus.OPTIMAL
-    assert found.certificate.states >= 2
     assert found.robustness.robust.holds
     assert found.tension >= pulled.tension * (1.0 - 1e-6)
-    assert pulled.certificate.states == 0
     # Code of another hand, from the capstan law, for the grasp and each posture of its friction states.
     for name, value in residuals(found.scene, found.arrays).items():
         assert value < LIMITS[name], name

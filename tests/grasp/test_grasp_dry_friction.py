@@ -10,13 +10,13 @@ from itertools import product
 
 import numpy as np
 import pytest
+from continuum_grasp.grasp.certificate.model_error import model_error
+from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
+from continuum_grasp.grasp.robust.response import Responder
 
 from benchmarks.grasp_oracle.check import LIMITS, residuals
 from continuum_grasp.grasp import GraspStatus, certify, optimize_grasp
-from continuum_grasp.grasp.certificate.model_error import model_error
-from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.robust.errors import OBJECT
-from continuum_grasp.grasp.robust.response import Responder
 from continuum_grasp.model import FingerModel
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import Damping, Finger, ForceLoad, MomentLoad, PointMass, Rod, Tendons, load

@@ -1,33 +1,25 @@
 """Maps of fingers, from inside: a single equilibrium of one has no door; the search shows grasps alone.
 
-Rods are compared with an integration that knows their equations alone, what they hold with by finer models. The map of
-a finger has every equilibrium of the exact rod that touches; the search starts from those that hold.
+Rods are compared with an integration that knows their equations alone, distances with sampled outlines.
 """
 
 from __future__ import annotations
 
 import math
-import re
+from itertools import pairwise
 
 import numpy as np
 import pytest
-import shapely
+from grasp_scenes import SHAPES, make_scene
 from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
-from benchmarks import grasp_images as images
-from benchmarks.grasp_images import mirrored
-from benchmarks.grasp_populations import document
 from continuum_grasp.core import Compiler
-from continuum_grasp.grasp import GraspStatus, optimize_grasp, solve
-from continuum_grasp.grasp.finger_map import SETTLED, SceneMaps, balance, fill, places_of, rod
-from continuum_grasp.grasp.finger_map.settled import MISSES
-from continuum_grasp.grasp.modes import contact_modes, with_elements
-from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.reasons.starts import Starts
-from continuum_grasp.grasp.search import GraspSearch
-from continuum_grasp.nlp import Budget
-from continuum_grasp.scene import GraspScene
+from continuum_grasp.grasp.finger_map import FingerMap, ObjectBalance, SceneMaps, places_of, rod, rough_distance
+from continuum_grasp.grasp.object_supports import object_outlines
+from continuum_grasp.grasp.rods.contact_sets import contact_sets
+from continuum_grasp.model import surface_of
+from tests.model.test_contact_surface import ANGLES, beyond_a_corner
 
 pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="the map is compiled")
 
@@ -39,9 +31,7 @@ def grasp_scene(name):
 def finger_of(scene):
     (setup,) = scene.setups
     on = frozenset(setup.switches)
-    return rod.MapFinger(
-        scene, setup, rod.ObjectTable(scene), setup.finger.base.pose, scene.object.pose, on, exact=True
-    )
+    return rod.MapFinger(scene, setup, rod.ObjectTable(scene), setup.finger.base.pose, scene.object.pose, on)
 
 
 def bent(seed, count):
@@ -90,8 +80,9 @@ def test_a_rod_is_the_solution_of_its_equations():
 @pytest.mark.parametrize("curvature", [-2.0, 0.5, 3.0])
 def test_a_rod_without_forces_is_an_arc(curvature):
     """To the remainder of the rule of Euler and Maclaurin."""
-    finger = finger_of(grasp_scene("mug")).exactly(0)
-    end = finger.curve(np.array([curvature, 0.0, 0.0, curvature]))[-1, 2:]
+    finger = finger_of(grasp_scene("mug")).with_middles(0)
+    place = finger.traced(np.array([[curvature, 0.0, 0.0, curvature]]), slopes=False).touches.place
+    end = [float(part.value[0, -1]) for part in place]
     x, y, angle = finger.base
     turned = np.array([math.cos(angle + curvature) - math.cos(angle), math.sin(angle + curvature) - math.sin(angle)])
     remainder = 2.0 * abs(curvature) ** 3 / finger.sampling.steps**4 / 720.0
@@ -135,40 +126,9 @@ def test_rods_side_by_side_are_those_one_by_one(name):
     assert together == pytest.approx(alone[:, : together.shape[1]], abs=1e-10)
 
 
-def curled(curvatures):
-    """A finger that keeps clear of itself, and rods without forces, which are arcs; middle contacts are wherever."""
-    scene = grasp_scene("mug").changed({"finger.half_thickness": 1e-3, "finger.tendons.offset": 8e-4})
-    (setup,) = scene.setups
-    given = setup.finger.base.pose, scene.object.pose, frozenset(setup.switches)
-    finger = rod.MapFinger(scene, setup, rod.ObjectTable(scene), *given, exact=True, itself=True)
-    z = np.zeros((len(curvatures), finger.numbers))
-    z[:, 0] = z[:, 3] = curvatures
-    z[:, 4] = 0.45
-    return finger, z
-
-
-def test_an_arc_is_clear_of_itself_by_the_chord_between_its_ends():
-    curvatures = np.array([6.2, -6.23, 6.25])
-    finger, z = curled(curvatures)
-    chord = 2.0 / np.abs(curvatures) * np.sin(np.abs(curvatures) / 2.0)
-    thickness = 2.0 * float(finger.setup.finger.profile.half_thickness(0.0)) / finger.length
-    clear = -finger.traced(z, slopes=False).shape_limits.value[:, -1]
-    assert clear == pytest.approx(chord - thickness, abs=1e-4)
-
-
-def test_slopes_of_how_clear_it_is_of_itself_are_those_of_differences():
-    finger, z = curled(np.array([6.1, -6.2, 6.0]))
-    z[:, 1:3] = [[0.3, -0.2], [-0.4, 0.1], [0.2, 0.3]]
-    slope = finger.traced(z).shape_limits.slope[:, -1]
-    for k in range(4):
-        off = 1e-6 * np.eye(finger.numbers)[k]
-        ends = (finger.traced(each, slopes=False).shape_limits.value[:, -1] for each in (z + off, z - off))
-        assert slope[:, k] == pytest.approx(np.subtract(*ends) / 2e-6, abs=1e-5)
-
-
 def test_samples_touch_as_they_should():
     finger = finger_of(grasp_scene("oval_flask"))
-    samples = fill.FingerMap.of(finger).samples
+    samples = FingerMap.of(finger).samples
     assert len(samples) > 100
     assert np.abs(samples.touches.gap.value).max() < 2e-3
     assert np.abs(samples.touches.lean.value[:, 0]).max() < 5e-3
@@ -177,50 +137,11 @@ def test_samples_touch_as_they_should():
 
 def balance_of(scene):
     """Balance of a scene with all contacts, and the maps of its fingers."""
-    (mode, *_) = contact_modes(scene)
+    (mode, *_) = contact_sets(scene)
     pose, bases = places_of(scene, mode)[0]
     held = SceneMaps(scene)
     maps = [held.map_of(setup.name, base, pose, mode) for setup, base in zip(scene.setups, bases, strict=True)]
-    return balance.ObjectBalance(scene, mode, [one.finger for one in maps], pose), maps
-
-
-def distances(scene, held, settled):
-    """How far the surfaces of two fingers are apart in combinations that hold the object, by shapely [L]."""
-    thick = sum(float(setup.finger.profile.half_thickness(0.0)) for setup in scene.setups)
-    for row in settled.holding(scene.object.size):
-        ends = zip(held.fingers, held.at[:-1], held.at[1:], strict=True)
-        curves = [finger.length * finger.curve(settled.x[row, a:b])[:, 2:] for finger, a, b in ends]
-        away = shapely.LineString(curves[0]).distance(shapely.LineString(curves[1]))
-        yield (away - thick) / held.fingers[0].length
-
-
-def crossing_and_apart(document):
-    """A scene of two fingers, its balance where they may cross and where they keep apart, and their maps."""
-    scene = images.scene_of(document, 8)
-    crossing, maps = balance_of(scene)
-    apart = balance.ObjectBalance(scene, crossing.on, crossing.fingers, crossing.pose, scene.pairs)
-    return scene, crossing, apart, maps
-
-
-def test_fingers_that_keep_apart_settle_beside_each_other():
-    scene, crossing, apart, maps = crossing_and_apart(document("two", 6))
-    assert min(distances(scene, crossing, crossing.settle(crossing.candidates(maps)))) < -0.02
-    settled = apart.settle(apart.candidates(maps))
-    assert len(settled.holding(scene.object.size)) > 0
-    assert min(distances(scene, apart, settled)) > -SETTLED - 1e-3
-
-
-def test_where_the_least_tension_has_fingers_touch_each_other_they_just_touch():
-    thick = document("two", 14)
-    for finger in thick["fingers"].values():
-        finger["half_thickness"] *= 2.0
-    scene, _, apart, maps = crossing_and_apart(thick)
-    settled = apart.settle(apart.candidates(maps))
-    refined = apart.refined(settled.x[settled.holding(scene.object.size)])
-    rows = refined.holding(scene.object.size)
-    touching = np.abs(list(distances(scene, apart, refined))).argmin()
-    assert refined.off[rows[touching]] < 1e-7
-    assert list(distances(scene, apart, refined))[touching] == pytest.approx(0.0, abs=1e-6)
+    return ObjectBalance(scene, mode, [one.finger for one in maps], pose), maps
 
 
 def wrench_of(contacts, center):
@@ -236,9 +157,9 @@ def test_settled_combinations_hold_the_weight_within_their_cones(name):
     held, maps = balance_of(scene)
     settled = held.settle(held.candidates(maps))
     (row, *_) = settled.holding(scene.object.size)
-    best = held.refined(settled.x[row : row + 1])
-    traced = held.traced(best.x, slopes=False)
-    normal, friction = (force[0] for force in held.forces(best.x, traced))
+    best = settled.x[row : row + 1]
+    traced = held.traced(best, slopes=False)
+    normal, friction = (force[0] for force in held.forces(best, traced))
     contacts, borne = [], list(zip(normal, friction, strict=True))
     for at in traced:
         on, length = at.finger.middles + at.finger.tip, at.finger.length
@@ -259,209 +180,46 @@ def test_settled_combinations_hold_the_weight_within_their_cones(name):
     assert normal.min() > 0.0
 
 
-def drawn(population, k, elements=8):
-    return GraspScene.model_validate(document(population, k, elements=elements))
+# -- distances ---------------------------------------------------------------------------------------------------
 
 
-def least_of_rods(scene):
-    (mode, *_) = contact_modes(scene)
-    settled = SceneMaps(scene).settled(mode, places_of(scene, mode)[0])
-    return min(start.estimate for start in settled if start.imbalance < 2e-4)
+def outlines_of(shape):
+    return object_outlines(make_scene(object={**SHAPES[shape], "mass": 0.3, "position": (0.1, 0.0)}))
 
 
-def test_exact_rods_hold_with_what_a_search_without_them_needed():
-    """16.62 N, with the tendons of one finger slack, where small steps along the set change its force the most."""
-    assert least_of_rods(drawn("two_outline", 0)) == pytest.approx(16.62, rel=1e-3)
+@pytest.mark.parametrize("shape", ["circle", "polygon"])
+def test_distances_are_those_of_sampled_outlines(shape):
+    points = np.random.default_rng(1).uniform(-0.15, 0.15, (60, 2)) @ [1.0, 1j]
+    if shape == "circle":
+        outline = 0.04 * np.exp(1j * np.linspace(0.0, math.tau, 20001))
+    else:
+        corners = np.array([complex(*v) for v in SHAPES["polygon"]["vertices"]])
+        edges = pairwise([*corners, corners[0]])
+        outline = np.concatenate([a + (b - a) * np.linspace(0.0, 1.0, 4001) for a, b in edges])
+    brute = np.abs(points[:, None] - outline).min(axis=1)
+    assert np.abs(rough_distance(outlines_of(shape), points)) == pytest.approx(brute, abs=2e-5)
+    assert rough_distance(outlines_of(shape), np.zeros(1, complex))[0] < 0.0
 
 
-def test_a_set_that_the_nearest_seeds_miss_is_found():
-    """A search without maps held it, with 26.88 N."""
-    assert least_of_rods(drawn("one_outline", 7)) == pytest.approx(26.88, rel=2e-2)
+@pytest.mark.parametrize("angle_deg", ANGLES)
+def test_points_beyond_an_acute_corner_are_outside(angle_deg):
+    body, points, off = beyond_a_corner(angle_deg)
+    outlines = tuple(surface_of(part).outline(part) for part in body.parts)
+    assert rough_distance(outlines, points) == pytest.approx(np.abs(off), rel=1e-10)
 
 
-def test_rods_that_touch_before_the_range_of_a_contact_lead_into_it():
-    scene = grasp_scene("preshaped").changed({"contacts.middle_range": [0.06, 0.12], "fidelity.elements": 8})
-    search = GraspSearch(scene, Budget.of(scene.solver))
-    held = [each.start for each in search.settle(SceneMaps(scene)) if each.holds]
-    assert held
-    assert all(0.06 <= start.fingers["finger"].joints[0] <= 0.12 for start in held)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_compiled_distances_are_those_of_numpy(monkeypatch, shape):
+    points = np.random.default_rng(2).uniform(-0.2, 0.2, (300, 2)) @ [1.0, 1j]
+    compiled = rough_distance(outlines_of(shape), points)
+    monkeypatch.setenv("CC", "")
+    assert Compiler.find() is None
+    assert compiled == pytest.approx(rough_distance(outlines_of(shape), points), abs=1e-14)
 
 
-def test_nothing_is_wrong_with_combinations_at_their_optimum():
-    """A stiff penalty alone leaves 1e-6."""
-    scene = images.scene_of(images.drawn("one", 104), 8)
-    best = GraspSearch(scene, Budget.of(scene.solver)).settle(SceneMaps(scene))[0].start
-    assert best.imbalance < 1e-7
-    assert best.estimate == pytest.approx(8.7065, rel=1e-4)  # with 16 elements
-
-
-def test_elements_not_given_are_as_many_as_exact_rods_ask_for():
-    """Rods hold with 10.56 N, eight elements with 33.96 N."""
-    scene = drawn("one", 2, elements=None)
-    grasp = cg.optimize_grasp(scene)
-    assert [setup.elements for setup in (*scene.setups, *grasp.scene.setups)] == [8, 16]
-    assert grasp.tension == pytest.approx(10.51, rel=0.05)
-    given = cg.optimize_grasp(scene.changed({"fidelity.elements": 8}))
-    assert given.status is GraspStatus.FEASIBLE
-    assert given.tension > 30.0
-    held = float(re.search(r"exact rods hold with (\S+) N", given.message)[1])
-    assert held == pytest.approx(grasp.tension, rel=0.03)
-
-
-@pytest.mark.parametrize("ends", ["without a grasp", "by Ctrl-C"])
-def test_where_more_elements_lead_nowhere_the_grasp_with_fewer_stays(ends, monkeypatch):
-    whole = GraspSearch.run
-
-    def run(search, **options):
-        if search.scene.setups[0].elements == 8:
-            return whole(search, **options)
-        if ends == "by Ctrl-C":
-            raise KeyboardInterrupt
-        return None
-
-    monkeypatch.setattr(GraspSearch, "run", run)
-    monkeypatch.setattr(solve._ModelSearch, "_reasons", lambda *_, **__: [])
-    grasp = cg.optimize_grasp(drawn("one", 2, elements=None))
-    assert grasp.status is GraspStatus.FEASIBLE
-    assert [setup.elements for setup in grasp.scene.setups] == [8]
-    assert grasp.statistics["interrupted"] is (ends == "by Ctrl-C")
-
-
-def relaxed(seed):
-    """A random scene that is not held, its starts with limits relaxed, and its limits by name."""
-    scene = images.scene_of(images.drawn("one", seed), 8)
-    search = GraspSearch(scene, Budget.of(scene.solver))
-    return scene, search, {limit.name: limit for limit in RELAXATIONS}
-
-
-def test_where_no_combination_holds_the_nearest_are_known():
-    _, search, _ = relaxed(122)
-    nearest = search.settle(SceneMaps(search.scene))
-    assert 0 < len(nearest) <= MISSES * len(search.modes)
-    assert not any(candidate.holds for candidate in nearest)
-    missed = [candidate.start.imbalance for candidate in nearest]
-    assert missed == sorted(missed)
-
-
-@pytest.mark.parametrize("name", ["friction", "tension"])
-def test_rods_with_a_limit_relaxed_are_within_the_others(name):
-    """Within what settling leaves open, 4e-3 of the map's units."""
-    scene, search, limits = relaxed(114)
-    setup = scene.setups[0]
-    spare = SETTLED / rod.FORCE * setup.stiffness / setup.finger.rod.length**2
-    held = [start for start in Starts(scene, search).of([limits[name]]) if start.imbalance <= SETTLED]
-    slips = [max(math.hypot(f, up) - setup.friction * n for n, f, up in start.forces.values()) for start in held]
-    pulls = [max(start.tensions["finger"]) - setup.max_tension for start in held]
-    # 0.1: moments in these units, per the greatest
-    beyond = {"friction": max(slips) > spare, "tension": max(pulls) > SETTLED / 0.1 * setup.max_tension}
-    assert beyond == {"friction": name == "friction", "tension": name == "tension"}
-    assert max(n for start in held for n, _, _ in start.forces.values()) <= setup.normal_force_max + spare
-
-
-def test_limits_relaxed_one_after_another_have_the_same_maps():
-    """Once a greater bending range was lost where another limit came first."""
-    scene = drawn("one_tapered", 5)
-    limits = {limit.name: limit for limit in RELAXATIONS}
-    starts = Starts(scene, GraspSearch(scene, Budget.of(scene.solver)))
-    assert not [start for start in starts.of([limits["tension"]]) if start.imbalance <= SETTLED]
-    assert [start for start in starts.of([limits["bending range"]]) if start.imbalance <= SETTLED]
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize(
-    ("seed", "name", "needed"),
-    [(103, "mass", 0.0509), (118, "mass", 0.2748), (122, "friction", 0.6947), (124, "friction", 0.8506)],
-)
-def test_reasons_of_many_elements_repair_and_a_little_less_does_not(seed, name, needed):
-    """Postures that were sampled gave none, or 0.004 kg, a friction of 0.768 and 1.86."""
-    scene, _, limits = relaxed(seed)
-    result = optimize_grasp(scene, raise_on_failure=False)
-    (reason,) = (reason for reason in result.reasons if reason.name == name)
-    assert reason.needed == pytest.approx(needed, rel=2e-2)
-    limit, more = limits[name], 1.0 if name == "mass" else -1.0
-    for share, held in ((1.0 - 0.02 * more, True), (1.0 + 0.1 * more, False)):
-        amount = abs(share * reason.needed - reason.limit)
-        changed = limit.relaxed(scene, amount / reason.limit if name == "mass" else amount)
-        assert optimize_grasp(changed, raise_on_failure=False).verified is held
-
-
-def test_elements_that_do_not_follow_rods_are_said_to(monkeypatch):
-    monkeypatch.setattr(GraspSearch, "attempt", lambda *_, **__: None)
-    monkeypatch.setattr(solve._ModelSearch, "_reasons", lambda *_, **__: [])
-    scene = grasp_scene("pinch").changed({"fidelity.elements": 8})
-    found = optimize_grasp(scene, raise_on_failure=False)
-    assert found.status is GraspStatus.NOT_SOLVED
-    held = float(re.search(r"exact rods hold with (\S+) N in all, but 8 elements", found.message)[1])
-    # With 16 elements it takes 75.925 N.
-    assert held == pytest.approx(75.925, rel=1e-4)
-    assert "fidelity.elements" in found.advice
-    assert not found.reasons
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize(("name", "elements"), [("oval_flask", 12), ("pinch", 8)])
-def test_exact_rods_hold_with_what_fine_models_need(name, elements):
-    scene = grasp_scene(name)
-    segments = max(len(setup.middles) for setup in scene.setups) + 1
-    fine = cg.optimize_grasp(with_elements(scene, elements // segments, as_curved=True))
-    (mode, *_) = contact_modes(scene)
-    best, *_ = SceneMaps(scene).settled(mode, places_of(scene, mode)[0])
-    assert best.estimate == pytest.approx(fine.tension, rel=0.01)
-
-
-@pytest.mark.deep
-def test_images_are_held_with_the_same_tension():
-    scene = grasp_scene("oval_flask")
-    data = scene.model_dump(exclude_unset=True)
-    tensions = []
-    for each in (scene, GraspScene.model_validate(mirrored(data))):
-        (mode, *_) = contact_modes(each)
-        tensions.append(SceneMaps(each).settled(mode, places_of(each, mode)[0])[0].estimate)
-    assert tensions[1] == pytest.approx(tensions[0], rel=1e-4)
-
-
-@pytest.mark.deep
-def test_a_finger_on_a_corner_has_the_direction_of_its_force():
-    """All directions between the corner's faces are normal there; the finger's is where its backbone lies."""
-    scene = grasp_scene("gear")
-    grasp = cg.optimize_grasp(scene)
-    (mode, *_) = contact_modes(scene)
-    settled = SceneMaps(scene).settled(mode, places_of(scene, mode)[0])
-    start = min(settled, key=lambda each: each.imbalance)
-    for name, normal in zip(grasp.arrays["contact_names"], grasp.arrays["contact_normals"], strict=True):
-        angle = start.contacts[str(name)].normal_angle + start.object_pose[2]
-        assert np.array([math.cos(angle), math.sin(angle)]) == pytest.approx(np.array(normal), abs=0.05)
-
-
-COARSE = {
-    "schema_version": 1,
-    "finger": {
-        "rod": {"length": 0.22674488, "linear_density": 0.00080661454, "bending_stiffness": 0.0063856183},
-        "half_thickness": 0.0098070436,
-        "tendons": {"offset": 0.0086159892, "max_tension": 95.202989, "min_tension": 0.19611534},
-        "rest_curvature": -0.38321002,
-        "base": {"position": [-0.044319729, 0.010732118], "angle": -0.22619471},
-    },
-    "object": {
-        "shape": "ellipse",
-        "width": 0.0682485110467594,
-        "height": 0.04443636426930594,
-        "position": [0.0, 0.026929445576936287],
-        "angle": 2.5136099353480432,
-        "mass": 0.068476813,
-    },
-    "supports": {"table": {"type": "palm", "point": [0.0, 0.0], "normal_angle": 1.5707963267948966}},
-    "contacts": {"friction": 0.67992709, "normal_force_max": 40.246477, "tip": "on", "middle": "on"},
-    "gravity": [0.0, -9.81, 0.0],
-    "fidelity": {"family": "matched_clothoid", "elements": 2},
-    "objective": "least_tension",
-    "solver": {"effort": "thorough"},
-}
-
-
-def test_a_grasp_is_not_optimal_where_exact_rods_hold_with_much_less():
-    grasp = cg.optimize_grasp(GraspScene.model_validate(COARSE))
-    # Twelve elements hold it with 12.35 N.
-    assert grasp.status.value == "feasible"
-    assert "exact rods hold with" in grasp.message
-    assert grasp.exploration.exact_less == pytest.approx(12.35, rel=0.08)
+def test_a_scene_without_a_compiler_has_starts_that_nearly_touch(monkeypatch):
+    with monkeypatch.context() as without:
+        without.setenv("CC", "")
+        grasp = cg.optimize_grasp(grasp_scene("mug_arcs"), raise_on_failure=False)
+    assert grasp.solved
+    assert grasp.tension == pytest.approx(cg.optimize_grasp(grasp_scene("mug_arcs")).tension, rel=1e-3)

@@ -9,18 +9,18 @@ from itertools import product
 
 import numpy as np
 import pytest
-
-from benchmarks.grasp_oracle.check import LIMITS, residuals
-from continuum_grasp.grasp import certify, optimize_grasp
-from continuum_grasp.grasp.robust.errors import OBJECT
 from continuum_grasp.grasp.robust.response import Responder
 from continuum_grasp.grasp.robust.search import find_robust, tried_states, with_postures
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.stations import _on_nearest, without_stations
+from tests.grasp.test_grasp_state_search import pinched, sticking, wound
+
+from benchmarks.grasp_oracle.check import LIMITS, residuals
+from continuum_grasp.grasp import certify, optimize_grasp
+from continuum_grasp.grasp.robust.errors import OBJECT
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import GraspScene, Robust, load, scene_of
 from tests.grasp.test_grasp_histories import at_rest
-from tests.grasp.test_grasp_state_search import pinched, sticking, wound
 from tests.marks import few
 
 ANY = Robust.model_construct(draws=0)

@@ -68,7 +68,6 @@ def test_a_box_without_weight_is_pressed_and_the_push_is_named(held):
     assert held.scene.contacts.push == pytest.approx(held.certificate.push, rel=0.02)
     assert "nothing loads the object" in held.message
     assert "any push up to" in held.message
-    assert "push in any direction" in held.certificate.pairs()
     for contact in held.contacts:  # half of the push along the line, at least
         assert contact.normal_force > 0.5 * held.certificate.push
     assert sum(c.normal_force * c.normal for c in held.contacts) == pytest.approx([0.0, 0.0], abs=1e-6)
@@ -79,7 +78,7 @@ def test_the_default_is_a_tenth_of_the_greatest_push(held):
     greatest = optimize_grasp(pinch(objective="greatest_push"))
     assert held.scene.contacts.push == pytest.approx(0.1 * greatest.certificate.push, rel=1e-3)
     over = optimize_grasp(pinch(**{"contacts.push": 1.1 * greatest.certificate.push}), raise_on_failure=False)
-    assert over.status is GraspStatus.INFEASIBLE
+    assert over.status is GraspStatus.NOT_SOLVED
     (reason,) = over.reasons
     assert reason.key == "contacts.push"
     assert optimize_grasp(pinch(**{"contacts.push": reason.needed})).solved
@@ -107,7 +106,7 @@ def test_one_tip_alone_bears_no_push_and_is_no_grasp():
     fingers = {"left": cg.load(PINCH).fingers["left"]}
     found = optimize_grasp(cg.load(PINCH).changed(WEIGHTLESS).replaced(fingers=fingers), raise_on_failure=False)
     assert found.status is GraspStatus.NOT_SOLVED
-    assert "bears a push in every direction" in found.message
+    assert "greatest push that any found grasp bears is negligible" in found.message
 
 
 def test_what_loads_an_object():

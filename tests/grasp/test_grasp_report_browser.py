@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 
 from continuum_grasp.grasp import GraspResult, GraspStatus, certify
-from continuum_grasp.grasp.certificate.stability import Stability
 from continuum_grasp.grasp.page import page as page_of
 from continuum_grasp.plotting import plot_grasp
 from tests.made_up_grasps import REASON, failed, held, scene_of
@@ -30,7 +29,7 @@ LONG = replace(
 CIRCLE = np.stack([np.cos(np.arange(24) * np.pi / 12), np.sin(np.arange(24) * np.pi / 12)], axis=1)
 ATTEMPT = {"start": "scan", "contacts": ["finger.middle", "finger.tip", "palm"], "outcome": "Solve_Succeeded"}
 ATTEMPT |= {"iterations": 12, "seconds": 0.0123456, "objective": 1.25, "greatest_violation": None}
-STATISTICS = {"interrupted": False, "cut_short": "", "attempts": [ATTEMPT] * 3, "fine_model": "with 12 elements " * 9}
+STATISTICS = {"interrupted": False, "cut_short": "", "attempts": [ATTEMPT] * 3, "effort": "normal " * 9}
 WIDTHS = 1280, 420
 SCHEMES = "light", "dark"
 FONT = 8.0
@@ -39,7 +38,7 @@ FONT = 8.0
 
 def certified(result, stable=True, **changes):
     certificate = certify(result.scene, result.arrays)
-    certificate.__dict__["stability"] = Stability(stable, 70.0 if stable else -3.0, 120)
+    certificate.__dict__["stable"] = stable
     return replace(result, certificate=certificate, statistics=STATISTICS, **changes)
 
 

@@ -11,16 +11,16 @@ from itertools import product
 import casadi as ca
 import numpy as np
 import pytest
+from continuum_grasp.grasp.problem.solver_run import GraspSolverRun
+from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.grasp.robust.joint import robust_problem
+from continuum_grasp.grasp.robust.response import Responder
+from continuum_grasp.grasp.starts.values import GraspStart
 
 from benchmarks.grasp_oracle.scenes import scene_of
 from continuum_grasp.base import InputError
 from continuum_grasp.grasp import GraspStatus, GraspTrials, optimize_grasp
-from continuum_grasp.grasp.problem.solver_run import GraspSolverRun
-from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.robust.errors import InError, corners, drawn, scaled
-from continuum_grasp.grasp.robust.joint import robust_problem
-from continuum_grasp.grasp.robust.response import Responder
-from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import Circle, GraspContacts, Robust, load
 from tests.grasp_scenes import CONFIGS, make_scene

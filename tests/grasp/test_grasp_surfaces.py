@@ -14,15 +14,14 @@ import pytest
 import shapely
 
 from continuum_grasp.grasp import certify
-from continuum_grasp.grasp.certificate.check import depth_in_object, depth_in_wall, depth_of_wall, overlap, self_overlap
-from continuum_grasp.grasp.certificate.surfaces import PlacedObject, nearest, support_point
+from continuum_grasp.grasp.judge.clearance import apart_from_itself
+from continuum_grasp.grasp.judge.surfaces import PlacedObject, nearest, support_point
 from continuum_grasp.scene import (
     Box,
     Circle,
     Ellipse,
     Line,
     OffsetPolygon,
-    Palm,
     Polygon,
     Stadium,
     Superellipse,
@@ -219,69 +218,45 @@ def test_placed_object_and_union():
         assert both.normal[parts == k] == pytest.approx(alone.normal, abs=1e-15)
 
 
-def line_of_points(*corners, count=401):
-    path = np.array(corners, dtype=float)
-    s = np.linspace(0, len(path) - 1, count)
-    return np.column_stack([np.interp(s, range(len(path)), column) for column in path.T])
+def depths(scene, arrays):
+    """Depths of the object and of fingers in others [m], by the name of the check."""
+    return {check.name: check.value for check in certify(scene, arrays).checks}
 
 
-def test_a_corner_between_two_samples_is_seen():
-    """A straight backbone passes a sharp corner; the samples are farther apart than the corner reaches beyond it."""
-    body = Box(shape="box", width=0.1, height=0.1, mass=0.1, position=(0.0, 0.0), angle=np.pi / 4)
-    placed = PlacedObject(body, body.pose)
-    corner = 0.05 * 2**0.5
-    for thickness in (0.0, 1e-4, 5e-3):
-        for depth in (-2e-5, 0.0, 1e-4, 2e-4):
-            x = corner + thickness - depth
-            points = line_of_points((x, -0.1003), (x, 0.1))
-            found = depth_in_object(points, placed, thickness)
-            within = max(depth - thickness, 0.0)  # of the backbone itself, whose distance is that from the faces
-            assert found == pytest.approx(depth - within + within / 2**0.5, abs=1e-5)
-
-
-def test_an_object_across_a_finite_line():
-    wall = Line(type="line", start=(-0.05, 0.0), end=(0.05, 0.0)).walls("w")[0]
-    for turn in (0.0, 0.3, np.pi / 4):
-        for lift in (-1e-3, -1e-5, 1e-5, 1e-3):
-            reach = 0.02 * (abs(np.cos(turn)) + abs(np.sin(turn)))
-            values = {"mass": 0.1, "position": (0.011, reach + lift), "angle": turn}
-            body = Box(shape="box", width=0.04, height=0.04, **values)
-            assert depth_of_wall(PlacedObject(body, body.pose), wall) == pytest.approx(-lift, abs=1e-7)
-    body = Box(shape="box", width=0.04, height=0.04, mass=0.1, position=(0.08, -0.01))
-    assert depth_of_wall(PlacedObject(body, body.pose), wall) == pytest.approx(-0.01, abs=1e-9)
+@pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4])
+@pytest.mark.parametrize("lift", [-1e-3, -1e-5, 1e-3])
+def test_an_object_across_a_finite_line(turn, lift):
+    reach = 0.02 * (abs(np.cos(turn)) + abs(np.sin(turn)))
+    body = Box(shape="box", width=0.04, height=0.04, mass=0.0, position=(0.011, reach + lift), angle=turn)
+    line = Line(type="line", start=(-0.05, 0.0), end=(0.05, 0.0), touch="auto")
+    finger = cases.make_finger((0.5, 0.5))
+    found = depths(*cases.apart(finger, body=body, supports={"w": line}))
+    depth = found["penetration of the object into a support, w"]
+    if lift > 0.0 or turn == 0.0:
+        assert depth == pytest.approx(-lift, abs=1e-7)
+    else:
+        # As deep as the line is in a corner, between its faces.
+        assert 0.2 * -lift < depth <= -lift + 1e-7
 
 
 def test_a_thin_object_between_two_samples_is_seen():
     """A needle's end and a wire, thinner than the samples are apart."""
-    wire = Circle(shape="circle", diameter=2e-4, mass=0.1, position=(0.0, 0.0))
-    needle = Ellipse(shape="ellipse", width=0.1, height=0.001, mass=0.1, position=(0.05, 0.0))
+    wire = Circle(shape="circle", diameter=2e-4, mass=0.0, position=(0.0, 0.1003))
+    needle = Ellipse(shape="ellipse", width=0.1, height=0.001, mass=0.0, position=(0.05 - 1e-4, 0.1003))
     for body, exact in ((wire, 1e-4), (needle, 3.12e-5)):
-        placed = PlacedObject(body, body.pose)
-        points = line_of_points((1e-4, -0.1003), (1e-4, 0.1))
-        if body is wire:
-            points[:, 0] = 0.0
-        assert depth_in_object(points, placed, 0.0) == pytest.approx(exact, rel=0.4)
-        assert depth_in_object(points - [0.001, 0], placed, 0.0) < 0.0
+        for aside, held in ((0.0, True), (-0.001, False)):
+            finger = cases.make_finger((aside, 0.0), half=0.0)
+            depth = depths(*cases.apart(finger, body=body))["penetration into the object, finger"]
+            assert depth == pytest.approx(exact, rel=0.4) if held else depth < 0.0
 
 
-def test_a_finger_that_comes_out_of_a_wall():
-    wall = Line(type="line", start=(0.3, 0.0), end=(-0.3, 0.0)).walls("w")[0]
-    palm = Palm(point=(0.0, 0.0), normal_angle=-np.pi / 2).walls("p")[0]
-    out = line_of_points((0, 0.01), (0, -0.05), (0.05, -0.05))
-    for thickness in (0.004, 0.0):
-        assert depth_in_wall(out, palm, thickness, 100) <= 0.0
-    assert depth_in_wall(line_of_points((0, 0.01), (0.01, 0.02), (0.05, -0.05)), palm, 0.004, 300) == pytest.approx(
-        0.01
-    )
-    back = line_of_points((0, 0.0), (0, -0.05), (0.05, -0.001))
-    assert depth_in_wall(back, palm, 0.004, 100) == pytest.approx(0.003)
-    assert depth_in_wall(back, wall, 0.004, 100) == pytest.approx(0.003)
-    beside = line_of_points((0, -0.05), (0.1, -0.002), (0.2, -0.05))
-    assert depth_in_wall(beside, palm, 0.004, 400) == pytest.approx(0.002)  # its base is free: all of it must be
-    through = line_of_points((0.0, -0.05), (0.1, 0.05), (0.11, 0.05))
-    assert depth_in_wall(through, wall, 0.0, 5) == pytest.approx(0.05)
-    past = line_of_points((0.31, -0.05), (0.31, 0.05))
-    assert depth_in_wall(past, wall, 0.004, 5) == pytest.approx(-0.006, abs=1e-6)
+@pytest.mark.parametrize(("thickness", "depth"), [(1e-4, 2e-5), (5e-3, 0.0), (5e-3, 1e-4), (5e-3, -1e-4)])
+def test_a_corner_between_two_samples_is_seen(thickness, depth):
+    """A straight finger passes a sharp corner; samples are farther apart than the corner reaches beyond it."""
+    body = Box(shape="box", width=0.1, height=0.1, mass=0.0, position=(0.0, 0.1003), angle=np.pi / 4)
+    finger = cases.make_finger((0.05 * 2**0.5 + thickness - depth, 0.0), half=thickness)
+    found = depths(*cases.apart(finger, body=body))["penetration into the object, finger"]
+    assert found == pytest.approx(depth, abs=1e-8)
 
 
 def rod(curvatures, half):
@@ -292,8 +267,23 @@ def rod(curvatures, half):
     middle = 0.5 * (angles[1:] + angles[:-1])
     points = np.concatenate([[0.0], np.cumsum(np.exp(1j * middle) * np.diff(s))])
     points = np.stack([points.real, points.imag], axis=1)
-    edges = SimpleNamespace(edges=s)
-    return SimpleNamespace(points=points, angles=angles, rod=edges, thickness=np.full(s.size, half), length=1.0)
+    along = np.stack([np.cos(angles), np.sin(angles), np.zeros(s.size)], axis=1)
+    axes = np.stack([along, along, along], axis=2)
+    flat = np.column_stack([points, np.zeros(s.size)])
+    return SimpleNamespace(
+        points=flat,
+        angles=angles,
+        s=s,
+        half=np.full(s.size, half),
+        step=float(np.diff(s).max()),
+        places=SimpleNamespace(axes=axes),
+        rod=SimpleNamespace(length=1.0),
+    )
+
+
+def self_overlap(finger):
+    """Depth of a finger in itself."""
+    return -apart_from_itself(finger)
 
 
 def test_a_circle_that_is_all_but_closed_or_passed_again():
@@ -309,26 +299,26 @@ def test_a_finger_that_turns_by_less_than_half_a_circle_cannot_reach_itself():
 
 
 def test_depth_agrees_with_distances_of_random_fingers():
-    """With a finger mirrored and thicker ones; those that cross are deeper than they are thick."""
+    """With a finger mirrored and thicker ones; those that cross are as deep as they are thick."""
     rng, crossed = np.random.default_rng(5), 0
     for _ in range(25):
         curvatures, half = rng.normal(6.0, 7.0, 4), rng.uniform(0.002, 0.02)
         finger = rod(curvatures, half)
         if np.abs(np.diff(finger.angles)).sum() < np.pi:
             continue
-        found, least = self_overlap(finger), apart(finger.points, half)
+        found, least = self_overlap(finger), apart(finger.points[:, :2], half)
         assert self_overlap(rod(-curvatures, half)) == pytest.approx(found, abs=1e-9)
-        if shapely.LineString(finger.points).is_simple:
+        if shapely.LineString(finger.points[:, :2]).is_simple:
             assert found == pytest.approx(2.0 * half - least, abs=1e-4)
         else:
             crossed += 1
-            assert found > 2.0 * half - 1e-9
+            assert found == pytest.approx(2.0 * half, abs=1e-9)
     assert crossed > 3
 
 
 @pytest.mark.parametrize("half", [0.0, 0.006])
 @pytest.mark.parametrize("lean", [0.2, -0.2, 0.02])
-def test_fingers_that_cross_overlap_by_as_much_as_they_reach_beyond(half, lean):
+def test_fingers_that_cross_overlap_by_both_half_thicknesses(half, lean):
     """Straight ones, that cross where they turn towards each other: lines in closed form."""
     aside = 0.03
     fingers = {
@@ -340,7 +330,6 @@ def test_fingers_that_cross_overlap_by_as_much_as_they_reach_beyond(half, lean):
     off = tip - [aside, 0.0]
     apart = float(np.hypot(*(off - np.clip(off @ along, 0.0, cases.LENGTH) * along)))
     crosses = tip[0] > 0.0
-    expected = 2 * half + (apart if crosses else -min(apart, 2 * aside))
+    expected = 2 * half - (0.0 if crosses else min(apart, 2 * aside))
     certificate = certify(*cases.apart(fingers))
-    assert overlap(*certificate.grasp.fingers) == pytest.approx(expected, abs=2e-6)
-    assert certificate.overlap == pytest.approx(max(expected, 0.0), abs=2e-6)
+    assert certificate["overlap of fingers, left, right"].value == pytest.approx(expected, abs=1e-5)

@@ -1,186 +1,148 @@
-"""A stored result that was weakened fails its certificate: what its scene asks for cannot be taken out of it."""
+"""A stored result that was changed fails its certificate, as arrays and as a folder."""
 
 from __future__ import annotations
+
+import json
+import shutil
 
 import numpy as np
 import pytest
 
-from continuum_grasp.grasp import certify
+import continuum_grasp as cg
+from continuum_grasp.base import InputError
+from continuum_grasp.grasp import GraspResult, HandResult, certify
 from tests import certificate_cases as cases
-from tests.grasp.test_grasp_limits import MOTOR, ONE, SERVO, WINCH, held
+from tests import hand_cases
 
 MISSING = "missing or misshapen arrays"
-STATES = "missing or misshapen arrays of friction states"
-WAYS = "pulled and released fingers missing from the friction states"
-BESIDE = "untested neighbors of the worst friction state"
 
 
 def failed(scene, arrays):
     return {check.name for check in certify(scene, arrays).failed}
 
 
-def two_frictional():
-    """Two fingers with friction, pulled and released together and apart."""
-    scene, arrays = held(case=cases.pinched_box)()
-    both = {key: value for key, value in arrays.items() if key.startswith("held.")}
-    apart = {key: -value if key == "held.b.friction_states" else value for key, value in both.items()}
-    return scene, arrays | {key: np.concatenate([value[:2], apart[key][:2], value[2:]]) for key, value in both.items()}
+# -- arrays --------------------------------------------------------------------------------------------------------
 
 
-ROWS = len(two_frictional()[1]["held.object.pose"])
+def clothoids():
+    return cases.squeezed_disc(family="clothoid")
 
 
-def without(*keys):
-    return lambda arrays: {key: value for key, value in arrays.items() if not key.startswith(keys)}
+CASES = {"plane": clothoids, "hand": lambda: hand_cases.three_straight(0.05)}
+ARRAYS = [(kind, key) for kind, case in CASES.items() for key in case()[1] if not key.endswith("family")]
 
 
-def with_rows(rows, *keys):
-    return lambda arrays: {key: value[rows] if key.startswith(keys) else value for key, value in arrays.items()}
-
-
-def changed(**more):
-    return lambda arrays: arrays | {key.replace("__", "."): value for key, value in more.items()}
-
-
-def shaped_alike(arrays):
-    """A posture with two coordinates that are one."""
-    shapes = arrays["held.a.curvature_shapes"].copy()
-    shapes[0, ..., 1] = shapes[0, ..., 0]
-    return arrays | {"held.a.curvature_shapes": shapes}
-
-
-@pytest.mark.parametrize(
-    "case",
-    [
-        held(),
-        held(MOTOR),
-        held(MOTOR.replaced(**ONE)),
-        two_frictional,
-        # A winch lets a slack tendon out, however the finger bends.
-        held(WINCH, tensions=(0.0, 0.0)),
-        held(SERVO, tensions=(0.0, 0.0)),
-    ],
-)
-def test_what_is_whole_passes(case):
-    scene, arrays = case()
-    assert not failed(scene, arrays)
-    assert certify(scene, arrays).states == len(arrays["held.object.pose"])
-
-
-@pytest.mark.parametrize(
-    ("weaken", "check"),
-    [
-        (without("held."), STATES),
-        (without("held.object.pose"), STATES),
-        (without("held.contact_names"), STATES),
-        (without("held.a.friction_states"), STATES),
-        (without("held.b.tensions"), STATES),
-        (with_rows(slice(0, 0), "held."), STATES),
-        # Less postures than friction states, or the other way round.
-        (with_rows(slice(0, 1), "held.object.pose"), STATES),
-        (with_rows(slice(0, 1), "held.contact_forces"), STATES),
-        (with_rows(slice(0, 1), "held.a.friction_states"), STATES),
-        (with_rows((slice(None), slice(0, 1)), "held.contact_names"), STATES),
-        (with_rows((slice(None), slice(0, 3)), "held.a.friction_states"), STATES),
-        (changed(held__a__other=np.zeros(4)), STATES),
-        (changed(held__object__pose=np.full(ROWS, "a")), STATES),
-        (with_rows((slice(None), 0), "held.contact_names"), STATES),
-        (changed(held__a__q=np.full((ROWS, 3), np.nan)), "held with friction states, 1"),
-        (shaped_alike, "held with friction states, 1"),
-        # A finger that bends to and fro was pulled otherwise along its parts.
-        (changed(a__q=np.array([9.0, 9.0, -4.0, -4.0])), WAYS),
-        # One way in which two fingers were pulled and released.
-        *((with_rows([k for k in range(ROWS) if k != gone], "held."), WAYS) for gone in range(4)),
-        *((with_rows([k for k in range(ROWS) if k != gone], "held."), BESIDE) for gone in range(4, 16)),
-        # Friction states of fingers that were pulled follow from their shape.
-        (changed(a__friction_states=np.zeros(6)), MISSING),
-        (without("b.lengths"), MISSING),
-        (without("contact_stations"), MISSING),
-        (with_rows(slice(0, 1), "contact_"), MISSING + "|object force balance"),
-    ],
-)
-def test_what_friction_states_need_is_there(weaken, check):
-    scene, arrays = two_frictional()
-    assert set(check.split("|")) & failed(scene, weaken(arrays))
-
-
-REACHED = [key for key in cases.squeezed_disc()[1] if key != "finger.family"]
-
-
-@pytest.mark.parametrize("key", REACHED)
-def test_every_stored_array_is_needed_as_it_is(key):
-    scene, arrays = cases.squeezed_disc(family="clothoid")
+@pytest.mark.parametrize(("kind", "key"), ARRAYS)
+def test_every_stored_array_is_needed_as_it_is(kind, key):
+    scene, arrays = CASES[kind]()
     value = np.asarray(arrays[key])
-    shorter = value[..., :-1] if value.ndim else np.zeros(1)
-    flat = value[:1] if key == "finger.backbone" else np.ravel(value)[None]
-    fewer = flat if key == "finger.backbone" or not value.ndim else value[:-1]
-    for other in ("words", shorter, flat, fewer):
+    flat = np.ravel(value)[None, None]
+    for other in ("words", flat, *([value[:-1]] if value.ndim and not key.endswith((".backbone", ".q")) else [])):
         assert MISSING in failed(scene, arrays | {key: other})
     assert MISSING in failed(scene, {one: value for one, value in arrays.items() if one != key})
-    if value.dtype.kind == "f" and key != "contact_stations":
+    if value.dtype.kind == "f" and (kind, key) != ("plane", "contact_stations"):
         value = value.copy()
         value[(0,) * value.ndim] = np.nan
         assert "non-finite numbers" in failed(scene, arrays | {key: value})
 
 
-@pytest.mark.parametrize(("part", "missing"), [(0.999, 0.0), (1.001, 12.0)])
-def test_only_states_beside_the_worst_are_needed(part, missing):
-    """Those beside pulled fingers are there; released ones, beside which none are, have less reserve by a tolerance."""
-    scene, arrays = held(case=cases.pinched_box)()
-    forces = arrays["held.contact_forces"].copy()
-    forces[1, :, 0] -= part * 1e-4 * np.abs(arrays["contact_forces"]).max() / scene.contacts.friction
-    assert certify(scene, arrays | {"held.contact_forces": forces})[BESIDE].value == missing
+@pytest.mark.parametrize("kind", CASES)
+def test_elements_have_as_many_coordinates_as_shapes(kind):
+    scene, arrays = CASES[kind]()
+    name = scene.setups[0].name
+    for other in (arrays[f"{name}.q"][:-1], np.append(arrays[f"{name}.q"], 0.0)):
+        assert MISSING in failed(scene, arrays | {f"{name}.q": other})
 
 
-def test_a_straight_part_counts_as_pulled():
-    scene, arrays = two_frictional()
-    assert WAYS not in failed(scene, arrays | {"a.q": np.array([9.0, 9.0, 0.0, 0.0])})
-
-
-@pytest.mark.parametrize("order", [[1, 0, *range(2, ROWS)], slice(None, None, -1)])
-def test_the_order_of_friction_states_does_not_matter(order):
-    scene, arrays = two_frictional()
-    assert not failed(scene, with_rows(order, "held.")(arrays))
-
-
-def test_postures_of_friction_states_where_there_is_no_friction_are_refused():
+def test_a_single_row_of_contacts_does_not_pass():
     scene, arrays = cases.squeezed_disc()
-    assert failed(scene, arrays | {"held.object.pose": np.zeros((2, 3))}) == {STATES}
-
-
-def test_a_grasp_that_need_only_hold_as_it_is_reached_has_no_other_postures():
-    scene, arrays = held()()
-    reached = without("held.")(arrays)
-    assert certify(scene.replaced(friction_states="pulled"), reached).passed
+    first = {key: value[:1] if key.startswith("contact_") else value for key, value in arrays.items()}
+    assert failed(scene, first)
 
 
 @pytest.mark.parametrize("name", ["held", "contact_a"])
 def test_fingers_may_have_names_with_which_arrays_begin(name):
-    def renamed():
-        scene, arrays = cases.squeezed_disc(family="arc")
-        arrays["contact_names"] = np.array([f"{name}.tip", "palm"])
-        arrays = {key.replace("finger.", f"{name}."): value for key, value in arrays.items()}
-        return scene.replaced(finger=None, fingers={name: scene.finger}), arrays
-
-    scene, arrays = held(case=renamed)()
+    scene, arrays = clothoids()
+    arrays["contact_names"] = np.array([f"{name}.tip", "palm"])
+    arrays = {key.replace("finger.", f"{name}."): value for key, value in arrays.items()}
+    scene = scene.replaced(finger=None, fingers={name: scene.finger})
     assert not failed(scene, arrays)
-    assert failed(scene, without(f"held.{name}.q")(arrays)) == {STATES}
+    assert failed(scene, {key: value for key, value in arrays.items() if key != f"{name}.q"}) == {MISSING}
 
 
-@pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])
-def test_all_coordinates_of_a_family_are_balanced(family):
-    """With one coordinate, the bend as it is, a finger would be balanced along that bend alone."""
-    scene, arrays = cases.squeezed_disc(family=family)
-    name = "incomplete curvature shapes, finger"
-    assert certify(scene, arrays)[name].passed
-    shapes, tip = arrays["finger.curvature_shapes"], family == "matched_clothoid"
-    for columns in ([0, *range(2, shapes.shape[2])], [0, 0, *range(2, shapes.shape[2])]):
-        fewer = arrays | {
-            "finger.curvature_shapes": shapes[..., columns],
-            "finger.q": np.zeros(len(columns) - tip),
-        }
-        assert name in failed(scene, fewer)
-    twice = {"arc": "clothoid", "clothoid": "arc", "matched_clothoid": "arc"}[family]
-    coarse = cases.shapes_of(twice, arrays["finger.lengths"])
-    other = arrays | {"finger.curvature_shapes": coarse, "finger.q": np.zeros(coarse.shape[2] - tip)}
-    assert name in failed(scene, other)
+# -- folders -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    """Folders with grasps, by the name of the scene."""
+    made = {}
+
+    def folder(name):
+        if name not in made:
+            made[name] = tmp_path_factory.mktemp("run")
+            cg.optimize_grasp(f"configs/{name}.yaml").save(made[name], quality=False)
+        return made[name]
+
+    return folder
+
+
+KINDS = {"grasp/mug": GraspResult, "hand/pinch": HandResult}
+SAVED = ["grasp/mug", pytest.param("hand/pinch", marks=pytest.mark.deep)]
+
+
+def changed(folder, to, key, change):
+    """A copy of a run with an array changed."""
+    shutil.copytree(folder, to)
+    with np.load(to / "result.npz") as file:
+        arrays = dict(file)
+    arrays[key] = change(arrays[key])
+    np.savez(to / "result.npz", **arrays)
+    return to
+
+
+@pytest.mark.parametrize("name", SAVED)
+def test_a_grasp_is_read_as_it_was_saved(saved, name):
+    again = KINDS[name].of_run(saved(name))
+    assert again.solved
+    assert again.certificate.passed
+    own = json.loads((saved(name) / "meta.json").read_text(encoding="utf-8"))
+    assert again.status == own["status"]
+    assert again.message == own["message"]
+    assert {key: vars(error) for key, error in again.element_errors.items()} == own["element_errors"]
+    checks = {check["name"]: check["value"] for check in own["certificate"]["checks"]}
+    for check in again.certificate.checks:
+        if check.name in checks:
+            assert check.value == pytest.approx(checks[check.name], rel=1e-6, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "change", "check"),
+    [
+        ("grasp/mug", "finger.tensions", lambda v: 0.99 * v, "finger equilibrium, finger"),
+        ("grasp/mug", "contact_forces", lambda v: 1.001 * v, "object force balance"),
+        ("grasp/mug", "finger.backbone", lambda v: v + 1e-4, "stored numbers, finger"),
+        pytest.param(
+            *("hand/pinch", "contact_deflections", lambda v: v + 1e-5, "stored numbers, finger_1.middle"),
+            marks=pytest.mark.deep,
+        ),
+    ],
+)
+def test_what_was_changed_in_a_folder_is_no_grasp(saved, tmp_path, name, key, change, check):
+    again = KINDS[name].of_run(changed(saved(name), tmp_path / "run", key, change))
+    assert check in {each.name for each in again.certificate.failed}
+    assert not again.solved
+    assert again.status == "not_solved"
+    assert again.message.startswith("the certificate refuses the stored numbers")
+    assert np.isnan(again.tension)
+
+
+def test_a_folder_of_another_kind_is_refused(saved):
+    with pytest.raises(InputError, match="expected the grasp of a hand, got the grasp of a planar scene"):
+        HandResult.of_run(saved("grasp/mug"))
+
+
+@pytest.mark.deep
+def test_a_folder_of_a_hand_is_no_planar_grasp(saved):
+    with pytest.raises(InputError, match="expected the grasp of a planar scene, got the grasp of a hand"):
+        GraspResult.of_run(saved("hand/pinch"))

@@ -55,7 +55,7 @@ def test_forces_balance_the_weight_within_the_cones(ball):
         assert np.linalg.norm(contact.position - scene.object.position) == pytest.approx(0.03, rel=1e-8)
         assert contact.friction_force <= 0.8 * 0.6 * contact.normal_force + 1e-7
     assert ball.certificate.passed
-    assert ball.certificate.stability.stable
+    assert ball.certificate.stable
 
 
 @pytest.mark.parametrize("turn", few([0.4, 2.0], 1))
@@ -105,7 +105,7 @@ CONE = "hand.finger.rod.sections"
 
 def test_cones_that_carry_tips_hold_a_ball():
     few = {"fidelity.elements": 4, "solver.effort": "quick", "hand.finger.masses": [{"at": 0.12, "mass": 4e-3}]}
-    assert optimize_grasp(hand("cones", few)).certificate.acceptable
+    assert optimize_grasp(hand("cones", few)).certificate.passed
 
 
 @pytest.mark.deep
@@ -138,7 +138,7 @@ def test_a_finger_that_hardly_changes_along_its_length_holds_as_a_uniform_one_do
 def test_fingers_that_change_along_their_length_hold(changes):
     """The certificate integrates stiffness, thickness and masses anew."""
     found = optimize_grasp(hand("cones", changes))
-    assert found.certificate.acceptable
+    assert found.certificate.passed
 
 
 @pytest.mark.deep
@@ -163,7 +163,7 @@ def test_shipped_hands_hold_and_are_stable(name):
     found = optimize_grasp(hand(name))
     assert found.solved
     assert found.certificate.passed
-    assert found.certificate.stability.stable
+    assert found.certificate.stable
 
 
 @pytest.mark.deep
@@ -174,7 +174,7 @@ def test_round_fingers_that_turn_the_can_away_are_no_grasp():
     ignored = hand("can", {"hand.finger.section": {"shape": "round"}, "stability": "ignore"})
     found = optimize_grasp(ignored, raise_on_failure=False)
     if found.solved:
-        assert not found.certificate.stability.stable
+        assert not found.certificate.stable
 
 
 def test_names_and_order_of_fingers_do_not_matter():
@@ -353,7 +353,7 @@ def test_tendon_friction_takes_no_more_than_a_capstan_does(ball):
     for name, (left, _) in found.tensions.items():
         turn = abs(found.arrays[f"{name}.backbone"][-1, 3])
         assert 1.0 < left / ball.tensions[name][0] < math.exp(friction * turn)
-    assert found.certificate.acceptable
+    assert found.certificate.passed
     assert "other friction states are not tested" in found.table()
     with pytest.raises(InputError, match="state friction_states: pulled"):
         hand("ball", {"hand.finger.tendons.friction": friction})
@@ -496,14 +496,14 @@ def test_a_ball_of_triangles_and_a_turned_circle_are_held_as_the_ball_is(ball, t
         ("shape: superquadric, extents: [60 mm, 60 mm, 60 mm], exponents: [2, 2]", 1e-5),
     ):
         other = optimize_grasp(cg.load(CONFIGS / "ball.yaml", [f"object={{{shape}, {place}}}"]))
-        assert other.certificate.acceptable
+        assert other.certificate.passed
         assert sum(float(pair.sum()) for pair in other.tensions.values()) == pytest.approx(total, rel=share)
 
 
 @pytest.mark.deep
 @pytest.mark.parametrize("name", ["bottle", "knob"])
 def test_hollow_and_drawn_objects_are_held_stable_and_certified(name):
-    assert optimize_grasp(hand(name)).certificate.acceptable
+    assert optimize_grasp(hand(name)).certificate.passed
 
 
 def test_a_hand_without_reserve_says_that_a_slight_push_may_make_it_slip():

@@ -10,13 +10,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import shapely
+from continuum_grasp.grasp.search import GraspSearch
 from scipy.interpolate import CubicSpline
 
 from benchmarks.bench_grasp_elements import outcome
 from benchmarks.grasp_images import drawn
 from continuum_grasp.grasp import certify, optimize_grasp
 from continuum_grasp.grasp.problem import solver_run, structure, surroundings
-from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.model import TouchingCircle, surface_of
 from continuum_grasp.model.surfaces.surface import ROUND
 from continuum_grasp.nlp import Budget

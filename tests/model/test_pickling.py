@@ -34,7 +34,7 @@ def trajectory():
 
 
 def grasp():
-    return cg.optimize_grasp(make_scene("arc"), fine=True)
+    return cg.optimize_grasp(make_scene("arc"))
 
 
 def controller():

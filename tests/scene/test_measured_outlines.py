@@ -241,7 +241,7 @@ def test_a_grasp_states_what_the_noise_of_its_outline_changes(tmp_path):
     scene = load(tmp_path / "scene.yaml")
     place = {"mass": 0.03, "position": [0.025, 0.0], "against": "wall"}
     measured = {"shape": "outline", "file": str(tmp_path / "one.png"), "scale": 1e-3 / 6.0} | place
-    result = cg.optimize_grasp(scene.changed({"object": measured}), fine=True)
+    result = cg.optimize_grasp(scene.changed({"object": measured}))
     # Arcs of the exact shape in chords of 0.09 rad, which count as a curve.
     exact = shapely.union_all([shapely.box(-12, -17, 12, 17).buffer(8, quad_segs=18), neck])
     corners = 1e-3 * (np.array(exact.exterior.coords[:-1]) - np.array(shape.centroid.coords[0]))

@@ -20,7 +20,7 @@ from continuum_grasp.addons.design import Design
 from continuum_grasp.addons.design.space import SINGLE, design_space_of
 from continuum_grasp.addons.sweeps import Sweep, SweepPlan
 from continuum_grasp.base import InputError
-from continuum_grasp.grasp.certificate import surfaces
+from continuum_grasp.grasp.judge import surfaces
 from continuum_grasp.model import Vec, nearest, surface_of
 from continuum_grasp.model.surfaces.offset_polygon import pieces_of
 from continuum_grasp.scene import ConfigurationData, GraspScene, OffsetPolygon, Polygon, load

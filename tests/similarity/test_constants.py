@@ -12,7 +12,6 @@ LEFT = {
     ("simulation/stepping.py", "_BESIDE"): "rounding of instants",
     ("simulation/replay.py", "_AFTER"): "rounding of instants",
     ("grasp/rods/answers.py", "STEADY"): "how users move their hands",
-    ("grasp/hand/solve.py", "_FAINT"): "direction of a weight that is given as a force; the fingers do not feel it",
 }
 
 

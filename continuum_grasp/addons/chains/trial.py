@@ -242,7 +242,8 @@ def _tried(hand: HandInMujoco, say: Callable[[str], None], hold_only: bool) -> d
         most = np.max(list(by_axis.values()), axis=0)
         words.append(f"{_words(most)} with the weight along six axes")
         for name, away in by_axis.items():
-            response = result.scene.turned * result.certificate.response.pose_by_gravity @ AXES[name]
+            weight = result.scene.turned * result.scene.object.weighed * AXES[name]
+            response = result.certificate.compliance[:, :3] @ weight
             linear = np.array([np.linalg.norm(response[:3]), np.linalg.norm(response[3:])])
             if (away > YIELDS * linear + limits).any():
                 wrong.append(f"moves by {_words(away)} with the weight along {name}, {_words(linear)} to first order")
@@ -250,13 +251,9 @@ def _tried(hand: HandInMujoco, say: Callable[[str], None], hold_only: bool) -> d
     for name, axis in AXES.items() if not wrong else ():
         say(f"pushed along {name}")
         # No more than any contact may bear, where none of them limits the push.
-        force = (
-            SHARE
-            * min(result.certificate.promised([*axis, 0.0, 0.0, 0.0]), result.scene.contacts.normal_force_max)
-            * axis
-        )
+        force = SHARE * min(result.certificate.push, result.scene.contacts.normal_force_max) * axis
         under, after = hand.push(force)
-        response = result.certificate.response.pose[:, :3] @ force
+        response = result.certificate.compliance[:, :3] @ force
         linear = np.array([np.linalg.norm(response[:3]), np.linalg.norm(response[3:])])
         held = bool((under < YIELDS * linear + limits).all() and (after < limits).all())
         pushes[name] = {"force": float(np.linalg.norm(force)), "held": held}

@@ -14,7 +14,6 @@ import numpy as np
 from scipy.optimize import nnls
 
 from continuum_grasp.addons.design.grasps import CaseGrasps, Effort, LostGrasp, fingers_mass
-from continuum_grasp.addons.design.rod_grasps import CaseRods
 from continuum_grasp.addons.design.scene import names_in
 from continuum_grasp.addons.design.space import DesignSpace
 from continuum_grasp.base import Array, InputError
@@ -165,8 +164,6 @@ class DesignProblem:
 
     space: DesignSpace
     effort: Effort = field(default_factory=Effort)
-    kind: type[CaseGrasps | CaseRods] = CaseGrasps
-    """Model of the fingers."""
 
     def __post_init__(self) -> None:
         design = self.space.design
@@ -178,7 +175,7 @@ class DesignProblem:
         # A cost that no grasp enters, such as a mass, still needs a finger that holds the object.
         self.wanted: tuple[str, ...] = aims or ("objective",)
         self.scenarios: list[Signs] = [(0.0,) * len(self.space.tolerated)]
-        self._grasps: dict[tuple[Signs, str], CaseGrasps | CaseRods] = {}
+        self._grasps: dict[tuple[Signs, str], CaseGrasps] = {}
         self._at: Array | None = None
         self._tangents: dict[tuple[Signs, str], list[dict[str, Array]]] = {}
         self._sizes: dict[str, float] = {}
@@ -198,13 +195,13 @@ class DesignProblem:
         ]
         return self.space.scene(case, values, errors)
 
-    def grasps(self, signs: Signs, case: str) -> CaseGrasps | CaseRods:
+    def grasps(self, signs: Signs, case: str) -> CaseGrasps:
         """The grasps of a case with errors; those without errors where there are none yet."""
         key = signs, case
         if key not in self._grasps:
             nominal = self._grasps.get((self.scenarios[0], case))
             held: Any = {} if nominal is None else nominal.held
-            self._grasps[key] = self.kind(case, self.wanted, self.effort, held)
+            self._grasps[key] = CaseGrasps(case, self.wanted, self.effort, held)
         return self._grasps[key]
 
     @property
@@ -213,11 +210,11 @@ class DesignProblem:
         nominal = (case_grasps for (signs, _), case_grasps in self._grasps.items() if not any(signs))
         return {case_grasps.name: case_grasps.found for case_grasps in nominal if case_grasps.found is not None}
 
-    def snapshot(self) -> dict[tuple[Signs, str], CaseGrasps | CaseRods]:
+    def snapshot(self) -> dict[tuple[Signs, str], CaseGrasps]:
         """The grasps at hand, for `restore`."""
         return {key: copy(case_grasps) for key, case_grasps in self._grasps.items()}
 
-    def restore(self, grasps: dict[tuple[Signs, str], CaseGrasps | CaseRods]) -> None:
+    def restore(self, grasps: dict[tuple[Signs, str], CaseGrasps]) -> None:
         """Take up the grasps of a snapshot; none, to search anew."""
         self._grasps = {key: copy(case_grasps) for key, case_grasps in grasps.items()}
         self._tangents = {}
@@ -287,7 +284,7 @@ class DesignProblem:
 
         return [partial(moved, step) for step in np.eye(at.size + len(signs))]
 
-    def _guesses(self, grasps: CaseGrasps | CaseRods, key: tuple[Signs, str], at: Array) -> dict[str, Array]:
+    def _guesses(self, grasps: CaseGrasps, key: tuple[Signs, str], at: Array) -> dict[str, Array]:
         """Unknowns at another design, to first order."""
         tangents = self._tangents.get(key)
         before = self._at

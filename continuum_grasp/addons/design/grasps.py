@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp import SAME, GraspFollower, GraspResult, HeldGrasp, Stencil, optimize_grasp
+from continuum_grasp.grasp import GraspResult, RodsAtScene, RodsFollower, Stencil
 from continuum_grasp.scene import GraspScene
 
-_MASSES = 12
-"""Number of times that the mass in the scene is set until the payload lies below, or any is held."""
+_HALVINGS = 12
+"""Number of times that the mass in the scene is halved until any is held."""
 
 
 class LostGrasp(Exception):
@@ -46,7 +46,7 @@ class CaseGrasps:
     name: str
     wanted: tuple[str, ...]
     effort: Effort
-    held: Mapping[str, HeldGrasp] = field(default_factory=dict)
+    held: Mapping[str, RodsAtScene] = field(default_factory=dict)
     found: GraspResult | None = None
     """Result of the last full search."""
 
@@ -59,13 +59,14 @@ class CaseGrasps:
             There is none.
         """
         if "objective" in self.wanted:
-            self.found = self._searched(scene)
-            grasp = self._follower.again(self.found)
-            if grasp is None:
-                raise LostGrasp(f"{self.name}: the solver found the grasp, but not a second time from its own numbers")
-            self._take("objective", grasp)
+            best = self._searched(scene)[0]
+            self.found = self._certified(best)
+            self._take("objective", best)
         if "payload" in self.wanted:
-            self._search_payload(scene)
+            heaviest = self._heaviest(scene)
+            if "objective" not in self.wanted:
+                self.found = self._certified(heaviest)
+            self._take("payload", heaviest)
 
     def follow(self, scene: GraspScene, guesses: dict[str, Array]) -> None:
         """Follow the grasps at hand to a scene nearby; where one is lost, search in full.
@@ -77,71 +78,12 @@ class CaseGrasps:
         """
         for aim in self.wanted:
             before = self.held.get(aim)
-            near = before and self._follower.at(scene, before, guesses.get(aim))
+            near = before and before.follower.at(scene, before, guesses.get(aim))
             if near is None:
                 self.held = {name: grasp for name, grasp in self.held.items() if name != aim}
                 self.search(scene)
                 return
             self.held = {**self.held, aim: near}
-
-    @property
-    def _follower(self) -> GraspFollower:
-        return GraspFollower(self.effort.count, _MASSES)
-
-    # -- the scene's objective
-
-    def _searched(self, scene: GraspScene) -> GraspResult:
-        """The result of a full search; `LostGrasp` where there is no grasp."""
-        effort = self.effort
-        effort.searches += 1
-        # Why there is no grasp is not asked, which takes longer than finding one.
-        # 5, 1000: iterations per those of the longest search that has found a grasp, and at least
-        iterations = min(scene.solver.max_total_iterations, max(1000, 5 * effort.most))
-        solver = scene.solver.model_copy(update={"max_total_iterations": iterations})
-        limited = scene.model_copy(update={"solver": solver}) if effort.most else scene
-        result = optimize_grasp(limited, raise_on_failure=False)
-        if not result.solved:
-            raise LostGrasp(f"{self.name}: {result.message}")
-        effort.most = max(effort.most, int(result.statistics["total_iterations"]))
-        return replace(result, scene=scene)
-
-    def _take(self, aim: str, grasp: HeldGrasp) -> None:
-        """Keep a grasp unless the one at hand is better."""
-        before = self.held.get(aim)
-        if before is None or before.scene != grasp.scene or grasp.attempt.objective < before.attempt.objective:
-            self.held = {**self.held, aim: grasp}
-
-    # -- payload
-
-    def _search_payload(self, scene: GraspScene) -> None:
-        """From the best grasp of the scene's own mass; and from one with more than what was found, where there is."""
-        near = self.held.get("payload")
-        best: HeldGrasp | None = (
-            near if near is not None and near.scene == _with_mass(scene, near.scene.object.mass) else None
-        )
-        mass = scene.object.mass if best is None else best.quantities["payload"] * (1.0 + SAME)
-        for _ in range(_MASSES):
-            try:
-                result = self._searched(_with_mass(scene, mass))
-            except LostGrasp:
-                if best is not None:
-                    break
-                mass *= 0.5
-                continue
-            grasp = self._follower.heaviest(result, mass)
-            if grasp is None:
-                raise LostGrasp(f"{self.name}: the solver found no payload, starting from the grasp of {mass:.3g} kg")
-            if best is not None and grasp.quantities["payload"] < best.quantities["payload"] * (1.0 + SAME):
-                break
-            best = grasp
-            mass = grasp.quantities["payload"] * (1.0 + 10.0 * SAME)
-        if best is None:
-            raise LostGrasp(f"{self.name}: no mass down to {mass:.3g} kg can be held")
-        self.held = {**self.held, "payload": best}
-        if "objective" not in self.wanted:
-            self.found = best.result(f"at most {best.quantities['payload']:.4g} kg are held")
-
-    # -- how all change
 
     def slopes(self, near: Stencil) -> tuple[dict[str, float], dict[str, Array]]:
         """Change of the quantities and of the unknowns along a direction."""
@@ -157,9 +99,43 @@ class CaseGrasps:
         """Quantities that expressions may name."""
         return {name: value for held in self.held.values() for name, value in held.quantities.items()}
 
+    def _searched(self, scene: GraspScene) -> list[RodsAtScene]:
+        """Grasps of a full search, the best one first; `LostGrasp` where there is none."""
+        self.effort.searches += 1
+        # A grasp at hand counts too: at limits, no start of a search may lead to it.
+        near = self.held.get("objective")
+        found = RodsFollower.searched(scene, self.effort.count, [] if near is None else [near])
+        if not found:
+            raise LostGrasp(f"{self.name}: no grasp was found")
+        return found
 
-def _with_mass(scene: GraspScene, mass: float) -> GraspScene:
-    return scene.model_copy(update={"object": scene.object.model_copy(update={"mass": mass})})
+    def _certified(self, grasp: RodsAtScene) -> GraspResult:
+        """The grasp as a result; `LostGrasp` where the independent certificate refuses it."""
+        result = grasp.result()
+        if not result.solved:
+            raise LostGrasp(f"{self.name}: the independent certificate refuses the grasp: {result.message}")
+        return result
+
+    def _heaviest(self, scene: GraspScene) -> RodsAtScene:
+        """The grasp with the greatest mass next to any that a full search found; `LostGrasp` where there is none."""
+        mass = scene.object.mass
+        for _ in range(_HALVINGS):
+            lighter = scene.model_copy(update={"object": scene.object.model_copy(update={"mass": mass})})
+            try:
+                found = self._searched(lighter)
+            except LostGrasp:
+                mass *= 0.5
+                continue
+            most = [heaviest for grasp in found if (heaviest := grasp.follower.heaviest(grasp, scene)) is not None]
+            if most:
+                return max(most, key=lambda grasp: grasp.quantities["payload"])
+        raise LostGrasp(f"{self.name}: no mass down to {mass:.3g} kg can be held")
+
+    def _take(self, aim: str, grasp: RodsAtScene) -> None:
+        """Take a grasp unless the one at hand is better."""
+        before = self.held.get(aim)
+        if before is None or before.scene != grasp.scene or grasp.objective < before.objective:
+            self.held = {**self.held, aim: grasp}
 
 
 def fingers_mass(scene: GraspScene) -> float:

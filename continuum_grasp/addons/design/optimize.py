@@ -95,7 +95,7 @@ def optimize_design(
     ...     }
     ... )
     >>> round(found.values["finger.tendons.offset"], 5), found.status.value  # m
-    (0.00465, 'optimal')
+    (0.00455, 'optimal')
     """
     space = design_space_of(ConfigurationData.given(design, Design, overrides))
     search = _DesignSearch(space, progress or (lambda share, text: None))

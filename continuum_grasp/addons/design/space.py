@@ -13,12 +13,12 @@ from continuum_grasp.addons.sweeps import SceneKeys, VariedKey
 from continuum_grasp.base import InputError
 from continuum_grasp.scene import ConfigurationData, Consumer, Document, GraspScene, KeyPath
 
-_PAYLOADS = Consumer.refusals(
+_ONE_POSTURE = Consumer.refusals(
     """
-    robust: payload belongs to one posture, not to a grasp that must hold for many; expected another cost and other
-        limits, or friction_states: pulled without robust
-    friction_states=any with state_columns: payload belongs to one posture, not to a grasp that must hold for many;
-        expected another cost and other limits, or friction_states: pulled without robust
+    robust: a design follows one posture, not a grasp that must hold for many errors; expected a reserve
+        (contacts.reserve) and tolerances of the design
+    friction_states=any with state_columns: a design follows one posture, not a grasp that must hold for many; expected
+        friction_states: pulled
     """
 )
 SINGLE = "scene"
@@ -54,7 +54,7 @@ class DesignSpace:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of the scene's file, which has been read
             scene = document.changed(changes).validated(GraspScene)
-        _check_payload(self.design, scene)
+        _check_posture(scene)
         return scene
 
     @property
@@ -68,9 +68,9 @@ class DesignSpace:
         return [coordinate.nominal for coordinate in self.coordinates]
 
 
-def _check_payload(design: Design, scene: GraspScene) -> None:
-    """Refuse to seek the greatest mass of grasps that must hold for many errors or friction states."""
-    for feature in _PAYLOADS if "payload" in design.used else ():
+def _check_posture(scene: GraspScene) -> None:
+    """Refuse grasps that must hold for many errors or friction states."""
+    for feature in _ONE_POSTURE:
         feature.check(scene)
 
 
@@ -79,7 +79,7 @@ def design_space_of(data: ConfigurationData) -> DesignSpace:
     keys = SceneKeys(Design, data)
     design = keys.config
     scene = keys.base.validated(GraspScene)
-    _check_payload(design, scene)
+    _check_posture(scene)
     tolerated = []
     for key, tolerance in design.tolerances.items():
         path = keys.change(("tolerances", key), key, 0.0)[0]

@@ -106,7 +106,7 @@ def sweep(
     >>> config = {"scene": "configs/grasp/mug_arcs.yaml", "vary": masses}
     >>> table = cg.sweep(config, folder=tempfile.mkdtemp(), workers=1, keep="none")
     >>> table["status"].tolist()
-    ['feasible', 'feasible']
+    ['optimal', 'optimal']
     """
     _ANYWHERE.check(None, of={"executor": executor is not None and scheduler is not None})
     count = None if workers is None else CheckedArgument("workers", workers).whole(1, 4096)

@@ -8,33 +8,24 @@
 /* Rounding of a finger's moment per its greatest, else straight fingers stall, and of friction per force. */
 #define STRAIGHT 1e-3
 #define SLIGHT 1e-8
-/* Penalty of a residual of one where combinations are refined, and what holds a step that nothing else fixes. */
-#define STIFF 1e6
-/* How often that penalty makes multipliers, how wrong a combination may be that needs none, and with how much it holds the
-   object, as `BALANCED` of Python. */
-#define TURNS 6
-#define RIGHT 1e-7
-#define ENOUGH 1e-5
-#define SLACK 1e-4
 
 typedef struct {
-    int fingers, supports, contacts, lifted, tilts, pairs, numbers, equal, rows;
+    int fingers, supports, contacts, lifted, tilts, numbers, equal, rows;
     double center[2], size, weight[2], lift, force;
     const Rod *const *rod;
     const double *finger;  /* (fingers, 3): length, unit of force, greatest tension per that of all */
     const double *support; /* (supports, 4): point, normal */
     const double *cone;    /* (contacts, 2): friction coefficient, greatest normal force */
     const double *step;    /* (numbers,): what changes a combination alike */
-    const int *pair;       /* (pairs, 2): fingers that must keep clear of each other */
 } Balance;
 
 #if LANES > 0
 /* What a finger or a support has at a contact, by the `count` unknowns from `at` on. */
 typedef struct { dual x, y, nx, ny, normal, along; int at, count; } Contact;
 
-/* A combination: constraints that vanish, then those that are not above zero, each with its multiplier per penalty added,
-   and the tension per the greatest; slopes by steps of the unknowns. */
-typedef struct { double tension, *x, *value, *pull, *slope; const double *multiplier; } Held;
+/* A combination: constraints that vanish, then those that are not above zero, and the tension per the greatest; slopes by
+   steps of the unknowns. */
+typedef struct { double tension, *x, *value, *pull, *slope; } Held;
 
 static double *slopes_of(const Balance *b, Held *to, int row) { return to->slope + row * b->numbers; }
 
@@ -86,22 +77,10 @@ static Contact support_contact(const Balance *b, int k, const Held *at, int firs
     return (Contact){constant(s[0]), constant(s[1]), constant(s[2]), constant(s[3]), force[0], force[1], first, 2};
 }
 
-/* How far two fingers are in each other, in lengths of the first of them. */
-static void add_pair(const Balance *b, const int *pair, const Line *line, const Contact *of_finger, Held *to, int row)
-{
-    const int i = pair[0], j = pair[1];
-    const double unit = b->finger[3 * i];
-    const Meeting at = meeting_of(b->rod[i], line + i, unit, b->rod[j], line + j, b->finger[3 * j]);
-    add_row(b, number(-1.0 / unit), (dual){at.gap, at.one.d}, of_finger + i, to, row);
-    add_row(b, number(-1.0 / unit), (dual){number(0.0), at.other.d}, of_finger + j, to, row);
-}
-
 /* The fingers' own constraints and tension; their contacts. */
 static void add_fingers(const Balance *b, Held *to, Contact *contact, int *equal, int *below)
 {
     const real one = number(1.0);
-    Line line[b->pairs ? b->fingers : 1];
-    Contact of_finger[b->fingers];
     int first = 0;
     for (int f = 0; f < b->fingers; ++f) {
         const Rod *rod = b->rod[f];
@@ -113,14 +92,14 @@ static void add_fingers(const Balance *b, Held *to, Contact *contact, int *equal
             for (int lane = 0; lane < WIDE; ++lane)
                 ((double *)&z[k].d)[WIDE * k + lane] = 1.0;
         }
-        integrate(rod, z, 1, &at, b->pairs ? line + f : NULL);
+        integrate(rod, z, 1, &at);
         for (int k = 0; k < rod->contacts + rod->tip; ++k)
             *contact++ = finger_contact(rod, b->finger + 3 * f, &at, z, k, first);
-        of_finger[f] = (Contact){.at = first, .count = size};
+        const Contact of_finger = {.at = first, .count = size};
         for (int n = conditions(rod, z, &at, row), k = 0; k < n; ++k)
-            add_row(b, one, row[k], of_finger + f, to, (*equal)++);
+            add_row(b, one, row[k], &of_finger, to, (*equal)++);
         for (int n = shape_limits(rod, z, &at, 0.0, row), k = 0; k < n; ++k)
-            add_row(b, one, row[k], of_finger + f, to, (*below)++);
+            add_row(b, one, row[k], &of_finger, to, (*below)++);
         const dual pull = scaled(1.0 / rod->moment, z[3]);
         const real size_of_pull = root(pull.v * pull.v + STRAIGHT * STRAIGHT);
         const dual rounded = with(pull, size_of_pull, pull.v / size_of_pull);
@@ -128,8 +107,6 @@ static void add_fingers(const Balance *b, Held *to, Contact *contact, int *equal
             add(b, number(b->finger[3 * f + 2]), rounded, first, size, lane, &to[lane].tension, to[lane].pull);
         first += size;
     }
-    for (int k = 0; k < b->pairs; ++k)
-        add_pair(b, b->pair + 2 * k, line, of_finger, to, (*below)++);
     for (int k = 0; k < b->supports; ++k, first += 2)
         *contact++ = support_contact(b, k, to, first);
 }
@@ -209,8 +186,6 @@ static void reach(const Balance *b, Held *to)
         int sane = 1;
         for (int k = 0; k < entries; ++k)
             sane &= fabs(one->slope[k]) < SANE;
-        for (int k = 0; k < b->rows; ++k)
-            one->value[k] += one->multiplier[k];
         if (sane)
             continue;
         memset(one->slope, 0, entries * sizeof(double));
@@ -275,25 +250,22 @@ static void moved(const Balance *b, const Held *from, double part, const double 
 
 static void exchange(Held *a, Held *b) { const Held other = *a; *a = *b, *b = other; }
 
-/* What is wrong with a combination at most, whatever its multipliers are. */
+/* Residual of the constraint that is violated most. */
 static double most_wrong(const Balance *b, const Held *at)
 {
     double most = 0.0;
-    for (int k = 0; k < b->rows; ++k) {
-        const double value = at->value[k] - at->multiplier[k];
-        most = fmax(most, k < b->equal ? fabs(value) : value);
-    }
+    for (int k = 0; k < b->rows; ++k)
+        most = fmax(most, fabs(wrong_by(b, at->value, k)));
     return most;
 }
 
-static double *held_in(const Balance *b, Held *at, const double *multiplier, double *memory)
+static double *held_in(const Balance *b, Held *at, double *memory)
 {
-    at->multiplier = multiplier;
     at->x = memory, at->pull = at->x + b->numbers, at->value = at->pull + b->numbers, at->slope = at->value + b->rows;
     return at->slope + b->rows * b->numbers;
 }
 
-/* A combination on its way to the least tension: a penalty that grows, and damped steps of Gauss and Newton. */
+/* A combination that moves towards the least tension: a penalty that grows, and damped steps of Gauss and Newton. */
 typedef struct { int row, round, attempt; double damping, before, stiff, *matrix, *factors, *gradient, *move; } Settling;
 
 #define DAMPINGS 4 /* that are tried */
@@ -342,7 +314,7 @@ static int settled(const Balance *b, int rounds, Held *here, Settling *at, Held 
 int settle(const Balance *b, int count, int rounds, double *x, double *off)
 {
     const int n = b->numbers, of_held = (b->rows + 2) * (n + 1), of_one = 2 * of_held + 2 * n * (n + 1);
-    double *memory = calloc(b->rows + WIDE * of_one, sizeof(double)), *rest = memory + b->rows;
+    double *memory = calloc(WIDE * of_one, sizeof(double)), *rest = memory;
     Held here[WIDE], there[WIDE];
     Settling at[WIDE];
     int next = 0;
@@ -350,7 +322,7 @@ int settle(const Balance *b, int count, int rounds, double *x, double *off)
         return 0;
     for (int lane = 0; lane < WIDE; ++lane) {
         Settling *one = at + lane;
-        rest = held_in(b, there + lane, memory, held_in(b, here + lane, memory, rest));
+        rest = held_in(b, there + lane, held_in(b, here + lane, rest));
         one->row = -1, one->matrix = rest, one->factors = rest + n * n, one->gradient = one->factors + n * n;
         one->move = one->gradient + n, rest = one->move + n;
     }
@@ -378,140 +350,6 @@ int settle(const Balance *b, int count, int rounds, double *x, double *off)
     return 1;
 }
 
-#if WIDE == 1
-static void stepped(const Balance *b, const Held *from, double part, const double *move, Held *to)
-{
-    moved(b, from, part, move, to);
-    reach(b, to);
-}
-
-/* The step to the least of a gradient and the penalties, both of first order: Newton's method on the active ones, of
-   which there are finitely many sets. */
-static void first_order(const Balance *b, const double *gradient, const double *slope, const double *value, double *move,
-                        double *work)
-{
-    static const double parts[] = {1.0, 0.5, 0.25, 0.1, 0.03};
-    const int n = b->numbers, rows = b->rows;
-    double *matrix = work, *factors = matrix + n * n, *force = factors + n * n, *step = force + n, *here = step + n;
-    double *change = here + rows;
-    memcpy(here, value, rows * sizeof(double)), memset(move, 0, n * sizeof(double));
-    for (int round = 0; round < 20; ++round) {
-        for (int k = 0; k < n; ++k)
-            force[k] = gradient[k] + SLACK * move[k];
-        normal_equations(b, slope, here, STIFF, matrix, force);
-        newton(n, matrix, SLACK, force, factors, step);
-        for (int k = 0; k < rows; ++k) {
-            change[k] = 0.0;
-            for (int i = 0; i < n; ++i)
-                change[k] += slope[n * k + i] * step[i];
-        }
-        double least_cost = INFINITY, part = 1.0;
-        for (int p = 0; p < 5; ++p) {
-            double cost = 0.0;
-            for (int k = 0; k < n; ++k) {
-                const double to = move[k] + parts[p] * step[k];
-                cost += gradient[k] * to + 0.5 * SLACK * to * to;
-            }
-            for (int k = 0; k < rows; ++k) {
-                const double to = here[k] + parts[p] * change[k];
-                if (k < b->equal || to > 0.0)
-                    cost += 0.5 * STIFF * to * to;
-            }
-            if (cost < least_cost)
-                least_cost = cost, part = parts[p];
-        }
-        int same = part == 1.0;
-        for (int k = 0; k < rows; ++k) {
-            const double to = here[k] + part * change[k];
-            same &= k < b->equal || (here[k] > 0.0) == (to > 0.0);
-            here[k] = to;
-        }
-        for (int k = 0; k < n; ++k)
-            move[k] += part * step[k];
-        if (same || longest(n, step) < 1e-10)
-            return;
-    }
-}
-
-/* The optimum next to a combination: each step is that of first order within a radius that grows and shrinks as the step
-   fulfills what it promises; what curved constraints leave over is taken back by the same slopes, else steps along them
-   are short. */
-static void refined(const Balance *b, int rounds, Held *here, Held *there, Held *back, double *work)
-{
-    const int n = b->numbers;
-    double radius = 0.1, *move = work, *none = work + n, *rest = none + n;
-    memset(none, 0, n * sizeof(double));
-    for (int round = 0; round < rounds && radius > 1e-9; ++round) {
-        first_order(b, here->pull, here->slope, here->value, move, rest);
-        const double part = fmin(1.0, radius / longest(n, move)), step = part * longest(n, move);
-        stepped(b, here, part, move, there);
-        first_order(b, none, here->slope, there->value, move, rest);
-        stepped(b, there, 1.0, move, back);
-        if (merit(b, back, STIFF) < merit(b, there, STIFF))
-            exchange(there, back);
-        const int better = merit(b, there, STIFF) < merit(b, here, STIFF);
-        radius = better ? fmax(radius, 2.0 * step) : 0.25 * fmin(radius, step);
-        if (better)
-            exchange(here, there);
-        if (better && step < 1e-9)
-            return;
-    }
-}
-
-/* The optimum itself, where nothing is wrong: what a penalty leaves wrong becomes multipliers (M. J. D. Powell, 1969;
-   J. Nocedal, S. J. Wright, Numerical Optimization, 2006, chapter 17). Where more is wrong then, and too much before,
-   they went too far: from there on they go half as far. */
-static void converged(const Balance *b, int rounds, Held *here, Held *there, Held *back, double *multiplier, double *work)
-{
-    const int n = b->numbers, rows = b->rows;
-    double *before = work, *known = before + n, *rest = known + rows, wrong = INFINITY, share = 1.0;
-    for (int turn = 0; turn <= TURNS; ++turn) {
-        memcpy(before, here->x, n * sizeof(double));
-        refined(b, rounds, here, there, back, rest);
-        const double now = most_wrong(b, here);
-        if (now < wrong) {
-            memcpy(known, multiplier, rows * sizeof(double));
-            wrong = now;
-            if (wrong <= RIGHT)
-                return;
-        } else {
-            memcpy(here->x, before, n * sizeof(double));
-            memcpy(multiplier, known, rows * sizeof(double));
-            reach(b, here);
-            share *= 0.5;
-            if (wrong <= ENOUGH)
-                return;
-        }
-        for (int k = 0; k < rows; ++k) {
-            const double change = share * (wrong_by(b, here->value, k) - multiplier[k]);
-            here->value[k] += change, multiplier[k] += change;
-        }
-    }
-}
-
-/* Bring combinations (count, numbers) to the optimum next to them; what is wrong with each at most. 0: there is no
-   memory. */
-int refine(const Balance *b, int count, int rounds, double *x, double *off)
-{
-    const int n = b->numbers;
-    double *memory = malloc((3 * (b->rows + 2) * (n + 1) + 2 * n * (n + 4) + n + 4 * b->rows) * sizeof(double));
-    Held here, there, back;
-    if (!memory)
-        return 0;
-    double *multiplier = memory, *rest = memory + b->rows;
-    rest = held_in(b, &back, multiplier, held_in(b, &there, multiplier, held_in(b, &here, multiplier, rest)));
-    for (; count > 0; --count, x += n, ++off) {
-        memset(multiplier, 0, b->rows * sizeof(double));
-        memcpy(here.x, x, n * sizeof(double));
-        reach(b, &here);
-        converged(b, rounds, &here, &there, &back, multiplier, rest);
-        memcpy(x, here.x, n * sizeof(double));
-        *off = most_wrong(b, &here);
-    }
-    free(memory);
-    return 1;
-}
-#endif
 #endif
 
 #if WIDE == 1 && LANES == 0

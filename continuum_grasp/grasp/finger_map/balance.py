@@ -17,8 +17,7 @@ import numpy as np
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.finger_map.fill import FingerMap
 from continuum_grasp.grasp.finger_map.rod import MapFinger, Traced, call, slopes_beside
-from continuum_grasp.grasp.starts.supports import support_contacts
-from continuum_grasp.grasp.starts.values import Pose
+from continuum_grasp.grasp.object_supports import Pose, support_contacts
 from continuum_grasp.scene import GraspScene
 
 CANDIDATES, APART = 120, 0.12
@@ -34,8 +33,6 @@ SUPPORTED = {1: 100_000, 2: 330, 3: 48, 4: 18}
 """Most samples of each finger beside supports, where all combinations are tried."""
 ROUNDS = 30
 """Steps in which combinations are settled."""
-REFINED = 15
-"""Steps in which the best of them are brought to their optimum."""
 SETTLED = 4e-3
 """Residual beyond which a settled combination is none."""
 
@@ -44,14 +41,14 @@ class _BalanceStruct(ctypes.Structure):
     """The structure of `balance.c`."""
 
     _fields_ = (
-        *((name, ctypes.c_int) for name in ("fingers", "supports", "contacts", "lifted", "tilts", "pairs")),
+        *((name, ctypes.c_int) for name in ("fingers", "supports", "contacts", "lifted", "tilts")),
         *((name, ctypes.c_int) for name in ("numbers", "equal", "rows")),
         ("center", ctypes.c_double * 2),
         ("size", ctypes.c_double),
         ("weight", ctypes.c_double * 2),
         ("lift", ctypes.c_double),
         ("force", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("rod", "finger", "support", "cone", "step", "pair")),
+        *((name, ctypes.c_void_p) for name in ("rod", "finger", "support", "cone", "step")),
     )
 
 
@@ -93,18 +90,9 @@ class Settled:
 
 
 class ObjectBalance:
-    """The balance of a scene's object with a set of contacts, its fingers as they are in their maps; those of ``pairs``
-    keep clear of each other.
-    """
+    """The balance of a scene's object with a set of contacts, and its fingers as they are in their maps."""
 
-    def __init__(
-        self,
-        scene: GraspScene,
-        on: frozenset[str],
-        fingers: Sequence[MapFinger],
-        pose: Pose,
-        pairs: Sequence[tuple[int, int]] = (),
-    ) -> None:
+    def __init__(self, scene: GraspScene, on: frozenset[str], fingers: Sequence[MapFinger], pose: Pose) -> None:
         self.scene = scene
         self.on = on
         self.fingers = fingers
@@ -139,7 +127,6 @@ class ObjectBalance:
             "support": np.array([[p.real, p.imag, n.real, n.imag] for p, n in self.places.values()] or [[0.0] * 4]),
             "cone": np.column_stack([list(chain(*frictions)), list(chain(*forces))]),
             "step": self._steps(),
-            "pair": np.array(pairs or [(0, 0)], np.int32),
         }
         equal = sum(f.conditions for f in fingers) + len(scene.balances)
         self.struct = _BalanceStruct(
@@ -148,10 +135,9 @@ class ObjectBalance:
             contacts=contacts,
             lifted=2 in scene.balances,
             tilts=3 in scene.balances,
-            pairs=len(pairs),
             numbers=self.numbers,
             equal=equal,
-            rows=equal + sum(f.shape_limits for f in fingers) + len(pairs) + 3 * contacts,
+            rows=equal + sum(f.shape_limits for f in fingers) + 3 * contacts,
             center=(self.center.real, self.center.imag),
             size=self.size,
             weight=tuple(self.weight),
@@ -181,17 +167,9 @@ class ObjectBalance:
 
     def settle(self, x: Array) -> Settled:
         """Combinations (B, n) brought to the least tension under all constraints."""
-        most = max(finger.numbers for finger in self.fingers)
-        return self._held("settle", x, ROUNDS, slopes_beside(most))
-
-    def refined(self, x: Array) -> Settled:
-        """Settled combinations (B, n) brought to the optimum next to them."""
-        return self._held("refine", x, REFINED, None)
-
-    def _held(self, how: str, x: Array, rounds: int, beside: tuple[int, int] | None) -> Settled:
         x, off = np.array(x, dtype=float, order="C"), np.empty(len(x))
-        lanes, wide = beside or (max(finger.lanes for finger in self.fingers), 1)
-        if not call(lanes, how, self.struct, len(x), rounds, x, off, wide=wide):
+        lanes, wide = slopes_beside(max(finger.numbers for finger in self.fingers))
+        if not call(lanes, "settle", self.struct, len(x), ROUNDS, x, off, wide=wide):
             raise MemoryError
         return Settled.of(self, x, off)
 

@@ -23,7 +23,7 @@ angle of the tip [rad], normal forces, by their logarithm where they are large."
 LIGHT = 3.0
 """Normal force [E I / L^2] up to which its changes count, and not changes of its logarithm."""
 ENTERED = 0.005
-"""Depth in obstacles [L] that samples may have: the finger's own elements bend otherwise than the exact rod."""
+"""Depth in obstacles [L] that samples may have: samples are coarser than the rods that start from them."""
 ONTO = 40
 """Steps in which seeds are brought onto the set: of three fingers that wrap a jar, with 20 steps none leads to the part
 of the set with the least tension."""
@@ -31,10 +31,8 @@ ON_SET = 1e-3
 """Residual up to which an equilibrium touches, in lengths and forces of the finger."""
 WITHIN = 0.01
 """Excess over limits that a sample may have, in lengths and forces of the finger."""
-THIN = 100
-"""Samples of a part of a map below which it is filled by itself: its cells may be smaller."""
-NEAREST = 150
-"""Seeds of few elements beside those that follow exact rods; samples of wider limits from which a part is filled."""
+CURLED = 14.0
+"""Greatest curvature at the base of the rods between which seeds are sought [1/L]: more than two turns per length."""
 FAR = 0.25
 """Distance [L] from which on two minima of the gap along rods next to each other are not the same."""
 COARSE = 3.0
@@ -104,40 +102,18 @@ class FingerMap:
     @staticmethod
     def of(finger: MapFinger) -> FingerMap:
         """Sample a finger's equilibria."""
-        return FingerMap._from(finger, _onto(finger, _seeds(finger), finger.sampling.seeds, finger.sampling.enough))
-
-    def followed_by(self, finger: MapFinger) -> FingerMap:
-        """The map of few elements from the map of the exact rod."""
-        some = self.samples.take(_one_per_cell(features(self.samples), COARSE)) if len(self) else self.samples
-        near = finger.onto(finger.followed(some.z), ONTO, ENTERED, ON_SET)
-        # Elements may also touch where no exact rod does.
-        own = _onto(finger, _seeds(finger), NEAREST, 0)
-        return FingerMap._from(finger, np.concatenate([near, own]))
-
-    @staticmethod
-    def _from(finger: MapFinger, seeds: Array) -> FingerMap:
+        seeds = _onto(finger, _seeds(finger), finger.sampling.seeds, finger.sampling.enough)
         none = finger.traced(np.zeros((0, finger.numbers)))
         return FingerMap(finger, _filled(finger, seeds) if len(seeds) else none)
-
-    def within(self, finger: MapFinger) -> FingerMap:
-        """The part of it within the limits of another such finger, filled where it has few samples."""
-        at = finger.traced(self.samples.z, slopes=False, entered=ENTERED)
-        part = at.take(at.excess < WITHIN)
-        if len(part) >= THIN or not len(at):
-            return FingerMap(finger, part)
-        near = np.argsort(at.excess, kind="stable")[:NEAREST]
-        return FingerMap._from(finger, finger.onto(at.z[near], ONTO, ENTERED, ON_SET))
 
 
 def _grid(finger: MapFinger) -> tuple[tuple[int, int, int], Array]:
     """Rods of a grid of curvature at the base and force there (N, n), without middle contacts."""
     curvature_count, direction_count, force_count = finger.sampling.grid if finger.middles else finger.sampling.of_tips
-    bends = [n * finger.bending_range for n in finger.elements]
-    most = min(1.3 * sum(bends), 14.0)
     strongest = finger.greatest_force * math.hypot(1.0, finger.friction) * (1 + finger.middles)
     # 0.12: arm [L] at which the tendons' greatest moment is a force
     strongest = min(strongest, 2.5 * finger.greatest_moment / 0.12)
-    curvatures = np.linspace(-most, most, curvature_count)
+    curvatures = np.linspace(-CURLED, CURLED, curvature_count)
     # From the base, so that a scene that is turned has the same rods.
     directions = finger.base[2] + (np.arange(direction_count) + 0.5) * (math.tau / direction_count)
     sizes = np.append(0.0, np.geomspace(min(0.05, 0.5 * strongest), strongest, force_count - 1))
@@ -166,7 +142,7 @@ def _between(a: Array, b: Array, at_a: Array, at_b: Array) -> Array:
 
 def _seeds(finger: MapFinger) -> Array:
     """Rods that nearly touch (N, n)."""
-    plain = finger.exactly(0)
+    plain = finger.with_middles(0)
     shape, z = _grid(finger)
     if not finger.middles:
         gap = plain.touches(z).conditions.value[:, -1]
@@ -174,12 +150,12 @@ def _seeds(finger: MapFinger) -> Array:
         return _between(z[first], z[second], gap[first], gap[second])
     seeds = z
     for contact in range(finger.middles):
-        before = plain if contact == 0 else finger.exactly(contact)
+        before = plain if contact == 0 else finger.with_middles(contact)
         seeds = _with_middle(before, seeds, shape if contact == 0 else None)
         # of these, drawn evenly
         lows = min(len(seeds), finger.sampling.lows)
         seeds = seeds[np.linspace(0, len(seeds) - 1, lows).astype(int)] if len(seeds) else seeds
-        finger_here = finger.exactly(contact + 1)
+        finger_here = finger.with_middles(contact + 1)
         seeds = _with_forces(finger_here, seeds)
         if not len(seeds):
             break
@@ -251,8 +227,7 @@ def _onto(finger: MapFinger, z: Array, count: int, enough: int) -> Array:
     if not len(z):
         return np.zeros((0, finger.numbers))
     z = z.copy()
-    z[:, 3] = finger.exactly(finger.middles).touches(z).conditions.value[:, 0] / FORCE
-    z = finger.followed(z)
+    z[:, 3] = finger.with_middles(finger.middles).touches(z).conditions.value[:, 0] / FORCE
     at = finger.traced(z, slopes=False, entered=ENTERED)
     order = np.argsort(np.maximum(np.abs(at.conditions.value).max(axis=1), at.excess), kind="stable")
     # The nearest of each few cells: else one part of the set crowds out others.

@@ -1,12 +1,10 @@
-/* Equilibria of a planar rod by integration from its base, with their derivatives by the numbers that fix them: of the
-   exact rod, or of one that bends as elements of its own do.
+/* Equilibria of a planar rod by integration from its base, with their derivatives by the numbers that fix them.
 
    Units: lengths L, forces E I / L^2, moments E I / L of the finger. Numbers z of an equilibrium: curvature at the base,
-   internal force there (2), moment of the tendons at the base; per middle contact its place, normal force and friction;
-   coordinates of its elements. Of these rods the curvature at the base is that of the moment there.
+   internal force there (2), moment of the tendons at the base; per middle contact its place, normal force and friction.
    A dual number has a value, and slopes by each of these numbers; without slopes, values of `WIDE` rods at a time: a step
-   waits for the one before, not for as many others beside it. `touching.c`, `balance.c` and `stiffness.c`, which
-   follow this file, export what Python calls. */
+   waits for the one before, not for as many others beside it. `touching.c` and `balance.c`, which follow this file, export
+   the functions that Python calls. */
 
 #include <math.h>
 #include <stdlib.h>
@@ -78,35 +76,25 @@ typedef struct { char none; } slopes;
 #endif
 typedef struct { real v; slopes d; } dual;
 
-/* Of functions that few scenes call: for size, which compiles in less time. */
-#define SELDOM __attribute__((noinline, cold))
-
-/* Most middle contacts, coordinates, numbers, nodes of a segment and of all segments, of which several have 24 steps each;
-   what is farther than all that matters, in lengths of the finger. */
-enum { MOST_CONTACTS = 4, MOST_COORDINATES = 5, NUMBERS = 4 + 3 * MOST_CONTACTS + MOST_COORDINATES };
-enum { STEPS = 64, NODES = 24 * (MOST_CONTACTS + 1) + 1 };
+/* Most middle contacts, numbers, and nodes of a segment; a distance beyond all that matter, in lengths of the finger. */
+enum { MOST_CONTACTS = 4, NUMBERS = 4 + 3 * MOST_CONTACTS, STEPS = 64 };
 #define FAR 9.0
 #define PI 3.14159265358979323846
 
 /* Columns of the table along the rod. */
-enum { STIFFNESS, REST, TENDON, HALF, WEIGHT, COLUMNS };
+enum { STIFFNESS, REST, TENDON, HALF, WEIGHT, DEPTH, COLUMNS };
 
 typedef struct {
     int steps, contacts, tip; /* tip: whether it touches */
-    int nodes, masses, walls, pegs, width, height, coordinates, matched;
-    int itself; /* whether it must keep clear of itself */
+    int nodes, masses, walls, pegs, width, height;
     double base[3], gravity[2], tip_load[2], tendon_friction;
     double pose[4], corner[2], per_cell; /* of the object: place, cosine and sine of its angle; of the table */
-    /* Limits; bend: greatest length times curvature per segment. */
-    double pulls[2], moment, strain, bend[MOST_CONTACTS + 1], places[2], friction, force;
+    double pulls[2], moment, strain, places[2], friction, force; /* limits */
     const double *table;    /* (nodes, COLUMNS) */
     const double *mass;     /* (masses, 3): place, weight x, y */
     const double *wall;     /* (walls, 4): normal, point */
     const double *peg;      /* (pegs, 3): center, radius */
     const double *distance; /* (height, width) from the object, in its frame */
-    /* (steps of all segments, 3, coordinates): what each coordinate bends where a step begins, in its middle, and where it
-       ends; the last one is set by the moment at the tip where elements are matched. */
-    const double *weight;
 } Rod;
 
 typedef struct { dual s, x, y, angle, sine, cosine, moment, fx, fy, turned, bent; } State;
@@ -320,7 +308,7 @@ static Place place(const Rod *rod, dual x, dual y)
     return (Place){gap, minus(scaled(c, nu), scaled(s, nv)), plus(scaled(s, nu), scaled(c, nv))};
 }
 
-static inline int numbers_of(const Rod *rod) { return 4 + 3 * rod->contacts + rod->coordinates; }
+static inline int numbers_of(const Rod *rod) { return 4 + 3 * rod->contacts; }
 
 static inline dual bent_by(const Rod *rod, dual moment, dual s)
 {
@@ -330,17 +318,6 @@ static inline dual bent_by(const Rod *rod, dual moment, dual s)
         return bent;
     }
     return plus(along(rod, REST, s), over(moment, along(rod, STIFFNESS, s)));
-}
-
-/* Curvature of elements by their coordinates. */
-static dual bent_by_elements(const Rod *rod, const double *weight, dual s, const dual *z)
-{
-    const dual *coordinate = z + 4 + 3 * rod->contacts;
-    dual moment = constant(0.0);
-    for (int k = 0; k < rod->coordinates; ++k)
-        if (weight[k] != 0.0)
-            moment = plus(moment, scaled(weight[k], coordinate[k]));
-    return bent_by(rod, moment, s);
 }
 
 /* Curvature: the moments of the loads beyond and of the tendons, of which friction takes part by what the rod turned. */
@@ -370,40 +347,13 @@ static inline State clamped(const Rod *rod, const dual *z)
 /* -(t x F) with the tangent t = (-sin, cos) */
 static inline dual bending(const State *q) { return plus(times(q->sine, q->fy), times(q->cosine, q->fx)); }
 
-/* Curvature where a step begins: at a contact it jumps, between elements it may. */
-static inline dual bent_from(const Rod *rod, const State *q, const dual *z, int at)
+/* One step of the leapfrog rule; the position by the rule of Euler and Maclaurin. */
+static inline void step(const Rod *rod, State *q, dual h, dual half, dual twelfth, dual base)
 {
-    return rod->coordinates ? bent_by_elements(rod, rod->weight + 3 * rod->coordinates * at, q->s, z) : q->bent;
-}
-
-/* By how much elements are bent more than their moment bends them: added to what each coordinate feels of it. */
-static void add_feel(const Rod *rod, const double *weight, dual part, dual more, dual *feel)
-{
-    const dual whole = times(part, more);
-    for (int k = 0; k < rod->coordinates; ++k)
-        if (weight[k] != 0.0)
-            feel[k] = plus(feel[k], scaled(weight[k], whole));
-}
-
-/* One step of the leapfrog rule; the position by the rule of Euler and Maclaurin. Elements bend by their coordinates, each
-   of which feels (by Simpson's rule) where the moment bends otherwise, in the `at`-th step. */
-static inline void step(const Rod *rod, State *q, dual h, dual half, dual twelfth, const dual *z, int at, dual *feel)
-{
-    const dual s0 = q->sine, c0 = q->cosine, base = z[3], third = scaled(1.0 / 3.0, half);
-    const double *weight = rod->coordinates ? rod->weight + 3 * rod->coordinates * at : 0;
-    const dual k0 = bent_from(rod, q, z, at);
-    if (weight) {
-        add_feel(rod, weight, third, minus(k0, curvature(rod, q, q->s, base)), feel);
-        weight += rod->coordinates;
-    }
+    const dual s0 = q->sine, c0 = q->cosine, k0 = q->bent;
     const real before = q->s.v;
     q->moment = plus(q->moment, times(half, bending(q)));
-    dual k = curvature(rod, q, plus(q->s, half), base);
-    if (weight) {
-        const dual own = bent_by_elements(rod, weight, plus(q->s, half), z);
-        add_feel(rod, weight, scaled(4.0, third), minus(own, k), feel);
-        k = own, weight += rod->coordinates;
-    }
+    const dual k = curvature(rod, q, plus(q->s, half), base);
     const dual turn = times(h, k);
     q->angle = plus(q->angle, turn);
     if (rod->tendon_friction != 0.0)
@@ -422,20 +372,14 @@ static inline void step(const Rod *rod, State *q, dual h, dual half, dual twelft
     q->sine = with(q->angle, sine, cosine), q->cosine = with(q->angle, cosine, -sine);
     q->moment = plus(q->moment, times(half, bending(q)));
     q->bent = curvature(rod, q, q->s, base);
-    if (weight) {
-        const dual own = bent_by_elements(rod, weight, q->s, z);
-        add_feel(rod, weight, third, minus(own, q->bent), feel);
-        q->bent = own;
-    }
     const dual dx = minus(times(q->bent, q->cosine), times(k0, c0)), dy = minus(times(q->bent, q->sine), times(k0, s0));
     q->x = minus(q->x, minus(times(half, plus(s0, q->sine)), times(twelfth, dx)));
     q->y = plus(q->y, plus(times(half, plus(c0, q->cosine)), times(twelfth, dy)));
 }
 
-static inline void step_by(const Rod *rod, State *q, double h, const dual *z, int at)
+static inline void step_by(const Rod *rod, State *q, double h, dual base)
 {
-    dual feel[MOST_COORDINATES];
-    step(rod, q, constant(h), constant(0.5 * h), constant(h * h / 12.0), z, at, feel);
+    step(rod, q, constant(h), constant(0.5 * h), constant(h * h / 12.0), base);
 }
 
 /* A segment between contacts as integrated; its extremes are sought by values, and have slopes where they are. */
@@ -553,111 +497,30 @@ static dual segment_clear_of_supports(const Rod *rod, const Segment *seg, int em
     return clear_of_supports(rod, taken(seg->x, at), taken(seg->y, at), along(rod, HALF, place_of(seg, at)), emerging);
 }
 
-/* Greatest curvature, or change of it. */
-static dual greatest_bend(const Rod *rod, const Segment *seg, int from_rest)
+/* Greatest curvature. */
+static dual greatest_bend(const Segment *seg)
 {
     real most = {0}, at = {0};
     for (int k = 0; k <= seg->steps; ++k) {
-        const real rest = from_rest ? along(rod, REST, constant_of(seg->begin.v + k * seg->h.v)).v : (real){0};
-        const real bend = magnitude(seg->bent[k].v - rest);
+        const real bend = magnitude(seg->bent[k].v);
         const whole more = MASK(bend > most);
         most = CHOSEN(more, bend, most), at = CHOSEN(more, k + (real){0}, at);
     }
-    const dual bent = taken(seg->bent, at);
-    return size_of(from_rest ? minus(bent, along(rod, REST, place_of(seg, at))) : bent);
+    return size_of(taken(seg->bent, at));
 }
 
-/* The backbone of a finger where its steps end, from the base on, and these places along it. */
-typedef struct { int count; dual x[NODES], y[NODES], s[NODES]; } Line;
-
-static void lengthen(Line *line, const Segment *seg)
+/* Greatest change of curvature from that at rest, times the depth of the section. */
+static dual greatest_strain(const Rod *rod, const Segment *seg)
 {
-    for (int k = line->count ? 1 : 0; k <= seg->steps; ++k, ++line->count) {
-        line->x[line->count] = seg->x[k], line->y[line->count] = seg->y[k];
-        line->s[line->count] = place_of(seg, k + (real){0});
+    real most = {0}, at = {0};
+    for (int k = 0; k <= seg->steps; ++k) {
+        const dual s = constant_of(seg->begin.v + k * seg->h.v);
+        const real bend = along(rod, DEPTH, s).v * magnitude(seg->bent[k].v - along(rod, REST, s).v);
+        const whole more = MASK(bend > most);
+        most = CHOSEN(more, bend, most), at = CHOSEN(more, k + (real){0}, at);
     }
-}
-
-/* A point of a line: on the chord from a node to one beside it, and its share of the chord. */
-typedef struct { real node, beside, share; } On;
-
-static inline dual number_on(const dual *row, const On *at)
-{
-    return plus(by(1.0 - at->share, taken(row, at->node)), by(at->share, taken(row, at->beside)));
-}
-
-static SELDOM real share_of_chord(const Line *line, real from, real to, real x, real y)
-{
-    const real x0 = taken(line->x, from).v, y0 = taken(line->y, from).v;
-    const real dx = taken(line->x, to).v - x0, dy = taken(line->y, to).v - y0;
-    const real share = ((x - x0) * dx + (y - y0) * dy) / (dx * dx + dy * dy + 1e-30);
-    return least_of(most_of(share, (real){0}), 1.0 + (real){0});
-}
-
-/* Move a point of a line along the chords of its node to where it is nearest to another point. */
-static SELDOM void approach(const Line *line, real x, real y, On *at)
-{
-    const real before = most_of(at->node - 1.0, (real){0}), after = least_of(at->node + 1.0, line->count - 1.0 + (real){0});
-    const real back = share_of_chord(line, at->node, before, x, y), on = share_of_chord(line, at->node, after, x, y);
-    at->beside = CHOSEN(MASK(on > back), after, before), at->share = most_of(on, back);
-}
-
-/* The nodes at which the surfaces of two lines are closest, by values alone; whether there are any. Parts of one line are
-   apart along it by more than half a circle of its own half thickness, as in the certificate. */
-static whole closest_nodes(const Rod *rod, const Line *line, double unit, const Rod *rod_b, const Line *line_b, double unit_b,
-                           On *a, On *b)
-{
-    const int itself = line == line_b;
-    const real none = FAR * unit + (real){0};
-    real x[NODES], y[NODES], half[NODES], closest = none;
-    for (int j = 0; j < line_b->count; ++j) {
-        x[j] = unit_b * line_b->x[j].v, y[j] = unit_b * line_b->y[j].v;
-        half[j] = unit_b * along(rod_b, HALF, constant_of(line_b->s[j].v)).v;
-    }
-    for (int i = 0; i < line->count; ++i) {
-        const real xi = unit * line->x[i].v, yi = unit * line->y[i].v;
-        const real half_i = unit * along(rod, HALF, constant_of(line->s[i].v)).v;
-        for (int j = itself ? i + 1 : 0; j < line_b->count; ++j) {
-            const real dx = xi - x[j], dy = yi - y[j], gap = root(dx * dx + dy * dy) - half_i - half[j];
-            const real between = unit * (line_b->s[j].v - line->s[i].v), least = PI * most_of(half_i, half[j]);
-            whole lower = MASK(gap < closest);
-            if (itself)
-                lower &= MASK(between > least);
-            closest = CHOSEN(lower, gap, closest);
-            a->node = CHOSEN(lower, i + (real){0}, a->node), b->node = CHOSEN(lower, j + (real){0}, b->node);
-        }
-    }
-    return MASK(closest < none);
-}
-
-/* Where two fingers come closest: how far their surfaces are apart, and the changes of that by the numbers of either. */
-typedef struct { real gap; dual one, other; } Meeting;
-
-/* The meeting of two lines, in their units; of one line with itself. */
-static SELDOM Meeting meeting_of(const Rod *rod, const Line *line, double unit, const Rod *rod_b, const Line *line_b, double unit_b)
-{
-    On a = {0}, b = {0};
-    const whole some = closest_nodes(rod, line, unit, rod_b, line_b, unit_b, &a, &b);
-    a.beside = a.node, b.beside = b.node;
-    for (int round = 0; round < 3; ++round) {
-        const double ratio = unit / unit_b;
-        approach(line_b, ratio * number_on(line->x, &a).v, ratio * number_on(line->y, &a).v, &b);
-        approach(line, number_on(line_b->x, &b).v / ratio, number_on(line_b->y, &b).v / ratio, &a);
-    }
-    if (line == line_b) { /* not on to parts that follow each other */
-        const real half = along(rod, HALF, number_on(line->s, &a)).v, half_b = along(rod, HALF, number_on(line->s, &b)).v;
-        const whole parts = MASK(number_on(line->s, &b).v - number_on(line->s, &a).v > PI * most_of(half, half_b));
-        a.share = CHOSEN(parts, a.share, (real){0}), b.share = CHOSEN(parts, b.share, (real){0});
-    }
-    const dual ax = scaled(unit, number_on(line->x, &a)), ay = scaled(unit, number_on(line->y, &a));
-    const dual bx = scaled(unit_b, number_on(line_b->x, &b)), by_b = scaled(unit_b, number_on(line_b->y, &b));
-    const dual half = scaled(unit, along(rod, HALF, number_on(line->s, &a)));
-    const dual half_b = scaled(unit_b, along(rod_b, HALF, number_on(line_b->s, &b)));
-    const real dx = ax.v - bx.v, dy = ay.v - by_b.v, away = root(dx * dx + dy * dy + 1e-30);
-    const real gap = CHOSEN(some, away - half.v - half_b.v, FAR * unit + (real){0});
-    const dual one = minus(plus(by(dx / away, ax), by(dy / away, ay)), half);
-    const dual other = minus(scaled(-1.0, plus(by(dx / away, bx), by(dy / away, by_b))), half_b);
-    return (Meeting){gap, one, other};
+    const dual s = place_of(seg, at);
+    return times(along(rod, DEPTH, s), size_of(minus(taken(seg->bent, at), along(rod, REST, s))));
 }
 
 /* A section that touches, or the tip. */
@@ -689,54 +552,38 @@ static inline int steps_of(const Rod *rod)
 }
 
 /* A finger as integrated: its middle contacts and its tip, the force there, the moment missing there; and, where they are
-   asked for, its extremes, of which those per segment come with bends as lengths times greatest curvatures, and how far it
-   is clear of itself; what each coordinate feels. */
+   asked for, its extremes, of which those per segment come with lengths times greatest curvatures. */
 typedef struct {
     Touch touch[MOST_CONTACTS + 1];
-    dual normal, friction, missing, supports, strain, bend[MOST_CONTACTS + 1], clear[MOST_CONTACTS + 1], itself;
-    dual feel[MOST_COORDINATES];
+    dual normal, friction, missing, supports, strain, bend[MOST_CONTACTS + 1], clear[MOST_CONTACTS + 1];
 } Finger;
 
-/* Integrate a finger; its backbone goes to `line`, where that is given. */
-static void integrate(const Rod *rod, const dual *z, int extremes, Finger *out, Line *line)
+static void integrate(const Rod *rod, const dual *z, int extremes, Finger *out)
 {
-    Line own;
-    if (!line && extremes && rod->itself)
-        line = &own;
-    if (line)
-        line->count = 0;
     State q = clamped(rod, z);
     Segment seg;
     seg.begin = constant(0.0), seg.steps = steps_of(rod);
     out->supports = constant(FAR), out->strain = constant(0.0);
-    for (int k = 0; k < rod->coordinates; ++k)
-        out->feel[k] = constant(0.0);
     for (int segment = 0; segment <= rod->contacts; ++segment) {
         const dual end = segment < rod->contacts ? z[4 + 3 * segment] : constant(1.0), span = minus(end, seg.begin);
         seg.h = scaled(1.0 / seg.steps, span);
         const dual half = scaled(0.5, seg.h), twelfth = scaled(1.0 / 12.0, times(seg.h, seg.h));
-        seg.x[0] = q.x, seg.y[0] = q.y, seg.bent[0] = bent_from(rod, &q, z, segment * seg.steps);
+        seg.x[0] = q.x, seg.y[0] = q.y, seg.bent[0] = q.bent;
         for (int k = 1; k <= seg.steps; ++k) {
-            step(rod, &q, seg.h, half, twelfth, z, segment * seg.steps + k - 1, out->feel);
+            step(rod, &q, seg.h, half, twelfth, z[3]);
             seg.x[k] = q.x, seg.y[k] = q.y, seg.bent[k] = q.bent;
         }
         if (extremes) {
-            out->strain = greatest(out->strain, greatest_bend(rod, &seg, 1));
-            out->bend[segment] = times(span, greatest_bend(rod, &seg, 0));
+            out->strain = greatest(out->strain, greatest_strain(rod, &seg));
+            out->bend[segment] = times(span, greatest_bend(&seg));
             out->clear[segment] = clear_of_object(rod, &seg);
             if (rod->walls + rod->pegs)
                 out->supports = least(out->supports, segment_clear_of_supports(rod, &seg, segment == 0));
         }
-        if (line)
-            lengthen(line, &seg);
         out->touch[segment] = touch_of(rod, &q);
         if (segment < rod->contacts)
             pass(rod, &q, out->touch + segment, z + 4 + 3 * segment, z[3]);
         seg.begin = end;
-    }
-    if (extremes && rod->itself) {
-        const Meeting meeting = meeting_of(rod, line, 1.0, rod, line, 1.0);
-        out->itself = (dual){meeting.gap, plus(meeting.one, meeting.other).d};
     }
     const Touch *tip = out->touch + rod->contacts;
     q.fx.v -= rod->tip_load[0], q.fy.v -= rod->tip_load[1];

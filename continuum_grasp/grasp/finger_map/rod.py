@@ -1,9 +1,8 @@
-"""A finger in front of an object, integrated from its base by `rod.c`: the exact rod, or one of few elements.
+"""A finger in front of an object as an exact rod, integrated from its base by `rod.c`.
 
 Units of a finger: its length L, E I / L^2, E I / L. An equilibrium is fixed by the curvature at the base, the internal
 force there, the moment of the tendons at the base, and place, normal force and friction of each middle contact: an
-initial value problem, which has every equilibrium and no roots to miss. Few elements bend otherwise: the finger then
-bends by their coordinates; no coordinate may feel a remaining moment.
+initial value problem, which has every equilibrium and no roots to miss.
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ from copy import copy
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from importlib.resources import files
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -24,16 +22,10 @@ import numpy as np
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.core import Compiler
 from continuum_grasp.grasp.finger_map.jets import Jet
-from continuum_grasp.grasp.starts.curves import rough_distance
-from continuum_grasp.grasp.starts.supports import object_outlines
-from continuum_grasp.grasp.starts.values import Pose
-from continuum_grasp.scene import FAMILIES, FingerSetup, GraspScene
+from continuum_grasp.grasp.object_supports import Pose, object_outlines
+from continuum_grasp.model import PartOutline
+from continuum_grasp.scene import FingerSetup, GraspScene
 
-STEPS_OF_ELEMENTS = 48
-"""Steps along a rod of up to four elements, each of which has as many."""
-FEW = 4
-"""Elements up to which fingers bend otherwise than exact rods do: with eight, samples alone held 2 of 266 random
-scenes (`benchmarks.grasp_images`, `benchmarks.grasp_populations`)."""
 _NODES = 65
 """Rows of the table of what changes along a finger."""
 FORCE = 0.1
@@ -50,7 +42,7 @@ _CELLS = 220
 WIDE = 8
 """Rods that are integrated side by side: each step waits for the one before it, but not for those of other rods."""
 _BESIDE = (8, 12)
-"""Slopes of rods side by side; with more they leave the registers."""
+"""Slopes of rods side by side; more of them leave the registers."""
 _OPTIONS = (
     "O2",
     "tree-loop-vectorize",
@@ -84,11 +76,23 @@ def _library(lanes: int, wide: int, _named: str | None, _path: str | None) -> ct
     folder = files(__package__)
     source = "".join(
         folder.joinpath(name).read_text(encoding="utf-8")
-        for name in ("rod.c", "touching.c", "balance.c", "stiffness.c")
+        for name in ("rod.c", "touching.c", "balance.c", "distances.c")
     )
     sizes = f"#define LANES {lanes}\n#define WIDE {wide}\n"
     options = ", ".join(f'"{option}"' for option in _OPTIONS)
     return ctypes.CDLL(str(compiler.library(f"{sizes}#pragma GCC optimize({options})\n{source}", "the map of fingers")))
+
+
+def rough_distance(shapes: tuple[PartOutline, ...], points: Array) -> Array:
+    """Signed distance of complex points from the nearest of some outlines, to within 1e-5 of its size; compiled if
+    there is a compiler: a gear of 98,000 numbers takes 0.01 s, and 0.5 s by numpy.
+    """
+    if Compiler.find() is None:
+        return np.asarray(np.min([shape.rough_distance(points) for shape in shapes], axis=0))
+    numbers = np.array([len(shapes), *(each for shape in shapes for each in shape.rough_numbers)])
+    points, out = np.ascontiguousarray(points, dtype=complex), np.empty(points.shape)
+    call(0, "distances", points.size, numbers, points, out)
+    return out
 
 
 @dataclass(frozen=True)
@@ -147,10 +151,7 @@ class _Rod(ctypes.Structure):
 
     _fields_ = (
         *((name, ctypes.c_int) for name in ("steps", "contacts", "tip")),
-        *(
-            (name, ctypes.c_int)
-            for name in ("nodes", "masses", "walls", "pegs", "width", "height", "coordinates", "matched", "itself")
-        ),
+        *((name, ctypes.c_int) for name in ("nodes", "masses", "walls", "pegs", "width", "height")),
         ("base", ctypes.c_double * 3),
         ("gravity", ctypes.c_double * 2),
         ("tip_load", ctypes.c_double * 2),
@@ -161,18 +162,15 @@ class _Rod(ctypes.Structure):
         ("pulls", ctypes.c_double * 2),
         ("moment", ctypes.c_double),
         ("strain", ctypes.c_double),
-        ("bend", ctypes.c_double * (MOST_MIDDLES + 1)),
         ("places", ctypes.c_double * 2),
         ("friction", ctypes.c_double),
         ("force", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("table", "mass", "wall", "peg", "distance", "weight")),
+        *((name, ctypes.c_void_p) for name in ("table", "mass", "wall", "peg", "distance")),
     )
 
 
 class MapFinger:
-    """A finger with so many middle contacts at one pose of its base and of the object, in units of its own; it may have
-    to keep clear of ``itself``.
-    """
+    """A finger with so many middle contacts at one pose of its base and of the object, in units of its own."""
 
     def __init__(
         self,
@@ -182,15 +180,10 @@ class MapFinger:
         base: Pose,
         pose: Pose,
         on: Collection[str],
-        *,
-        exact: bool = False,
-        itself: bool = False,
         sampling: MapSampling = FULL,
     ) -> None:
         self._given = scene, setup, table, base, pose
-        self.itself = itself
         self.sampling = sampling
-        self.is_exact = exact or setup.elements > FEW
         self.names = tuple(name for name in setup.middle_names if name in on)
         self.tip = setup.tip_name in on
         finger = setup.finger
@@ -209,6 +202,7 @@ class MapFinger:
             channel.shape(at),
             profile.half_thickness(at) / length,
             profile.linear_density(at) * length if np.any(gravity) else np.zeros(len(at)),
+            np.ones(len(at)) if profile.half_depth is None else profile.half_depth(at) / profile.half_depth.most(),
         )
         each = [np.broadcast_to(np.asarray(column, float), at.shape) for column in columns]
         self._table = np.ascontiguousarray(np.stack(each, axis=1))
@@ -224,18 +218,10 @@ class MapFinger:
         self.sides = tuple(finger.tendons_used in ("both", side) for side in ("left", "right"))
         self.friction, self.greatest_force = setup.held_friction, setup.normal_force_max / self.force
         self.place_bounds: tuple[float, float] = setup.middle_bounds[0] / length, setup.middle_bounds[1] / length
-        self.bending_range = setup.bending_range
-        before = [count for name, count in zip(setup.middle_names, setup.before, strict=True) if name in self.names]
-        self.elements = tuple(b - a for a, b in pairwise((0, *before, setup.elements)))  # per segment
-        steps = sampling.steps if self.is_exact or self.middles else STEPS_OF_ELEMENTS
-        per_segment = 3 * steps // 5 if self.middles else steps
-        self._weights = np.zeros((0, 3, 0)) if self.is_exact else _weights(setup.family, self.elements, per_segment)
-        self.coordinates: int = self._weights.shape[2]
-        self.forces: int = 4 + 3 * self.middles  # numbers but for coordinates
-        self.numbers = self.forces + self.coordinates
-        arrays = self._table, self._masses, self._walls, self._pegs, self._distance, self._weights
+        self.numbers: int = 4 + 3 * self.middles
+        arrays = self._table, self._masses, self._walls, self._pegs, self._distance
         self.struct = _Rod(
-            steps=steps,
+            steps=sampling.steps,
             contacts=self.middles,
             tip=int(self.tip),
             nodes=len(self._table),
@@ -244,9 +230,6 @@ class MapFinger:
             pegs=len(scene.pegs),
             width=_CELLS,
             height=_CELLS,
-            coordinates=self.coordinates,
-            matched=int(not self.is_exact and FAMILIES[setup.family].matches_tip),
-            itself=int(itself),
             base=(base[0] / length, base[1] / length, base[2]),
             gravity=tuple(gravity),
             tip_load=tuple(sum((mass.mass for mass in ends), 0.0) * gravity),
@@ -257,18 +240,17 @@ class MapFinger:
             pulls=tuple(map(float, self.sides)),
             moment=self.greatest_moment,
             strain=min(finger.curvature_limit * length, 1e6),
-            bend=tuple(n * self.bending_range for n in self.elements),
             places=self.place_bounds,
             friction=self.friction,
             force=self.greatest_force,
         )
-        for name, array in zip(("table", "mass", "wall", "peg", "distance", "weight"), arrays, strict=True):
+        for name, array in zip(("table", "mass", "wall", "peg", "distance"), arrays, strict=True):
             setattr(self.struct, name, array.ctypes.data)
 
-    def exactly(self, middles: int) -> MapFinger:
-        """The exact rod with so many of the middle contacts, the first ones."""
-        on = {*self.names[:middles], *([self.setup.tip_name] if self.tip else [])}
-        return MapFinger(*self._given, on, exact=True, sampling=self.sampling)
+    def with_middles(self, count: int) -> MapFinger:
+        """The finger with so many of its middle contacts, the first ones."""
+        on = {*self.names[:count], *([self.setup.tip_name] if self.tip else [])}
+        return MapFinger(*self._given, on, self.sampling)
 
     def stepped(self, steps: int) -> MapFinger:
         """The finger with so many steps along it."""
@@ -277,46 +259,26 @@ class MapFinger:
         made.struct.steps = steps
         return made
 
-    def followed(self, z: Array) -> Array:
-        """Exact rods (B, 4 + 3 k) as its elements nearly bend (B, n)."""
-        if self.is_exact:
-            return z
-        z = np.ascontiguousarray(z, dtype=float)
-        begin = self._weights[:, 0]
-        moments = np.empty((len(z), len(begin)))
-        call(0, "moments", self.struct, len(z), z, moments)
-        return np.concatenate([z, moments @ np.linalg.pinv(begin).T], axis=1)
-
     @property
     def conditions(self) -> int:
         """Number of conditions under which it touches as it should."""
-        return 1 + 2 * self.middles + (1 if self.tip else 2) + self.coordinates
+        return 1 + 2 * self.middles + (1 if self.tip else 2)
 
     @property
     def shape_limits(self) -> int:
         """Number of limits of tension and shape."""
-        return 6 + 4 * self.middles + self.tip + self.itself
-
-    @property
-    def lanes(self) -> int:
-        """Slopes that are computed at a time."""
-        return 16 if self.numbers <= 16 else 24
-
-    @property
-    def beside(self) -> tuple[int, int]:
-        """Slopes that are computed at a time, and of how many rods side by side."""
-        return slopes_beside(self.numbers) or (self.lanes, 1)
+        return 6 + 4 * self.middles + self.tip
 
     def traced(self, z: Array, *, slopes: bool = True, entered: float = 0.0) -> Traced:
         """Integrate equilibria (B, 4 + 3 k), which may be so deep in obstacles [L]."""
         z = np.ascontiguousarray(z, dtype=float)
-        lanes, wide = self.beside if slopes else (0, WIDE)
+        lanes, wide = slopes_beside(self.numbers) if slopes else (0, WIDE)
         numbers = 7 * (self.middles + 1) + 2
         shape = self.shape_limits
         rows = numbers + self.conditions + shape + 3 * (self.middles + self.tip)
         out = np.empty((len(z), rows, 1 + lanes))
         call(lanes, "trace", self.struct, len(z), z, entered, out, wide=wide)
-        return Traced(self, z, out, numbers, numbers + self.conditions, numbers + self.conditions + shape)
+        return Traced(self, z, out, numbers, numbers + self.conditions)
 
     def touches(self, z: Array) -> Traced:
         """Contacts and conditions of equilibria (B, 4 + 3 k), without slopes and limits."""
@@ -324,7 +286,7 @@ class MapFinger:
         numbers = 7 * (self.middles + 1) + 2
         out = np.empty((len(z), numbers + self.conditions, 1))
         call(0, "touches", self.struct, len(z), z, out, wide=WIDE)
-        return Traced(self, z, out, numbers, numbers + self.conditions, numbers + self.conditions)
+        return Traced(self, z, out, numbers, numbers + self.conditions)
 
     def scales(self, z: Array) -> Array:
         """Steps (B, n) of the numbers of equilibria that change them alike."""
@@ -336,7 +298,7 @@ class MapFinger:
     def onto(self, z: Array, rounds: int, entered: float, close: float) -> Array:
         """Bring equilibria (B, n) onto the set within the limits by so many damped steps; the ones that arrive."""
         z, landed = np.array(z, dtype=float, order="C"), np.empty(len(z), np.int32)
-        lanes, wide = self.beside
+        lanes, wide = slopes_beside(self.numbers)
         call(lanes, "onto", self.struct, len(z), rounds, entered, close, z, landed, wide=wide)
         return z[landed > 0]
 
@@ -368,31 +330,11 @@ class MapFinger:
         call(0, "nearest", self.struct, len(z), z, *bounds, out, wide=1 if self.middles else WIDE)
         return out
 
-    def curve(self, z: Array) -> Array:
-        """Rows of place, curvature, x, y along one equilibrium."""
-        z = np.ascontiguousarray(z, dtype=float)
-        out = np.empty((2 * STEPS_OF_ELEMENTS * (self.middles + 1), 4))
-        return np.asarray(out[: call(0, "curve", self.struct, z, out)])
 
-
-def slopes_beside(numbers: int) -> tuple[int, int] | None:
-    """Slopes that are computed at a time of rods side by side, and how many of these; None where there are too many."""
-    return next(((lanes, WIDE) for lanes in _BESIDE if numbers <= lanes), None)
-
-
-def _weights(family: str, elements: tuple[int, ...], steps: int) -> Array:
-    """Curvature per coordinate of elements where a step begins, in its middle, and where it ends (N, 3, n).
-
-    Each segment has so many steps, and its number of elements.
-    """
-    count = sum(elements)
-    first = np.cumsum((0, *elements[:-1]))
-    # Places along the elements, each with a length of one.
-    places = (np.arange(steps)[:, None] + [0.0, 0.5, 1.0]) / steps
-    at = np.concatenate([k + n * places for k, n in zip(first, elements, strict=True)])[..., None]
-    if FAMILIES[family].even:
-        return np.repeat(np.floor(at[:, 1:2]) == np.arange(count), 3, axis=1).astype(float)
-    return np.ascontiguousarray(np.maximum(1.0 - np.abs(at - np.arange(count + 1)), 0.0))
+def slopes_beside(numbers: int) -> tuple[int, int]:
+    """Slopes that are computed at a time, by so many numbers of each rod, and of how many rods side by side."""
+    # 16: numbers of a rod with the most middle contacts
+    return next(((lanes, WIDE) for lanes in _BESIDE if numbers <= lanes), (16, 1))
 
 
 @dataclass(frozen=True)
@@ -420,10 +362,9 @@ class Traced:
     finger: MapFinger
     z: Array  # (B, n)
     out: Array  # (B, m, 1 + lanes)
-    # Rows from which on there are conditions, limits of the shape, and limits of forces.
+    # Rows from which on there are conditions, and limits.
     first: int
     limits: int
-    forces: int
 
     def __len__(self) -> int:
         return len(self.z)
@@ -453,21 +394,16 @@ class Traced:
         count = self.finger.middles + 1
         fields = self._jet(slice(0, 7 * count)).grouped(count)
         gap, lean, x, y, nx, ny, half = (fields.taken(k) for k in range(7))
-        forces = self.finger.forces
-        normal = self.unknown(np.arange(5, forces, 3)).followed_by(self._jet([7 * count]))
-        friction = self.unknown(np.arange(6, forces, 3)).followed_by(self._jet([7 * count + 1]))
-        at = np.concatenate([self.z[:, 4:forces:3], np.ones((len(self), 1))], axis=1)
+        numbers = self.finger.numbers
+        normal = self.unknown(np.arange(5, numbers, 3)).followed_by(self._jet([7 * count]))
+        friction = self.unknown(np.arange(6, numbers, 3)).followed_by(self._jet([7 * count + 1]))
+        at = np.concatenate([self.z[:, 4:numbers:3], np.ones((len(self), 1))], axis=1)
         return Touches(gap, lean, (x, y), (nx, ny), half, (normal, friction), at)
 
     @property
     def conditions(self) -> Jet:
         """Residuals (B, m) that vanish where the finger touches as it should."""
         return self._jet(slice(self.first, self.limits))
-
-    @property
-    def shape_limits(self) -> Jet:
-        """Excesses (B, m) of tension and shape over their limits."""
-        return self._jet(slice(self.limits, self.forces))
 
     @property
     def excess(self) -> Array:

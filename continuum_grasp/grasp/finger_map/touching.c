@@ -5,9 +5,10 @@
 #define FORCE 0.1
 #define BEND 0.1
 #define LEAN 0.3
-/* Bends that are allowed per the range of the finger's own elements, which bend otherwise; least distance of contacts. */
-#define LOOSE 1.25
+/* Least distance of contacts [L]; two and a half turns [rad], to which a finger may bend in all of its segments together:
+   of coils beyond that, maps have many, and searches of grasps lose others for them (`wrap`: 0.37 for 0.31). */
 #define APART 0.06
+#define COILED 15.7
 
 /* Residuals that vanish where a finger touches as it should. */
 static int conditions(const Rod *rod, const dual *z, const Finger *at, dual *row)
@@ -21,12 +22,6 @@ static int conditions(const Rod *rod, const dual *z, const Finger *at, dual *row
         row[n++] = tip->gap;
     else
         row[n++] = scaled(FORCE, at->normal), row[n++] = scaled(FORCE, at->friction);
-    for (int k = 0; k < rod->coordinates; ++k)
-        row[n++] = scaled(LEAN, at->feel[k]);
-    if (rod->matched) {
-        const dual bend = minus(times(along(rod, TENDON, constant(1.0)), z[3]), times(tip->half, at->friction));
-        row[n - 1] = scaled(FORCE, minus(z[numbers_of(rod) - 1], bend));
-    }
     return n;
 }
 
@@ -72,7 +67,7 @@ void touches(const Rod *rod, int count, const double *given, double *out)
     dual z[NUMBERS], row[ROWS];
     for (; count > 0; count -= WIDE, given += WIDE * numbers_of(rod)) {
         read_numbers(rod, count, given, z);
-        integrate(rod, z, 0, &at, NULL);
+        integrate(rod, z, 0, &at);
         const int rows = conditions(rod, z, &at, row);
         for (int lane = 0; lane < WIDE && lane < count; ++lane) {
             out = write_touches(out, rod, &at, lane);
@@ -93,7 +88,7 @@ void corrected(const Rod *rod, int count, int rounds, const double *back, const 
         int rows = 0;
         for (int round = 0; round < rounds; ++round) {
             read_numbers(rod, count, z, numbers);
-            integrate(rod, numbers, 0, &at, NULL);
+            integrate(rod, numbers, 0, &at);
             rows = conditions(rod, numbers, &at, row);
             for (int lane = 0; lane < WIDE && lane < count; ++lane)
                 for (int k = lane * size; k < (lane + 1) * size; ++k) {
@@ -118,7 +113,7 @@ static int shape_limits(const Rod *rod, const dual *z, const Finger *at, double 
     row[n++] = beyond(BEND * rod->pulls[0], pull), row[n++] = beyond(BEND * rod->pulls[1], scaled(-1.0, pull));
     for (int k = 0; k <= rod->contacts; ++k) {
         row[n++] = beyond(entered, scaled(-1.0, at->clear[k]));
-        row[n++] = beyond(BEND * LOOSE, scaled(BEND / rod->bend[k], at->bend[k]));
+        row[n++] = beyond(BEND, scaled(BEND * (rod->contacts + 1) / COILED, at->bend[k]));
     }
     row[n++] = beyond(entered, scaled(-1.0, at->supports));
     row[n++] = beyond(BEND, scaled(BEND / rod->strain, at->strain));
@@ -129,8 +124,6 @@ static int shape_limits(const Rod *rod, const dual *z, const Finger *at, double 
     }
     if (rod->tip)
         row[n++] = scaled(LEAN, at->touch[rod->contacts].lean);
-    if (rod->itself)
-        row[n++] = beyond(entered, scaled(-1.0, at->itself));
     return n;
 }
 
@@ -168,7 +161,7 @@ void trace(const Rod *rod, int count, const double *given, double entered, doubl
     dual z[NUMBERS], row[ROWS];
     for (; count > 0; count -= WIDE, given += WIDE * numbers_of(rod)) {
         read_numbers(rod, count, given, z);
-        integrate(rod, z, 1, &at, NULL);
+        integrate(rod, z, 1, &at);
         int rows = conditions(rod, z, &at, row);
         rows += shape_limits(rod, z, &at, entered, row + rows);
         rows += force_limits(rod, z, &at, row + rows);
@@ -244,7 +237,7 @@ static void residual_of(const Rod *rod, const real *given, double entered, Resid
         for (int lane = 0; lane < WIDE; ++lane)
             ((double *)&z[k].d)[WIDE * k + lane] = 1.0;
     }
-    integrate(rod, z, 1, &at, NULL);
+    integrate(rod, z, 1, &at);
     out->equal = out->rows = conditions(rod, z, &at, out->row);
     out->rows += shape_limits(rod, z, &at, entered, out->row + out->rows);
     out->rows += force_limits(rod, z, &at, out->row + out->rows);
@@ -387,66 +380,6 @@ void onto(const Rod *rod, int count, int rounds, double entered, double close, d
 }
 #endif
 
-#if WIDE == 1 && LANES == 0
-static double *write_place(double *to, const State *q, dual bent)
-{
-    *to++ = q->s.v, *to++ = bent.v, *to++ = q->x.v, *to++ = q->y.v;
-    return to;
-}
-
-/* The curve: rows of place, curvature, x, y of one equilibrium, where each step begins and where it ends. */
-int curve(const Rod *rod, const double *given, double *out)
-{
-    const int contacts = rod->contacts;
-    dual z[NUMBERS];
-    read_numbers(rod, 1, given, z);
-    State q = clamped(rod, z);
-    double begin = 0.0;
-    const double *first = out;
-    for (int segment = 0; segment <= contacts; ++segment) {
-        const double end = segment < contacts ? given[4 + 3 * segment] : 1.0;
-        const int steps = steps_of(rod);
-        for (int k = segment * steps; k < (segment + 1) * steps; ++k) {
-            out = write_place(out, &q, bent_from(rod, &q, z, k));
-            step_by(rod, &q, (end - begin) / steps, z, k);
-            out = write_place(out, &q, q.bent);
-        }
-        if (segment < contacts) {
-            const Touch at = touch_of(rod, &q);
-            pass(rod, &q, &at, z + 4 + 3 * segment, z[3]);
-        }
-        begin = end;
-    }
-    return (int)(out - first) / 4;
-}
-
-/* Moments that bend exact rods (count, 4 + 3 contacts) where the steps of all segments begin. */
-void moments(const Rod *elements, int count, const double *given, double *out)
-{
-    Rod rod = *elements;
-    rod.coordinates = 0;
-    for (; count > 0; --count, given += numbers_of(&rod)) {
-        dual z[NUMBERS];
-        read_numbers(&rod, 1, given, z);
-        State q = clamped(&rod, z);
-        double begin = 0.0;
-        for (int segment = 0, steps = steps_of(&rod); segment <= rod.contacts; ++segment) {
-            const double end = segment < rod.contacts ? given[4 + 3 * segment] : 1.0;
-            for (int k = 0; k < steps; ++k) {
-                *out++ = along(&rod, STIFFNESS, q.s).v * (q.bent.v - along(&rod, REST, q.s).v);
-                step_by(&rod, &q, (end - begin) / steps, z, 0);
-            }
-            if (segment < rod.contacts) {
-                const Touch at = touch_of(&rod, &q);
-                pass(&rod, &q, &at, z + 4 + 3 * segment, z[3]);
-            }
-            begin = end;
-        }
-    }
-}
-
-#endif
-
 #if LANES == 0
 /* Places beyond the last contact where the gap is least, the first two: out (count, 4) of place and gap, twice; -1 where
    there is none between the bounds. Rods side by side have no contacts yet. */
@@ -465,7 +398,7 @@ void nearest(const Rod *rod, int count, const double *given, double low, double 
             out[4 * lane] = out[4 * lane + 2] = -1.0, out[4 * lane + 1] = out[4 * lane + 3] = FAR;
         for (int k = 0; k <= rod->steps; ++k) {
             if (k)
-                step_by(rod, &q, h, z, 0);
+                step_by(rod, &q, h, z[3]);
             while (contact < contacts && AT(q.s.v, 0) >= given[4 + 3 * contact]) {
                 const Touch at = touch_of(rod, &q);
                 pass(rod, &q, &at, z + 4 + 3 * contact, z[3]);

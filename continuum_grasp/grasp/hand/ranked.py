@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product, zip_longest
 
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.hand.numbers import ForceRows
-from continuum_grasp.grasp.hand.points import HandPoints
-from continuum_grasp.grasp.hand.problem import HandSpec, hand_problem
-from continuum_grasp.grasp.hand.starts import STRAIGHT, TouchingPosture
+from continuum_grasp.grasp.hand.body import BodySurface
+from continuum_grasp.grasp.hand.forces import HandForces, PostureRows
+from continuum_grasp.grasp.hand.frames import PlaneFrame
+from continuum_grasp.grasp.hand.starts import DEPTH, FingerPlane, TouchingPosture, postures
 from continuum_grasp.scene import HandScene
 
 POSTURES = {"quick": 2, "normal": 4, "thorough": 8}
@@ -29,7 +29,7 @@ class PostureCandidate:
 
     on: frozenset[str]  # names of its contacts
     posture: TouchingPosture
-    rows: ForceRows  # of a hand whose other fingers are anyhow
+    rows: PostureRows
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,8 @@ class HandStart:
     on: frozenset[str]  # names of the contacts
     chosen: tuple[TouchingPosture, ...]
     left: float  # residual that the best forces leave
+    pulls: tuple[Array, ...]  # moments (2,) of the tendons of each finger [E I / L]
+    forces: Mapping[str, Array]  # (N, f, g) and the moment per arm of each contact by name [N]
 
 
 class HandStarts:
@@ -46,9 +48,12 @@ class HandStarts:
 
     def __init__(self, scene: HandScene) -> None:
         self.scene = scene
-        self.points = HandPoints(scene)
-        # Fingers that touch the object in no posture, by set of contacts.
-        self.untouched = dict[frozenset[str], list[str]]()
+        body, frames = BodySurface(scene), PlaneFrame.each(scene)
+        self.planes = [
+            FingerPlane(setup, frame, body.distance) for setup, frame in zip(scene.setups, frames, strict=True)
+        ]
+        self._forces = HandForces(scene)
+        self._supports = self._forces.supports
 
     @property
     def modes(self) -> list[frozenset[str]]:
@@ -71,7 +76,8 @@ class HandStarts:
 
         Fingers that touch with both of their contacts rarely hold with less, and take twice the equations.
         """
-        once = [on for on in self.modes if len(HandSpec.of(self.scene, on).contacts) <= len(self.scene.setups)]
+        carried = len(self.scene.support_contacts)
+        once = [on for on in self.modes if len(on) - carried <= len(self.scene.setups)]
         return once, [on for on in self.modes if on not in once]
 
     def in_turn(self, modes: Sequence[frozenset[str]]) -> Iterator[HandStart]:
@@ -86,20 +92,34 @@ class HandStarts:
 
     def candidates(self, on: frozenset[str], effort: str) -> list[list[PostureCandidate]]:
         """Postures of each finger with contacts of a set; none for a finger that touches in no posture."""
-        most = POSTURES[effort]
-        each = [self.points.postures(plane, on, most) for plane in self.points.planes]
-        untouched = [setup.name for setup, found in zip(self.scene.setups, each, strict=True) if not found]
-        if untouched:
-            self.untouched[on] = untouched
-        problem = hand_problem(HandSpec.of(self.scene, on))
-        candidates = [list[PostureCandidate]() for _ in each]
-        for n in range(max(map(len, each))):
-            chosen = tuple(found[min(n, len(found) - 1)] if found else STRAIGHT for found in each)
-            rows = ForceRows.of(self.scene, problem, *self.points.at(problem, chosen))
-            for setup, found, own in zip(self.scene.setups, each, candidates, strict=True):
-                names = frozenset({setup.middle_names[0], setup.tip_name} & on)
-                own += [PostureCandidate(names, found[n], rows)] if n < len(found) else []
+        candidates = []
+        for plane in self.planes:
+            setup = plane.setup
+            names = frozenset({setup.middle_names[0], setup.tip_name} & on)
+            middle, tip = setup.middle_names[0] in on, setup.tip_name in on
+            found = postures(plane, middle, tip, POSTURES[effort], self._clears_supports(plane))
+            rows = (self._forces.finger(plane, posture, names) for posture in found)
+            candidates.append([PostureCandidate(names, *pair) for pair in zip(found, rows, strict=True)])
         return candidates
+
+    def _clears_supports(self, plane: FingerPlane) -> Callable[[TouchingPosture], bool]:
+        """Whether postures of a finger stay above palm and table, near whose base it may come out of them."""
+        at = np.linspace(0.05, 1.0, 20)
+        half, axis = plane.length * float(plane.half(0.0)), plane.frame.axes[:, 1]
+
+        def clears(posture: TouchingPosture) -> bool:
+            if not self.scene.supports:
+                return True
+            points = np.array([plane.place(posture, s) for s in at])
+            away = np.linalg.norm(points - plane.frame.base, axis=1)
+            for support in self.scene.supports:
+                needed = support.clear_from(tuple(plane.frame.base), tuple(axis), half)
+                heights = (points - np.array(support.point)) @ np.array(support.normal) - plane.length * plane.half(at)
+                if (heights[away >= needed] < -DEPTH * plane.length).any():
+                    return False
+            return True
+
+        return clears
 
     def ranked(self, sets: Sequence[Sequence[Sequence[PostureCandidate]]]) -> list[HandStart]:
         """Combinations of the candidates of each finger, by the remainder of their best forces: of one
@@ -115,23 +135,11 @@ class HandStarts:
             on = frozenset[str]().union(*(one.on for one in chosen))
             if len(sets) > 1 and on in alike:
                 continue
-            left, _ = ForceRows.combined([one.rows for one in chosen]).best(self.scene)
-            starts.append(HandStart(on | carried, tuple(one.posture for one in chosen), left))
+            rows = (*(one.rows for one in chosen), self._supports)
+            left, x = self._forces.best(rows)
+            pulls, forces = self._forces.named(rows, x)
+            starts.append(HandStart(on | carried, tuple(one.posture for one in chosen), left, tuple(pulls), forces))
         return sorted(starts, key=lambda start: start.left)
-
-    def forces(self, start: HandStart) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Pulls (2,) by finger, per E I / L of it, and forces (N, f, g) [N] with the moment per arm [N] by contact."""
-        problem = hand_problem(HandSpec.of(self.scene, start.on))
-        x, p = self.points.at(problem, start.chosen)
-        rows = ForceRows.of(self.scene, problem, x, p)
-        _, x[rows.columns] = rows.best(self.scene)
-        unit, at = self.points.units.force, problem.x.at
-        pulls = {setup.name: x[at[f"{setup.name}.pulls"]] for setup in self.scene.setups}
-        forces = {}
-        for name in start.on:
-            twist = x[at[f"torsion, {name}"]] if f"torsion, {name}" in at else np.zeros(1)
-            forces[name] = unit * np.concatenate([x[at[f"force, {name}"]], twist])
-        return pulls, forces
 
 
 def _likeliest(each: Sequence[Sequence[PostureCandidate]]) -> list[tuple[PostureCandidate, ...]]:

@@ -6,25 +6,20 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from os import PathLike, fspath
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.base import Array, InputError, Summarized, amount_text, check_arguments
-from continuum_grasp.grasp.grasp_result import AnyGrasp
-from continuum_grasp.grasp.judge.certificate import RodCertificate, certify_rods
+from continuum_grasp.base import Array, Summarized, amount_text
+from continuum_grasp.grasp.grasp_result import AnyGrasp, scene_of_run
 from continuum_grasp.grasp.stored import BASE_MOMENT, OF_FINGERS, SHAPE
-from continuum_grasp.grasp.values import ElementError, GraspStatus, Reason, error_warning
 from continuum_grasp.results import Dimension, File, Picture, Stored, plain, yaml_text
 from continuum_grasp.scene import HandScene
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.certificate.drives import RecomputedDrive, StoredFinger, WoundTendons
+    from continuum_grasp.grasp.certificate.drives import StoredFinger, WoundTendons
     from continuum_grasp.grasp.certificate.friction import TendonFriction
     from continuum_grasp.grasp.hand.body import BodySurface
-    from continuum_grasp.grasp.hand.certificate import HandCertificate
     from continuum_grasp.grasp.hand.frames import PlaneFrame
 
 _HEAD = """\
@@ -84,14 +79,14 @@ class HandResult(AnyGrasp):
     Attributes
     ----------
     scene : HandScene
-        What was asked.
+        The scene as given, with the elements that stand for the fingers.
     status : GraspStatus
     message : str
         One sentence on how it ended.
     arrays : dict of str to ndarray
         The stored arrays by name, ``{finger}`` is the name of each finger. Where there is no grasp: that with the first
         repair, or the point that came nearest; or empty.
-    certificate : HandCertificate, optional
+    certificate : Certificate, optional
         Independent verification of these numbers.
     reasons : tuple of Reason
         Why there is none, each with the number that repairs it.
@@ -99,12 +94,11 @@ class HandResult(AnyGrasp):
         What to try.
     statistics : dict
         Starts, iterations, seconds.
+    element_errors : dict of str to ElementError
+        By finger, the difference of the elements from the exact rod that they stand for.
     trial : dict
         How it fared in another program: whether it ``holds``, in ``words``, and what was measured; empty where it was
         not tried.
-    element_errors : dict of str to ElementError
-        By finger, the difference of the elements from the exact rod that they stand for; empty where the grasp was
-        sought with elements.
 
     Examples
     --------
@@ -133,46 +127,16 @@ class HandResult(AnyGrasp):
     page: ClassVar[str] = "hand"
 
     scene: HandScene
-    status: GraspStatus
-    message: str
-    arrays: Mapping[str, Array] = field(default_factory=dict)
-    certificate: HandCertificate | RodCertificate | None = None
-    reasons: tuple[Reason, ...] = ()
-    advice: str = ""
-    statistics: Mapping[str, Any] = field(default_factory=dict)
     trial: Mapping[str, Any] = field(default_factory=dict)
-    element_errors: Mapping[str, ElementError] = field(default_factory=dict)
 
     @classmethod
-    def of_run(cls, folder: str | PathLike[str]) -> Self:
-        """The grasp in a run folder, certified anew.
+    def _scene_of(cls, config: Mapping[str, Any], folder: str) -> HandScene:
+        scene: HandScene = scene_of_run(HandScene, config, folder)
+        return scene
 
-        Raises
-        ------
-        InputError
-            There is no run of a hand in the folder.
-        """
-        run = cls.read(folder)
-        config = run.meta.get("config") or {}
-        meta = run.meta
-        if "hand" not in config:
-            raise InputError("expected the grasp of a hand, got the grasp of a planar scene", file=fspath(folder))
-        scene = HandScene.model_validate(config)
-        status = GraspStatus(str(meta["status"]))
-        # Numbers of a repair, or of the nearest point, are no grasp of this scene: nothing certifies them.
-        balanced = status not in (GraspStatus.INFEASIBLE, GraspStatus.NOT_SOLVED) or meta.get("certificate")
-        return cls(
-            scene,
-            status,
-            str(meta["message"]),
-            run.arrays,
-            _certified(scene, run.arrays) if run.arrays and balanced else None,
-            tuple(Reason.of(reason) for reason in meta.get("reasons", ())),
-            str(meta.get("advice", "")),
-            meta.get("statistics", {}),
-            meta.get("trial", {}),
-            {name: ElementError(**error) for name, error in (meta.get("element_errors") or {}).items()},
-        )
+    @classmethod
+    def _further(cls, meta: Mapping[str, Any]) -> dict[str, Any]:
+        return {"trial": meta.get("trial") or {}}
 
     @cached_property
     def body(self) -> BodySurface:
@@ -187,11 +151,6 @@ class HandResult(AnyGrasp):
         from continuum_grasp.grasp.hand.frames import PlaneFrame
 
         return PlaneFrame.each(self.scene)
-
-    @property
-    def balanced(self) -> bool:
-        """Whether the numbers are a grasp of this scene, at least in balance: not of a repair or a nearest point."""
-        return bool(self.arrays) and (self.solved or self.certificate is not None)
 
     def show(self) -> Any:
         """Show the grasp as a page in space: turn it, and see what tensions change to first order.
@@ -218,11 +177,6 @@ class HandResult(AnyGrasp):
         return tuple(replace(touch, friction_margin=self._margin(touch)) for touch in touches)
 
     @property
-    def drives(self) -> dict[str, tuple[RecomputedDrive, ...]]:
-        """States of the winches or motors of each finger; none of fingers whose tensions are commanded."""
-        return {name: wound.drives for name, wound in self.wound.items()}
-
-    @property
     def wound(self) -> dict[str, WoundTendons]:
         """Tendons that drives wind up, of each finger that has such."""
         return {finger.name: finger.wound for finger in self._stored if finger.wound is not None}
@@ -247,22 +201,9 @@ class HandResult(AnyGrasp):
         return dict(self.arrays)
 
     @property
-    def _promised(self) -> HandCertificate | None:
-        """The certificate, where it knows stability and what the grasp resists."""
-        return None if isinstance(self.certificate, RodCertificate) else self.certificate
-
-    @property
-    def opens(self) -> bool:
-        """Whether the grasp is known to be unstable."""
-        return self._promised is not None and not self._promised.stability.stable
-
-    @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings before this grasp is relied on."""
-        found = list[str]()
-        if self.solved and self.opens:
-            found.append("the grasp is unstable: small motions that the contacts allow lower the energy")
-        found += [error_warning(name, error) for name, error in self.element_errors.items() if not error.is_close]
+        found = self._common_warnings()
         if edges := self._near_edges() if self.solved else []:
             found.append(
                 f"sharp edges of the mesh are near contacts: {', '.join(edges)}; a finger that moves as far slips off, "
@@ -281,15 +222,12 @@ class HandResult(AnyGrasp):
 
     def pairs(self) -> dict[str, str]:
         """Tension, forces and certificate; where there is no grasp, why."""
-        if not self.solved and self.status is not GraspStatus.UNSTABLE:
-            reasons = {f"reason {k + 1}": reason.text for k, reason in enumerate(self.reasons)}
-            return {**(reasons or {"message": self.message}), **({"advice": self.advice} if self.advice else {})}
+        if not self.verified:
+            return self._why()
         rows = {"sum of tensions": amount_text(self.tension, "N", ".4g")}
         rows["greatest normal force"] = amount_text(self.greatest_normal_force, "N", ".4g")
         if self.certificate is not None:
             rows["checks passed"] = self.certificate.headline().removesuffix(" checks passed")
-        if self._promised is not None:
-            rows |= {key: self._promised.pairs()[key] for key in ("promised push", "second-order test")}
         if self.trial:
             rows["trial"] = str(self.trial["words"])
         return rows
@@ -300,7 +238,7 @@ class HandResult(AnyGrasp):
         if self.reasons:
             lines += ["", "Why there is no grasp; any one of these repairs it:"]
             lines += [f"  {reason.text}: {reason.repair}" for reason in self.reasons]
-        if self.arrays and not self.balanced:
+        if self.arrays and not self.verified:
             lines += ["", f"{'With the first repair' if self.reasons else 'Where the search came nearest'}:"]
         if self.arrays:
             lines += ["", "Tensions [N]", *(f"  {line}" for line in self._tension_rows())]
@@ -308,12 +246,8 @@ class HandResult(AnyGrasp):
             if self.tendon_friction:
                 lines.append("  with tendon friction as pulling leaves it; other friction states are not tested")
             lines += ["", "Contacts, as the hand sees them", *(f"  {line}" for line in self._contact_rows())]
-        if isinstance(self.certificate, RodCertificate):
-            lines += ["", f"Certificate: {self.certificate.headline()}"]
-        elif self.certificate is not None:
-            lines += ["", f"Certificate: {self.certificate.headline()}; {self.certificate.stability}"]
-            lines += ["", f"Promised along each axis to first order, with {self.certificate.held_by}"]
-            lines += [f"  {line}" for line in self._promise_rows()]
+        if self.certificate is not None:
+            lines += ["", f"Certificate: {self.certificate.headline()}", *map(str, self.certificate.failed)]
         if self.trial:
             lines += ["", f"Tried: {self.trial['words']}"]
         if self.advice and not self.reasons:
@@ -332,14 +266,6 @@ class HandResult(AnyGrasp):
 
         each = [(name, drive_lines(drives, self.tensions[name])) for name, drives in self.drives.items()]
         return [f"{name}: {line}" for name, lines in each for line in lines]
-
-    def _promise_rows(self) -> list[str]:
-        promise = {} if self._promised is None else self._promised.promise
-        rows = [("", "x", "y", "z")]
-        for kind, unit in (("force", "N"), ("moment", "N m")):
-            x, y, z = (f"{promise.get(f'{kind} {axis}', np.nan):.3g}" for axis in "xyz")
-            rows.append((f"{kind} [{unit}]", x, y, z))
-        return Summarized.aligned(rows, {0})
 
     def _contact_rows(self) -> list[str]:
         soft = self.scene.contacts.torsional_friction > 0.0
@@ -377,40 +303,9 @@ class HandResult(AnyGrasp):
         of |= {f"{support.name}_": support.friction for support in self.scene.supports}
         return next(friction for start, friction in of.items() if contact.startswith(start))
 
-    @check_arguments
-    def save(self, folder: str | PathLike[str], *, quality: bool = True) -> Path:
-        """Write ``result.npz``, ``meta.json`` and ``result.yaml`` into a run folder, as `Result.save` does.
-
-        Parameters
-        ----------
-        folder : path-like
-            Made where missing; a run in it is replaced.
-        quality : bool, optional
-            Save the verdict on stability too, which takes a tenth of a second.
-        """
-        return self._save(folder, quality=quality)
-
     def details(self, *, quality: bool = True) -> dict[str, Any]:
         """Verification, and why there is no grasp."""
-        return {
-            "message": self.message,
-            "certificate": self.certificate.data() if quality and self.certificate is not None else None,
-            "reasons": [reason.data() for reason in self.reasons],
-            "advice": self.advice,
-            **({"trial": plain(self.trial)} if self.trial else {}),
-            "element_errors": {name: asdict(error) for name, error in self.element_errors.items()},
-        }
-
-
-def _certified(scene: HandScene, arrays: Mapping[str, Array]) -> HandCertificate | RodCertificate:
-    """The certificate of stored numbers: of rods, whose moments in the bases are stored, or of elements."""
-    if any(name.endswith(".base_moment") for name in arrays):
-        from continuum_grasp.grasp.rods.arrays import RodArrays
-
-        return certify_rods(scene, RodArrays.of(scene).held(arrays))
-    from continuum_grasp.grasp.hand.certificate import certify_hand
-
-    return certify_hand(scene, arrays)
+        return self._details(quality=quality) | ({"trial": plain(self.trial)} if self.trial else {})
 
 
 def report_page(result: HandResult, **_: Any) -> str:
@@ -438,7 +333,7 @@ def result_yaml(result: HandResult, *, quality: bool = True) -> str:
     if quality and result.certificate is not None:
         summary["certificate"] = {
             "passed": result.certificate.passed,
-            **({"stability": str(result._promised.stability)} if result._promised is not None else {}),
+            **({"push": result.certificate.push, "stable": result.certificate.stable} if result.verified else {}),
         }
     if result.trial:
         summary["trial"] = plain(result.trial)

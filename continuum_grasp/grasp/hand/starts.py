@@ -92,6 +92,10 @@ class FingerPlane:
         inside = normal @ self.frame.axes[:, :2]
         return away / self.length - self.half(s), inside[..., 0], inside[..., 1]
 
+    def normal(self, point: Array) -> Array:
+        """Outward normal (3,) of the object next to a point, as the hand sees both."""
+        return np.asarray(self._distance(point[None])[1][0])
+
     def turn(self, first: Array, rise: Array, start: Array | float, s: Array) -> Array:
         """Turn from a place to others, of curvature (first + rise (s - start)) where the stiffness is the mean."""
         if not self._graded:

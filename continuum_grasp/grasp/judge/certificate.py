@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
+from continuum_grasp.base import Summarized, amount_text
+from continuum_grasp.grasp.judge.check import CROSSING, EXACT, FOLLOWED, SHORT, Check, Requirement, greatest
 from continuum_grasp.grasp.judge.clearance import Gap, SampledRod, apart, apart_from_itself
-from continuum_grasp.grasp.judge.drives import drive_findings
-from continuum_grasp.grasp.judge.findings import CROSSING, EXACT, FOLLOWED, SHORT, Finding, Requirement, greatest
+from continuum_grasp.grasp.judge.drives import drive_checks
 from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods, HeldSupport
 from continuum_grasp.grasp.judge.obstacles import ExactObject, Obstacle
 from continuum_grasp.grasp.judge.pushed import (
@@ -31,20 +32,63 @@ from continuum_grasp.grasp.judge.pushed import (
     PushedSupport,
     rolls,
 )
-from continuum_grasp.grasp.judge.space_rod import TOLERANCE, RodLoad, SpaceRod
+from continuum_grasp.grasp.judge.skin import skin_load
+from continuum_grasp.grasp.judge.space_rod import TOLERANCE, SpaceRod
 from continuum_grasp.grasp.judge.stage import GraspStage
-from continuum_grasp.scene import FingerSetup, GraspScene, HandScene
+from continuum_grasp.scene import GraspScene, HandScene
 
 
 @dataclass(frozen=True, eq=False)
-class RodCertificate:
-    """Findings about a grasp."""
+class Certificate(Summarized):
+    """The result of measuring a grasp anew.
 
-    findings: tuple[Finding, ...]
+    Attributes
+    ----------
+    checks : tuple of Check
+        Every requirement that must be met.
+    friction_margins : dict of str to float
+        1 - |friction| / (friction coefficient * normal force) of each contact that has friction; positive: it is not
+        about to slip; 0 where nothing presses.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> certificate = cg.optimize_grasp("configs/grasp/mug_arcs.yaml").certificate
+    >>> certificate.passed, certificate.stable
+    (True, True)
+    >>> certificate["object force balance"].value < certificate["object force balance"].limit
+    True
+    """
+
+    checks: tuple[Check, ...]
+    friction_margins: dict[str, float] = field(default_factory=dict)
     rods: tuple[SpaceRod, ...] = field(default=(), repr=False)
-    """Shapes of the fingers; none where the grasp is not one of the scene."""
     pushed: PushedGrasp | None = field(default=None, repr=False)
-    """Answers of the grasp to a push; None where the grasp is not one of the scene."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether every check passed."""
+        return all(check.passed for check in self.checks)
+
+    @property
+    def failed(self) -> tuple[Check, ...]:
+        """The checks that did not pass."""
+        return tuple(check for check in self.checks if not check.passed)
+
+    @property
+    def worst(self) -> Check:
+        """The check that takes the greatest share of its limit."""
+        return max(self.checks, key=lambda check: check.share)
+
+    @property
+    def friction_margin(self) -> float:
+        """Least of the friction margins; NaN where nothing is known."""
+        return min(self.friction_margins.values(), default=0.0) if self.rods else float("nan")
+
+    @cached_property
+    def stable(self) -> bool:
+        """Whether every small motion of the object needs work at constant tensions: fingers follow it at rest."""
+        return self.pushed is not None and self.pushed.stable
 
     @cached_property
     def pushes(self) -> dict[str, float]:
@@ -59,48 +103,68 @@ class RodCertificate:
         return min(self.pushes.values(), default=0.0)
 
     @property
-    def passed(self) -> bool:
-        """Whether every finding is within its limit."""
-        return all(finding.passed for finding in self.findings)
-
-    @property
-    def failed(self) -> tuple[Finding, ...]:
-        """Findings of what does not hold."""
-        return tuple(finding for finding in self.findings if not finding.passed)
-
-    @property
-    def worst(self) -> Finding:
-        """The finding that takes the greatest share of its limit."""
-        return max(self.findings, key=lambda finding: finding.share)
+    def compliance(self) -> Array:
+        """Motion (m, m) of the object per wrench, at constant tensions: shifts [m] and turns [rad] by forces [N] and
+        moments [N m]; NaN where nothing is known.
+        """
+        stiffness = np.full((6, 6), np.nan) if self.pushed is None else self.pushed.stiffness
+        return np.asarray(np.linalg.inv(stiffness))
 
     def headline(self) -> str:
         """Number of checks that passed."""
-        return f"{len(self.findings) - len(self.failed)} of {len(self.findings)} checks passed"
+        return f"{len(self.checks) - len(self.failed)} of {len(self.checks)} checks passed"
+
+    def pairs(self) -> dict[str, str]:
+        """Failed checks, least margin, push and stability."""
+        failed = {"failed": ", ".join(check.name for check in self.failed)} if self.failed else {}
+        if not self.rods:
+            return failed
+        margin = f"{self.friction_margin:.1%} of the friction cone"
+        push = amount_text(self.push, "N", ".3g")
+        return {**failed, "least margin": margin, "push in any direction": push, "stability": self.word}
+
+    @property
+    def word(self) -> str:
+        """Stability in a word."""
+        return "stable" if self.stable else "UNSTABLE"
 
     @property
     def summary(self) -> dict[str, Any]:
         """Number of checks, and those that failed."""
-        return {"checks": len(self.findings), "failed": [str(finding) for finding in self.failed]}
+        return {"checks": len(self.checks), "failed": [str(check) for check in self.failed]}
 
-    def data(self) -> dict[str, Any]:
-        """The findings as plain data."""
-        return {"passed": self.passed, "checks": [finding.data() for finding in self.findings]}
+    def data(self, *, push: bool = True) -> dict[str, Any]:
+        """The certificate as plain data, without the ``push``, which takes a tenth of a second, where it is not asked
+        for.
+        """
+        found: dict[str, Any] = {
+            "passed": self.passed,
+            "checks": [check.data() for check in self.checks],
+            "friction_margin": self.friction_margin,
+        }
+        return found | ({"stable": self.stable, "push": self.push} if push else {})
 
-    def of(self, wanted: Requirement, subject: str = "") -> Finding:
-        """The finding of a property and a finger, contact or support; the object's without.
+    def of(self, wanted: Requirement, subject: str = "") -> Check:
+        """The check of a requirement and a finger, contact or support; the object's without.
 
         Raises
         ------
         KeyError
-            There is no such finding.
+            There is no such check.
         """
-        for finding in self.findings:
-            if finding.requirement is wanted and finding.subject == subject:
-                return finding
+        for check in self.checks:
+            if check.requirement is wanted and check.subject == subject:
+                return check
         raise KeyError(wanted, subject)
 
+    def __getitem__(self, name: str) -> Check:
+        for check in self.checks:
+            if check.name == name:
+                return check
+        raise KeyError(name)
 
-def certify_rods(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: float = TOLERANCE) -> RodCertificate:
+
+def certify_held(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: float = TOLERANCE) -> Certificate:
     """Verify a grasp of rods.
 
     Parameters
@@ -112,29 +176,30 @@ def certify_rods(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: fl
         Relative tolerance with which shapes are integrated [1].
     """
     stage = GraspStage.of(scene)
-    findings = [
-        Finding(Requirement.NUMBERS, "", float(held.not_finite), 0.0),
-        Finding(Requirement.CONTACTS, "", float(_strangers(stage, held)), 0.0),
-        Finding(Requirement.LAWS, "", float(_not_certified(stage)), 0.0),
+    checks = [
+        Check(Requirement.NUMBERS, "", float(held.not_finite), 0.0),
+        Check(Requirement.CONTACTS, "", float(_strangers(stage, held)), 0.0),
+        Check(Requirement.LAWS, "", float(_not_certified(stage)), 0.0),
     ]
     # Without these there is nothing to integrate.
-    if not all(finding.passed for finding in findings):
-        return RodCertificate(tuple(findings))
+    if not all(check.passed for check in checks):
+        return Certificate(tuple(checks))
     with np.errstate(all="ignore"):
         grasp = _Grasp(stage, held, tolerance)
-        findings += grasp.findings()
-        certificate = RodCertificate(tuple(findings), tuple(line.rod for line in grasp.lines), grasp.pushed)
+        checks += grasp.checks()
+        rods = tuple(line.rod for line in grasp.lines)
+        certificate = Certificate(tuple(checks), grasp.friction_margins, rods, grasp.pushed)
         asked = scene.contacts.push or 0.0
         if not asked:
             return certificate
-        missing = Finding(Requirement.PUSH, "", asked - certificate.push, SHORT * asked, "N")
-        return replace(certificate, findings=(*findings, missing))
+        missing = Check(Requirement.PUSH, "", asked - certificate.push, SHORT * asked, "N")
+        return replace(certificate, checks=(*checks, missing))
 
 
-def rods_of(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: float = TOLERANCE) -> tuple[SpaceRod, ...]:
-    """Shapes of the fingers of a grasp, whatever its findings are.
+def shapes_of(scene: GraspScene | HandScene, held: HeldRods, *, tolerance: float = TOLERANCE) -> tuple[SpaceRod, ...]:
+    """Shapes of the fingers of a grasp, whatever its checks are.
 
-    It takes the arguments of `certify_rods`.
+    It takes the arguments of `certify_held`.
     """
     with np.errstate(all="ignore"):
         return tuple(line.rod for line in _Grasp(GraspStage.of(scene), held, tolerance).lines)
@@ -211,7 +276,7 @@ class _Grasp:
 
     def _rod(self, finger: HeldFinger, tolerance: float) -> SpaceRod:
         setup = self.stage.setups[finger.name]
-        loads = [self._load(setup, contact) for contact in finger.contacts]
+        loads = [skin_load(setup, contact, self.body.normal) for contact in finger.contacts]
         base, gravity = (finger.position, finger.axes), self.stage.finger_gravity
         section = self.stage.section(setup)
         rod = SpaceRod(setup, base, finger.tensions, loads, gravity, section, tolerance=tolerance)
@@ -221,32 +286,37 @@ class _Grasp:
             rod.integrate(finger.moment)
         return rod
 
-    def _load(self, setup: FingerSetup, contact: HeldContact) -> RodLoad:
-        """The force of a contact, which acts at the skin: half a thickness from the center line to the object."""
-        half = float(setup.finger.profile.half_thickness(contact.place))
-
-        def couple(center: Array) -> Array:
-            normal = self.body.near(center[None])[1][0]
-            return np.asarray(contact.moment * normal - half * np.cross(normal, contact.force))
-
-        return RodLoad(contact.place, contact.force, couple)
-
-    def findings(self) -> Iterator[Finding]:
-        """All findings that need the shapes."""
+    def checks(self) -> Iterator[Check]:
+        """All checks that need the shapes."""
         yield from self.stage.poses(self.held)
-        touches = list[_Touch]()
         for finger, line in zip(self.held.fingers, self.lines, strict=True):
             yield from self._of_finger(finger, line)
             for contact in finger.contacts:
-                touch, tangent = self._touch(finger, line, contact)
-                touches.append(touch)
                 if contact.name in self._middles(finger):
-                    yield Finding(Requirement.TANGENT, contact.name, abs(tangent), FOLLOWED, "rad")
-        touches += [self._support_touch(contact) for contact in self.held.supports]
-        for touch in touches:
+                    tangent = self._touch(finger, line, contact)[1]
+                    yield Check(Requirement.TANGENT, contact.name, abs(tangent), FOLLOWED, "rad")
+        for touch in self._touches:
             yield from self._of_contact(touch)
-        yield from self._balance(touches)
+        yield from self._balance()
         yield from self._clear()
+
+    @cached_property
+    def _touches(self) -> list[_Touch]:
+        """Contacts of fingers, then of supports."""
+        lines = zip(self.held.fingers, self.lines, strict=True)
+        found = [self._touch(finger, line, contact)[0] for finger, line in lines for contact in finger.contacts]
+        return [*found, *map(self._support_touch, self.held.supports)]
+
+    @property
+    def friction_margins(self) -> dict[str, float]:
+        """Unused share of the friction cone of each contact that has friction [1]; 0 where nothing presses."""
+        reserve = 1.0 - self.stage.scene.contacts.reserve
+        limits = {touch.contact.name: touch.friction / reserve * touch.pressing for touch in self._touches}
+        rough = (touch for touch in self._touches if touch.friction > 0.0)
+        return {
+            touch.contact.name: 1.0 - touch.across / limit if (limit := limits[touch.contact.name]) > 0.0 else 0.0
+            for touch in rough
+        }
 
     # -- fingers -----------------------------------------------------------------------------------------------
 
@@ -255,49 +325,47 @@ class _Grasp:
         setup = self.stage.setups[finger.name]
         return dict(zip(setup.middle_names, setup.contact_bounds, strict=True))
 
-    def _of_finger(self, finger: HeldFinger, line: SampledRod) -> Iterator[Finding]:
+    def _of_finger(self, finger: HeldFinger, line: SampledRod) -> Iterator[Check]:
         setup, name, rod = self.stage.setups[finger.name], finger.name, line.rod
         scale = max(self.scale * rod.length, setup.stiffness / rod.length * 1e-3)
-        yield Finding(Requirement.SHAPE, name, float(np.abs(rod.missing).max()), FOLLOWED * scale, "N m")
+        yield Check(Requirement.SHAPE, name, float(np.abs(rod.missing).max()), FOLLOWED * scale, "N m")
         tendons, used = setup.tendons, setup.finger.tendons_used
         over = []
         for side, tension in zip(("left", "right"), finger.tensions, strict=True):
             # A tendon that is not there cannot pull.
             here = used in ("both", side)
             over += [tension - (setup.max_tension if here else 0.0), tendons.min_tension * here - tension]
-        yield Finding(Requirement.TENSION, name, greatest(over), EXACT * setup.max_tension, "N")
-        yield from drive_findings(setup, rod, finger.tensions)
+        yield Check(Requirement.TENSION, name, greatest(over), EXACT * setup.max_tension, "N")
+        yield from drive_checks(setup, rod, finger.tensions)
         strain = setup.finger.strain_limit
         depth = setup.finger.profile.half_depth
         if strain is not None and depth is not None:
             bent = float((np.abs(rod.curvature(line.s)) * depth(line.s)).max())
-            yield Finding(Requirement.STRAIN, name, bent - strain, EXACT * strain)
+            yield Check(Requirement.STRAIN, name, bent - strain, EXACT * strain)
         for contact in finger.contacts:
             low, high = self._middles(finger).get(contact.name, (rod.length, rod.length))
             off = greatest([low - contact.place, contact.place - high])
-            yield Finding(Requirement.PLACE, contact.name, off, EXACT * rod.length, "m")
+            yield Check(Requirement.PLACE, contact.name, off, EXACT * rod.length, "m")
 
-    def _clear(self) -> Iterator[Finding]:
-        """Findings of bodies in each other."""
+    def _clear(self) -> Iterator[Check]:
+        """Checks of bodies in each other."""
         lines = dict(zip((finger.name for finger in self.held.fingers), self.lines, strict=True))
         for finger, line in zip(self.held.fingers, self.lines, strict=True):
             length = line.rod.length
             limit = FOLLOWED * length + self.stage.deviation
-            yield Finding(Requirement.DEPTH, finger.name, -line.least(self._above_object(line)), limit, "m")
+            yield Check(Requirement.DEPTH, finger.name, -line.least(self._above_object(line)), limit, "m")
             for obstacle in self.stage.obstacles:
                 start, before = self.stage.clear_from(obstacle, finger)
                 gap = line.least(_above(obstacle, line, start, before), start if np.isinf(before) else 0.0)
-                yield Finding(
-                    Requirement.SUPPORT_DEPTH, f"{finger.name}, {obstacle.name}", -gap, FOLLOWED * length, "m"
-                )
-            yield Finding(Requirement.CURLED, finger.name, -apart_from_itself(line), CROSSING * length, "m")
+                yield Check(Requirement.SUPPORT_DEPTH, f"{finger.name}, {obstacle.name}", -gap, FOLLOWED * length, "m")
+            yield Check(Requirement.CURLED, finger.name, -apart_from_itself(line), CROSSING * length, "m")
         for first, other in self.stage.pairs():
             a, b = lines[first], lines[other]
             limit = CROSSING * min(a.rod.length, b.rod.length)
-            yield Finding(Requirement.CROSSED, f"{first}, {other}", -apart(a, b), limit, "m")
+            yield Check(Requirement.CROSSED, f"{first}, {other}", -apart(a, b), limit, "m")
         for obstacle in self.stage.obstacles:
             depth = obstacle.depth_of(self.body)
-            yield Finding(Requirement.OBJECT_DEPTH, obstacle.name, depth, 2.0 * EXACT * self.stage.size, "m")
+            yield Check(Requirement.OBJECT_DEPTH, obstacle.name, depth, 2.0 * EXACT * self.stage.size, "m")
 
     def _above_object(self, line: SampledRod) -> Gap:
         """Gap between a finger and the object along the finger."""
@@ -315,16 +383,15 @@ class _Grasp:
         for finger, line in zip(self.held.fingers, self.lines, strict=True):
             touches = [self._touch(finger, line, contact)[0] for contact in finger.contacts]
             pressed = [self._pressed(touch, finger.axes[:, 2]) for touch in touches if self._presses(touch)]
-            if pressed:
-                parts.append(
-                    PushedFinger(stage, self.body, finger, line.rod, pressed, center, stage.axes, GIVE / stiffest)
-                )
+            give = GIVE / stiffest
+            parts.append(PushedFinger(stage, self.body, finger, line.rod, pressed, center, stage.axes, give))
         for contact in self.held.supports:
             touch = self._support_touch(contact)
             if self._presses(touch):
                 parts.append(self._pushed_support(touch, center, GIVE / stiffest))
         units = np.array([*[min(lengths)] * 3, *[1.0] * 3])
-        return PushedGrasp(parts, units, stage.moves, len(stage.axes))
+        bending = min(line.rod.setup.stiffness / line.rod.length for line in self.lines)
+        return PushedGrasp(parts, units, stage.moves, len(stage.axes), bending)
 
     def _presses(self, touch: _Touch) -> bool:
         return touch.pressing > IDLE * self.scale
@@ -388,28 +455,28 @@ class _Grasp:
             contact, contact.position, normal, obstacle.friction, 0.0, most, off, 2.0 * EXACT * self.stage.size
         )
 
-    def _of_contact(self, touch: _Touch) -> Iterator[Finding]:
+    def _of_contact(self, touch: _Touch) -> Iterator[Check]:
         name, limit = touch.contact.name, EXACT * self.scale
-        yield Finding(Requirement.GAP, name, touch.gap, touch.most_gap, "m")
+        yield Check(Requirement.GAP, name, touch.gap, touch.most_gap, "m")
         over = greatest([-touch.pressing, touch.pressing - touch.most])
-        yield Finding(Requirement.PRESSING, name, over, limit, "N")
-        yield Finding(
+        yield Check(Requirement.PRESSING, name, over, limit, "N")
+        yield Check(
             Requirement.FRICTION, name, touch.across - touch.friction * touch.pressing, FOLLOWED * self.scale, "N"
         )
 
-    def _balance(self, touches: list[_Touch]) -> Iterator[Finding]:
+    def _balance(self) -> Iterator[Check]:
         """Balance of the object's forces, and of their moments about its center of mass."""
         center = self.stage.center(self.held)
         force = self.stage.mass * self.stage.gravity
         moment = np.zeros(3)
-        for touch in touches:
+        for touch in self._touches:
             force = force - touch.contact.force
             moment -= np.cross(touch.point - center, touch.contact.force) + touch.contact.moment * touch.normal
         if self.stage.upright:
             moment = moment[2:]
-        yield Finding(Requirement.FORCE, "", float(np.abs(force).max()), EXACT * self.scale, "N")
+        yield Check(Requirement.FORCE, "", float(np.abs(force).max()), EXACT * self.scale, "N")
         size = self.scale * self.stage.size
-        yield Finding(Requirement.MOMENT, "", float(np.abs(moment).max()), FOLLOWED * size, "N m")
+        yield Check(Requirement.MOMENT, "", float(np.abs(moment).max()), FOLLOWED * size, "N m")
 
 
 def _above(obstacle: Obstacle, line: SampledRod, start: float, before: float) -> Gap:

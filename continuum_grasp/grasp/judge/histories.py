@@ -5,7 +5,7 @@ was pulled; of several fingers all combinations of the former. From each, the di
 reserve points, until none is new: to first order the reserve is concave in the directions, so that it is least where
 all are at their bounds.
 
-No certificate asks for this finding yet: postures that press a finger into the object beside a contact end at 2e-5,
+No certificate asks for this check yet: postures that press a finger into the object beside a contact end at 2e-5,
 twice of what passes, and a history that has no posture is no answer.
 """
 
@@ -17,7 +17,7 @@ from itertools import product
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.judge.findings import FOLLOWED, Finding, Requirement
+from continuum_grasp.grasp.judge.check import FOLLOWED, Check, Requirement
 from continuum_grasp.grasp.judge.held import HeldRods
 from continuum_grasp.grasp.judge.postures import HistoryPostures, JudgedPosture
 from continuum_grasp.grasp.judge.space_rod import SpaceRod
@@ -108,11 +108,11 @@ class HistoryTrials:
         return min((posture.reserve for _, posture in self.tried), default=np.inf)
 
 
-def history_findings(stage: GraspStage, held: HeldRods, rods: list[SpaceRod]) -> Iterator[Finding]:
-    """The finding of friction with other histories, where a scene asks for it."""
+def history_checks(stage: GraspStage, held: HeldRods, rods: list[SpaceRod]) -> Iterator[Check]:
+    """The check of friction with other histories, where a scene asks for it."""
     if stage.scene.friction_states != "any" or not any(map(frictions_of, stage.setups.values())):
         return
     trials = HistoryTrials(stage, held, rods)
     trials.run()
     scale = trials.postures.scale
-    yield Finding(Requirement.HISTORIES, "", -trials.least * scale, SPARED * scale, "N")
+    yield Check(Requirement.HISTORIES, "", -trials.least * scale, SPARED * scale, "N")

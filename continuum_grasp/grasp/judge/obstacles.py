@@ -8,9 +8,9 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.certificate.surfaces import PlacedObject
 from continuum_grasp.grasp.hand.surfaces import PlacedSolid
 from continuum_grasp.grasp.judge.held import HeldRods, HeldSupport
+from continuum_grasp.grasp.judge.surfaces import PlacedObject
 from continuum_grasp.scene import GraspScene, HandScene, Peg, Wall
 
 _ALONG = np.linspace(0.0, 1.0, 41)
@@ -38,6 +38,10 @@ class ExactObject(ABC):
     def distance(self, points: Array) -> Array:
         """Signed distances (n,) of points (n, 3) [m], negative inside."""
         return self.near(points)[0]
+
+    def normal(self, point: Array) -> Array:
+        """Outward normal (3,) at a point (3,) [m]."""
+        return np.asarray(self.near(point[None])[1][0])
 
 
 class _PlaneObject(ExactObject):

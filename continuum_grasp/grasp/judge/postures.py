@@ -21,16 +21,14 @@ from scipy.spatial.transform import Rotation
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.judge.bending import FrictionCells
+from continuum_grasp.grasp.judge.check import FOLLOWED, YIELDS
 from continuum_grasp.grasp.judge.drives import WoundCables
-from continuum_grasp.grasp.judge.findings import FOLLOWED
 from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger, HeldRods
 from continuum_grasp.grasp.judge.obstacles import ExactObject
 from continuum_grasp.grasp.judge.space_rod import RodLoad, SpaceRod
 from continuum_grasp.grasp.judge.stage import GraspStage
 from continuum_grasp.scene import FingerSetup
 
-YIELDS = 0.1
-"""Distance by which an object that fingers alone hold may move: part of its size, and rad."""
 _TOLERANCE = 1e-8
 """Relative tolerance with which shapes are integrated [1]; gaps of shipped grasps change by up to 1e-8 L."""
 _STEP = 1e-5

@@ -9,7 +9,7 @@ its greatest normal force.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,25 +17,30 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.certificate.push import bears
+from continuum_grasp.grasp.judge.borne_push import bears
 from continuum_grasp.grasp.judge.held import HeldContact, HeldFinger
 from continuum_grasp.grasp.judge.obstacles import ExactObject
-from continuum_grasp.grasp.judge.space_rod import RodLoad, SpaceRod
+from continuum_grasp.grasp.judge.skin import skin_load
+from continuum_grasp.grasp.judge.space_rod import TOLERANCE, SpaceRod
 from continuum_grasp.grasp.judge.stage import GraspStage
 
+CLAMPS = np.linspace(0.8, 0.0, 5)
+"""Places along a finger, per length, from which on parts of it are tested [1]: one of them sees what buckles in up to
+two waves."""
+ROUGH = 1e-8
+"""Relative tolerance of these tests [1]: their signs are asked for alone."""
 STEP = 1e-5
 """Step of differences, per unit of each unknown: the root of the tolerance of integration."""
 IDLE = 1e-6
 """Normal force, per greatest force of the grasp, up to which a contact bears nothing and parts."""
 GIVE = 1e-8
 """Give of contacts, per L^3 / (E I) of the stiffest finger: it shares out forces that rigid contacts leave open."""
+NOTHING = 1e-6
+"""Stiffness of the object, per E I / L of the softest finger, that is none: rounding is a hundredth of it."""
 FLAT = 1e-3
 """Least curvature of an object and a support that roll on each other, per size of the object."""
 BESIDE = 1e-4
 """Distance from a contact at which the normals give the curvature of the object, per its size."""
-
-Near = Callable[[Array], tuple[float, Array]]
-"""Distance of a point (3,) [m], and the normal (3,) there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,17 +78,18 @@ class PressedContact:
 @dataclass(frozen=True, eq=False)
 class Answers:
     """Answers of a part of the grasp to small changes: rows that must be zero, the wrench (6,) with which it acts
-    on the object about the center of mass, and the loads (C, 4) of its contacts.
+    on the object about the center of mass, the loads (C, 4) of its contacts, and the turn of a finger's tip [rad].
     """
 
     left: Array
     wrench: Array
     loads: Array
+    turn: Array
 
     @property
     def numbers(self) -> Array:
         """All numbers, one after the other."""
-        return np.concatenate([self.left, self.wrench, self.loads.ravel()])
+        return np.concatenate([self.left, self.wrench, self.loads.ravel(), self.turn])
 
 
 class PushedPart:
@@ -103,20 +109,28 @@ class PushedPart:
 
     def slopes(self, units: Array) -> Array:
         """Derivatives (numbers, unknowns + 6) of the answers, by the unknowns and the pose, whose sizes are given."""
-        sizes = np.concatenate([self.units, units])
-        here, columns = self.answers(0.0 * self.units, np.zeros(6)).numbers, []
+        return self._differences(np.concatenate([self.units, units]))
+
+    @property
+    def own_slopes(self) -> Array:
+        """Derivatives (numbers, unknowns) of the answers by the unknowns."""
+        return self._differences(self.units)
+
+    def _differences(self, sizes: Array) -> Array:
+        """Derivatives (numbers, m) by the first unknowns and numbers of the pose (m,), whose sizes are given."""
+        own, columns = len(self.units), []
         for k, size in enumerate(sizes):
-            change = self.step * size * (np.arange(len(sizes)) == k)
-            ends = np.split(change, [len(self.units)]), np.split(-change, [len(self.units)])
-            # A place moves between two curvatures where friction makes them jump: the mean counts.
-            first = self.answers(*ends[1]).numbers if self.places[k] else here
-            columns.append((self.answers(*ends[0]).numbers - first) / (self.step * size * (1 + self.places[k])))
+            change = np.zeros(own + 6)
+            change[k] = self.step * size
+            # Central: a straight finger yields along its axis by the square of a change alone.
+            ends = [self.answers(side * change[:own], side * change[own:]).numbers for side in (1.0, -1.0)]
+            columns.append((ends[0] - ends[1]) / (2.0 * self.step * size))
         return np.array(columns).T
 
     @property
-    def places(self) -> Array:
-        """Whether each unknown and each number of the pose is a place along a finger."""
-        return np.zeros(len(self.units) + 6, dtype=bool)
+    def buckles(self) -> bool:
+        """Whether it moves away while the object stays."""
+        return False
 
 
 class PushedSupport(PushedPart):
@@ -141,7 +155,7 @@ class PushedSupport(PushedPart):
         point = contact.point + self._rolls @ np.cross(contact.normal, turn)
         moment = np.cross(point - self._center - shift, force)
         load = contact.load(contact.normal, force, 0.0)
-        return Answers(moved[self._axes], -np.concatenate([force, moment]), load[None])
+        return Answers(moved[self._axes], -np.concatenate([force, moment]), load[None], np.zeros(0))
 
 
 class PushedFinger(PushedPart):
@@ -162,6 +176,10 @@ class PushedFinger(PushedPart):
         Directions of a contact's frame along which its force changes.
     give : float
         Of contacts [m/N].
+    clamp : float
+        Position up to which it stays as it is [m].
+    tolerance : float
+        Relative tolerance of integrations [1].
     """
 
     def __init__(
@@ -174,12 +192,16 @@ class PushedFinger(PushedPart):
         center: Array,
         axes: Sequence[int],
         give: float,
+        clamp: float = 0.0,
+        tolerance: float = TOLERANCE,
     ) -> None:
         self._stage, self._body, self._held, self._rod = stage, body, held, rod
         self.contacts, self._center, self._axes, self._give = contacts, center, list(axes), give
         self._middle = [contact.name in rod.setup.middle_names for contact in contacts]
         self._soft = [0, 1, 2] if np.isfinite(stage.section(rod.setup).torsion) else [2]
-        self._start = rod.at(np.zeros(1)).moment[0]
+        self._tolerance = tolerance
+        self._clamp, ends = rod.clamped(clamp), rod.at(np.array([clamp, rod.length]))
+        self._start, self._end = ends.moment[0], ends.axes[1]
         self._placed = {contact.name: contact.place for contact in held.contacts}
         self._before = {name: rod.at(np.array([place])) for name, place in self._placed.items()}
         unit, kinds = rod.setup.stiffness / rod.length, list[str]()
@@ -189,12 +211,6 @@ class PushedFinger(PushedPart):
         self._kinds = kinds
         self.units = np.array([*[unit] * len(self._soft), *(sizes[kind] for kind in kinds)])
         self.count = len(self.units)
-
-    @property
-    def places(self) -> Array:
-        """Whether each unknown and each number of the pose is a place along the finger."""
-        along = [kind == "place" for kind in self._kinds]
-        return np.array([*[False] * len(self._soft), *along, *[False] * 6])
 
     def answers(self, change: Array, pose: Array) -> Answers:
         """Shape under changed loads, and what its contacts leave."""
@@ -208,7 +224,7 @@ class PushedFinger(PushedPart):
         base[self._soft] = change[: len(self._soft)]
         moved = self._moved(change[len(self._soft) :])
         others = [contact for contact in self._held.contacts if contact.name not in {each.name for each in moved}]
-        loads = [self._load(near, contact) for contact in [*moved, *others]]
+        loads = [skin_load(self._rod.setup, each, lambda r: near(r)[1]) for each in [*moved, *others]]
         rod = SpaceRod(
             self._rod.setup,
             (self._held.position, self._held.axes),
@@ -216,6 +232,8 @@ class PushedFinger(PushedPart):
             loads,
             self._stage.finger_gravity,
             self._stage.section(self._rod.setup),
+            tolerance=self._tolerance,
+            clamp=self._clamp,
         )
         rod.integrate(self._start + self._held.axes @ base)
         left, wrench, seen = [(self._held.axes.T @ rod.missing)[self._soft]], np.zeros(6), []
@@ -233,7 +251,28 @@ class PushedFinger(PushedPart):
             point = there.points[0] - float(half(own.place)) * normal - self._center - pose[:3]
             wrench -= np.concatenate([own.force, np.cross(point, own.force) + own.moment * normal])
             seen.append(load)
-        return Answers(np.concatenate(left), wrench, np.array(seen))
+        turned = rod.at(np.array([rod.length])).axes[0] @ self._end.T
+        tip = self._held.axes.T @ Rotation.from_matrix(turned).as_rotvec()
+        return Answers(np.concatenate(left), wrench, np.array(seen), tip[self._soft])
+
+    @property
+    def buckles(self) -> bool:
+        """Whether a motion lowers its energy while the object stays.
+
+        A part that is clamped nearer and nearer to the base yields more and more to a couple at its tip, until, from a
+        conjugate point on, it yields against the couple.
+        """
+        return any(self._yields_back(share * self._rod.length) for share in CLAMPS)
+
+    def _yields_back(self, clamp: float) -> bool:
+        """Whether the part beyond a clamp [m] turns against a couple at its tip."""
+        beyond = [contact for contact in self.contacts if self._placed[contact.name] > clamp]
+        held = self._stage, self._body, self._held, self._rod
+        part = PushedFinger(*held, beyond, self._center, self._axes, self._give, clamp, ROUGH)
+        count, soft = part.count, len(self._soft)
+        slopes = part.own_slopes * part.units
+        turns = slopes[-soft:] @ np.linalg.solve(slopes[:count], np.eye(count)[:, :soft])
+        return bool(np.linalg.eigvalsh(turns + turns.T)[0] < 0.0)
 
     def _moved(self, change: Array) -> list[HeldContact]:
         """Contacts that press, with changed forces, places and moments."""
@@ -246,15 +285,6 @@ class PushedFinger(PushedPart):
             moment = contact.moment + (next(numbers) if contact.torsional else 0.0)
             found.append(HeldContact(contact.name, force, place, moment))
         return found
-
-    def _load(self, near: Near, contact: HeldContact) -> RodLoad:
-        half = float(self._rod.setup.finger.profile.half_thickness(contact.place))
-
-        def couple(center: Array) -> Array:
-            _, normal = near(center)
-            return np.asarray(contact.moment * normal - half * np.cross(normal, contact.force))
-
-        return RodLoad(contact.place, contact.force, couple)
 
     def _past(self, rod: SpaceRod, contact: PressedContact, pose: Array) -> Array:
         """Shift along the contact's frame [m], and turn about the normal [rad], of the materials that touched."""
@@ -280,10 +310,15 @@ class PushedGrasp:
         Components of the object's pose, and of the balance, that can change; the first ones are directions of a push.
     directions : int
         Number of these.
+    bending : float
+        E I / L of the softest finger [N m].
     """
 
-    def __init__(self, parts: Sequence[PushedPart], units: Array, moves: Sequence[int], directions: int) -> None:
+    def __init__(
+        self, parts: Sequence[PushedPart], units: Array, moves: Sequence[int], directions: int, bending: float
+    ) -> None:
         self._parts, self._units, self._moves, self._directions = parts, units, list(moves), directions
+        self._bending = bending
 
     @cached_property
     def _slopes(self) -> list[Array]:
@@ -292,7 +327,8 @@ class PushedGrasp:
     @cached_property
     def _resisted(self) -> tuple[Array, list[Array]]:
         """Wrench on the object by its pose (m, m), and loads of each part by the pose (4 C, m)."""
-        m, wrench, loads = len(self._moves), 0.0, []
+        m, loads = len(self._moves), []
+        wrench: Array = np.zeros((m, m))
         for part, slopes in zip(self._parts, self._slopes, strict=True):
             own, n = len(part.units), part.count
             poses = slopes[:, [own + k for k in self._moves]]
@@ -300,8 +336,8 @@ class PushedGrasp:
             answer = -np.linalg.solve(slopes[:n, :own] * scale, poses[:n])
             total = poses + (slopes[:, :own] * scale) @ answer
             wrench = wrench + total[[n + k for k in self._moves]]
-            loads.append(total[n + 6 :])
-        return np.asarray(wrench).reshape(m, m), loads
+            loads.append(total[n + 6 : n + 6 + 4 * len(part.contacts)])
+        return wrench, loads
 
     @property
     def stiffness(self) -> Array:
@@ -309,11 +345,12 @@ class PushedGrasp:
         wrench, _ = self._resisted
         return np.asarray(-0.5 * (wrench + wrench.T))
 
-    @property
+    @cached_property
     def stable(self) -> bool:
-        """Whether every motion of the object needs work: fingers follow it at rest."""
+        """Whether every motion needs work: of the object, which fingers follow at rest, and of fingers alone."""
         scale = self._units[self._moves]
-        return bool(np.linalg.eigvalsh(self.stiffness * np.outer(scale, scale))[0] > 0.0)
+        least = float(np.linalg.eigvalsh(self.stiffness * np.outer(scale, scale))[0])
+        return least > NOTHING * self._bending and not any(part.buckles for part in self._parts)
 
     @property
     def pushes(self) -> dict[str, float]:

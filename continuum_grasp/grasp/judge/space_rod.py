@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -78,6 +78,19 @@ class RodPlaces:
     """Moment of what lies beyond (n, 3) [N m]."""
 
 
+_BASE = np.array([*[0.0] * 3, 1.0, *[0.0] * 9])
+"""State of a rod in its base, at the origin of the base's axes."""
+
+
+class RodClamp(NamedTuple):
+    """A place at which a rod is held as it is."""
+
+    at: float
+    """Position along the rod [m]."""
+    state: Array
+    """State (13,) of the integration there."""
+
+
 class SpaceRod:
     """The shape of a finger under its loads."""
 
@@ -92,10 +105,12 @@ class SpaceRod:
         *,
         tolerance: float = TOLERANCE,
         history: FrictionCells | None = None,
+        clamp: RodClamp | None = None,
     ) -> None:
         """Integrate a finger from its base (position (3,) [m], axes (3, 3)) under loads and gravity (3,) [m/s2].
 
-        With a history of friction, its directions are constant; else the finger was pulled.
+        With a history of friction, its directions are constant; else the finger was pulled. With a clamp, what is
+        before that stays, and moments are those there.
         """
         self.setup = setup
         self.position, self.axes = base
@@ -113,6 +128,7 @@ class SpaceRod:
             weights.append(RodLoad(self.length, body.mass * gravity, arm=body.center_of_mass))
         self.loads = sorted([*loads, *weights], key=lambda load: load.at)
         self._weight = self.profile.linear_density.integral()
+        self._clamp = clamp or RodClamp(0.0, _BASE)
         self._solutions: list[tuple[float, float, Any]] = []
         self.missing = np.full(3, np.nan)
         """Moment (3,) at the tip that no load explains [N m]."""
@@ -122,7 +138,8 @@ class SpaceRod:
         """Positions between which all is smooth [m]."""
         inside = {at for curve in self._bending.curves for at in curve.edges} | {load.at for load in self.loads}
         inside |= set(self._bending.ends)
-        return [0.0, *sorted(at for at in inside if 0.0 < at < self.length), self.length]
+        first = self._clamp.at
+        return [first, *sorted(at for at in inside if first < at < self.length), self.length]
 
     def integrate(self, moment: Array) -> None:
         """Integrate from a moment in the base (3,) [N m]; `missing` is then what no load explains."""
@@ -175,10 +192,10 @@ class SpaceRod:
 
     def _shot(self, moment: Array, *, dense: bool = False) -> Array:
         """Moment (3,) and path (1,) that are left at the tip, by the moment in the base [E I / L]."""
-        state = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, *moment, 0.0, 0.0, self._path])
-        forces = [self.axes.T @ load.force for load in self.loads]
-        beyond = np.sum([*forces, self._weight * self._gravity], axis=0)
-        loads = list(zip(self.loads, forces, strict=True))
+        state = self._clamp.state.copy()
+        state[7:10], state[12] = moment, state[12] + self._path
+        loads = [(load, self.axes.T @ load.force) for load in self.loads if load.at > self._clamp.at]
+        beyond = np.sum([*(force for _, force in loads), self._weight * self._gravity], axis=0)
         self._solutions = []
         for a, b in zip(self.edges[:-1], self.edges[1:], strict=True):
             rates = self._rates(beyond, 0.5 * (a + b))
@@ -290,6 +307,10 @@ class SpaceRod:
             drawn += float((self.curvature(s) * [own(at) for at in s.tolist()]) @ weights)
             shares += np.exp(np.outer([-1.0, 1.0], self._states(s)[11])) @ weights
         return drawn, shares / end
+
+    def clamped(self, at: float) -> RodClamp:
+        """A clamp of this shape at a position along the rod [m]."""
+        return RodClamp(at, self._states(np.array([at]))[:, 0])
 
     def _states(self, s: Array) -> Array:
         """States (13, n) at positions [m]."""

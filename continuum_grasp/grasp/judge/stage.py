@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.judge.findings import EXACT, Finding, Requirement, greatest
+from continuum_grasp.grasp.judge.check import EXACT, Check, Requirement, greatest
 from continuum_grasp.grasp.judge.held import HeldFinger, HeldRods, in_plane
 from continuum_grasp.grasp.judge.obstacles import ExactObject, Obstacle
 from continuum_grasp.grasp.judge.space_rod import SideStiffness
@@ -77,8 +77,8 @@ class GraspStage(ABC):
         """Center of mass (3,) of the object [m]."""
 
     @abstractmethod
-    def poses(self, held: HeldRods) -> Iterator[Finding]:
-        """Findings of the poses of object and bases."""
+    def poses(self, held: HeldRods) -> Iterator[Check]:
+        """Checks of the poses of object and bases."""
 
     @abstractmethod
     def clear_from(self, obstacle: Obstacle, finger: HeldFinger) -> tuple[float, float]:
@@ -126,13 +126,13 @@ class _PlaneStage(GraspStage):
     def center(self, held: HeldRods) -> Array:
         return np.asarray(held.position + held.axes @ np.array([*self.scene.object.com, 0.0]))
 
-    def poses(self, held: HeldRods) -> Iterator[Finding]:
+    def poses(self, held: HeldRods) -> Iterator[Check]:
         off = _beyond(self.scene.object.pose_bounds, (held.position, held.axes), self.size)
-        yield Finding(Requirement.POSE, "", off, EXACT)
+        yield Check(Requirement.POSE, "", off, EXACT)
         for finger in held.fingers:
             setup = self.setups[finger.name]
             off = _beyond(setup.finger.base_bounds, (finger.position, finger.axes), setup.finger.rod.length)
-            yield Finding(Requirement.BASE, finger.name, off, EXACT)
+            yield Check(Requirement.BASE, finger.name, off, EXACT)
 
     def clear_from(self, obstacle: Obstacle, finger: HeldFinger) -> tuple[float, float]:
         half = float(self.setups[finger.name].finger.profile.half_thickness(0.0))
@@ -141,7 +141,8 @@ class _PlaneStage(GraspStage):
         if height >= half * (1.0 - 1e-9):
             return 0.0, half
         # A finger that comes out of a wall is clear of it from its first contact on.
-        return min(contact.place for contact in finger.contacts), min(height, 0.0)
+        length = self.setups[finger.name].finger.rod.length
+        return min((contact.place for contact in finger.contacts), default=length), min(height, 0.0)
 
     def pairs(self) -> Iterator[tuple[str, str]]:
         for k, m in self.scene.pairs:
@@ -169,10 +170,10 @@ class _HandStage(GraspStage):
     def center(self, held: HeldRods) -> Array:
         return np.asarray(held.position + held.axes @ np.array(self.scene.object.local_com))
 
-    def poses(self, held: HeldRods) -> Iterator[Finding]:
+    def poses(self, held: HeldRods) -> Iterator[Check]:
         body = self.scene.object
         off = _differs((held.position, held.axes), (np.array(body.position), body.axes), self.size)
-        yield Finding(Requirement.POSE, "", off, EXACT)
+        yield Check(Requirement.POSE, "", off, EXACT)
         for finger in held.fingers:
             base, length = self._bases[finger.name], self.setups[finger.name].finger.rod.length
             along = np.array(base.direction) / np.linalg.norm(base.direction)
@@ -181,7 +182,7 @@ class _HandStage(GraspStage):
             normal /= np.linalg.norm(normal)
             axes = np.column_stack([np.cross(along, normal), along, normal])
             off = _differs((finger.position, finger.axes), (np.array(base.position), axes), length)
-            yield Finding(Requirement.BASE, finger.name, off, EXACT)
+            yield Check(Requirement.BASE, finger.name, off, EXACT)
 
     def clear_from(self, obstacle: Obstacle, finger: HeldFinger) -> tuple[float, float]:
         base, half = self._bases[finger.name], self.setups[finger.name].finger.thickness_radius

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.certificate.check import EXACT
+from continuum_grasp.grasp.judge.check import EXACT
 from continuum_grasp.scene import GraspScene, Peg
 
 

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.certificate.check import EXACT
-from continuum_grasp.grasp.certificate.drives import LEAST_PULL
-from continuum_grasp.grasp.certificate.held import YIELDS
+from continuum_grasp.grasp.judge.check import EXACT, YIELDS
+from continuum_grasp.grasp.judge.drives import LEAST_PULL
 from continuum_grasp.grasp.quality.conic import Cones, solve_conic
 from continuum_grasp.grasp.quality.response import GraspResponse, Tendons
 from continuum_grasp.scene import FingerSetup

@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.certificate.push import bears
+from continuum_grasp.grasp.judge.borne_push import bears
 from continuum_grasp.grasp.quality.bent_finger import BentFinger, rolled
 from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.scene import GraspScene

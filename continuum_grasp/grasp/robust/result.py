@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Array, Summarized, amount_text
-from continuum_grasp.grasp.starts.values import ContactStart
+from continuum_grasp.grasp.object_supports import TouchedPlace
 
 ERRORS = ("x", "y", "angle", "radius", "friction", "mass")
 """Errors, in the order of the columns."""
@@ -94,7 +94,7 @@ class Robustness(Summarized):
     robust: GraspTrials | None
     active: Array
     nominal_arrays: Mapping[str, Array] = field(repr=False)
-    touching: Sequence[Mapping[str, ContactStart]] = field(repr=False)
+    touching: Sequence[Mapping[str, TouchedPlace]] = field(repr=False)
 
     @property
     def names(self) -> tuple[str, str, str]:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import product
 
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.modes import MOST, contact_modes
+from continuum_grasp.grasp.object_supports import touching_supports
 from continuum_grasp.scene import FingerSetup, GraspScene
 
+MOST = 64
+"""Sets of contacts that are tried, those with the most contacts first: all choices of six contacts."""
 AT_ONCE = 2
 """Stations of a finger that touch in the starts of a search [1]: more are added one by one, where they lessen the aim.
 """
+_CHOICES = {"on": (True,), "off": (False,), "auto": (True, False)}
 
 
 def contact_sets(scene: GraspScene) -> list[frozenset[str]]:
@@ -36,7 +39,7 @@ def _of_finger(setup: FingerSetup) -> list[frozenset[str]]:
     fixed = [name for name, switch in zip(setup.middle_names, setup.middles, strict=True) if switch == "on"]
     free = [name for name, switch in zip(setup.middle_names, setup.middles, strict=True) if switch == "auto"]
     most = min(len(free), AT_ONCE) if setup.stations else len(free)
-    with_tip = {"on": (True,), "off": (False,), "auto": (True, False)}[setup.tip]
+    with_tip = _CHOICES[setup.tip]
     sets = (
         frozenset([*fixed, *free[:count], *[setup.tip_name] * tip]) for count in range(most + 1) for tip in with_tip
     )
@@ -69,3 +72,28 @@ def neighboring_stations(scene: GraspScene, on: frozenset[str]) -> Iterator[froz
         yield from (on | {names[k]} for k in beside)
         yield from (on - {names[k]} for k in touching if (on - {names[k]}) & setup.switches.keys())
         yield from (on - {names[k]} | {names[j]} for k in touching for j in (k - 1, k + 1) if j in free)
+
+
+def contact_modes(scene: GraspScene) -> list[frozenset[str]]:
+    """The sets of contacts that may be on, those with the most contacts first, at most `MOST`.
+
+    They name contacts of fingers, each of which touches somewhere, and supports that the object touches.
+    """
+    choices: list[list[frozenset[str]]] = []
+    for setup in scene.setups:
+        chosen = _chosen(setup.switches.items())
+        choices.append([names for names in chosen if names])
+    supports = [(body.name, body.touch) for body in scene.places]
+    if scene.object.free is None:
+        touching = touching_supports(scene, scene.object.pose)
+        choices.append([frozenset(name for name, touch in supports if touch != "off" and name in touching)])
+    else:
+        choices.append(_chosen(supports))
+    modes = [frozenset[str]().union(*sets) for sets in product(*choices)]
+    return sorted(modes, key=lambda mode: (-len(mode), sorted(mode)))[:MOST]
+
+
+def _chosen(switches: Iterable[tuple[str, str]]) -> list[frozenset[str]]:
+    """The sets of names that switches leave to choose."""
+    each = [[frozenset({name}) if on else frozenset() for on in _CHOICES[state]] for name, state in switches]
+    return [frozenset[str]().union(*chosen) for chosen in product(*each)]

@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.certificate.held import YIELDS
+from continuum_grasp.grasp.judge.check import YIELDS
 from continuum_grasp.grasp.robust.errors import InError, scaled
 from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.copies import HeldValue, RodCopy, held_by_drives
@@ -254,10 +254,8 @@ class PlanarErrors(ErrorSpace):
 
     @cached_property
     def _in_error(self) -> InError:
-        numbers = self.grasp.problem.numbers
-        names = [name for finger in numbers.fingers for name in finger.contacts]
-        names += [support.name for support in numbers.supports]
-        return InError(self.scene, {"contact_names": names, "object.pose": self.pose})
+        touching = (self.scene.support_of(support.name) for support in self.grasp.problem.numbers.supports)
+        return InError(self.scene, self.pose, [support.name for support in touching if support is not None])
 
     def _object(self, error: Array) -> Array:
         """Errors of the object, as `InError` has them."""
@@ -267,7 +265,7 @@ class PlanarErrors(ErrorSpace):
         return self._in_error.scene_with(self._object(error))
 
     def placed(self, error: Array) -> ObjectInError:
-        pose = self._in_error.pose_in_error(self._object(error))
+        pose = self._in_error.pose(self._object(error))
         numbers = self.grasp.problem.numbers
         supports = numbers.supports
         if supports:

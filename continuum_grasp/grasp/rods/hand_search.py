@@ -36,7 +36,7 @@ class PostureStart(RodStart):
         """Places of the contacts [m]."""
         touched = [
             plane.place(posture, at)
-            for plane, posture in zip(self._search.found.points.planes, self._start.chosen, strict=True)
+            for plane, posture in zip(self._search.found.planes, self._start.chosen, strict=True)
             for name, at in ((plane.setup.middle_names[0], posture.joint), (plane.setup.tip_name, 1.0))
             if name in self.on
         ]
@@ -54,20 +54,16 @@ class PostureStart(RodStart):
         return self._search.numbers_of(self.on)
 
     @cached_property
-    def _forces(self) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Pulls of each finger by name, in its units, and force and moment [N, N m / arm] of contacts by name."""
-        return self._search.found.forces(self._start)
-
-    @cached_property
     def guesses(self) -> list[PosedFinger]:
         """Postures of the fingers."""
-        pulls, forces = self._forces
-        pairs = zip(self._search.found.points.planes, self._start.chosen, self.numbers.fingers, strict=True)
+        one = self._start
         guesses = []
-        for plane, posture, finger in pairs:
-            held = {name: forces[name] / finger.force for name in finger.contacts}
+        for plane, posture, finger, pulls in zip(
+            self._search.found.planes, one.chosen, self.numbers.fingers, one.pulls, strict=True
+        ):
+            held = {name: one.forces[name] / finger.force for name in finger.contacts}
             joints = (posture.joint,) * len(finger.middles)
-            guesses.append(PosedFinger(*plane.knots(posture), joints, self._pulls(finger, pulls[finger.name]), held))
+            guesses.append(PosedFinger(*plane.knots(posture), joints, self._pulls(finger, pulls), held))
         return guesses
 
     @staticmethod
@@ -80,7 +76,7 @@ class PostureStart(RodStart):
     @property
     def supports(self) -> Mapping[str, Array]:
         """Forces of supports by name [F0]."""
-        forces, force = self._forces[1], self.numbers.force
+        forces, force = self._start.forces, self.numbers.force
         return {support.name: forces[support.name] / force for support in self.numbers.supports}
 
 
@@ -114,8 +110,6 @@ class HandRodSearch(StartedSearch):
     @property
     def asked(self) -> AskedAnswers | None:
         """Push that the scene asks for; None where it asks for none."""
-        if self.scene.unloaded:
-            return self.share_of_greatest_push(self.scene.contacts.normal_force_max)
         push = self.scene.contacts.push
         return AskedAnswers(push) if push else None
 

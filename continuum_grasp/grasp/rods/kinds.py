@@ -436,12 +436,14 @@ def square_kind(size: int) -> BlockKind:
 
 
 @cache
-def moved_kind() -> BlockKind:
-    """Rows (2): normal force of a contact after a change, and what its friction cone leaves then."""
+def moved_kind(*, spatial: bool) -> BlockKind:
+    """Rows: normal force of a contact after a change, and what its friction cone, or both lines of it, leave then."""
     parts = _Parts()
     held, change = parts.unknown("held", HELD), parts.unknown("change", HELD)
     friction, apex = parts.datum("friction"), parts.datum("apex")
     now = held + change
+    if not spatial:
+        return parts.kind("moved_wedge", [now[0], friction * now[0] - now[1], friction * now[0] + now[1]])
     return parts.kind("moved", [now[0], friction * now[0] - ca.sqrt(ca.sumsqr(now[1:]) + apex**2)])
 
 
@@ -510,15 +512,15 @@ def _from_chord(place: Any, first: Any, last: Any) -> Any:
 
 @cache
 def bend_kind(geometry: Geometry, form: SectionForm) -> BlockKind:
-    """Row: curvature above rest at a node."""
+    """Row: curvature above rest at a node, times half the depth of the section per its greatest."""
     parts = _Parts(geometry)
     at, acting = parts.unknown("at", states(geometry, form)), parts.acting(geometry, form)
-    ends, u = parts.unknown("ends", 2), parts.datum("u")
+    ends, u, depth = parts.unknown("ends", 2), parts.datum("u"), parts.datum("depth", THICKNESS)
     state = ca.vertsplit(at)
     own, sliding = state[: geometry.state], state[geometry.state :]
     s = ends[0] + u * (ends[1] - ends[0])
     bend, _ = form.curvature(s, geometry.bending(own), acting.pulls, sliding, acting.numbers, acting.history)
-    return parts.kind(f"bend_{form.key}", [bend])
+    return parts.kind(f"bend_{form.key}", [bend * half_thickness(depth, s)])
 
 
 @cache

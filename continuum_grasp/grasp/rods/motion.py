@@ -113,9 +113,10 @@ class GraspMotion:
         found = np.concatenate(
             [problem.pose, *self._pulled, *(problem.at[name][(low < high)[problem.at[name]]] for name in names)]
         )
-        # A planar grasp moves in its plane.
+        # A planar grasp moves in its plane; bases that the search chooses stay.
         lifts = [at[2] for at in problem.contacts.values()] if self._planar else []
-        return np.setdiff1d(found, lifts)
+        bases = [part.nodes[0][: problem.geometry.oriented] for part in problem.parts]
+        return np.setdiff1d(found, np.concatenate([lifts, *bases]))
 
     @property
     def _pulled(self) -> list[Indices]:

@@ -9,18 +9,24 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.base import Array
+from continuum_grasp.base import Array, amount_text
 from continuum_grasp.grasp.body.bodies import body_of
-from continuum_grasp.grasp.nearby.held import STEP, Stencil, StructureChanges
+from continuum_grasp.grasp.judge.certificate import certify_held
+from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.rods import kinds
+from continuum_grasp.grasp.rods.answers import AskedAnswers, asked_of, steady_of
 from continuum_grasp.grasp.rods.guess import Held
 from continuum_grasp.grasp.rods.hand_numbers import hand_numbers
 from continuum_grasp.grasp.rods.hand_search import HandRodSearch
 from continuum_grasp.grasp.rods.numbers import GraspAims, SceneNumbers
+from continuum_grasp.grasp.rods.optimize import stored
 from continuum_grasp.grasp.rods.planar_numbers import planar_numbers
 from continuum_grasp.grasp.rods.problem import GraspRods
+from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.search import RodSearch
 from continuum_grasp.grasp.rods.solving import RodGrasp, RodStart, StartedSearch
-from continuum_grasp.grasp.values import SAME
+from continuum_grasp.grasp.rods.stencil import STEP, Stencil, StructureChanges
+from continuum_grasp.grasp.values import SAME, GraspStatus
 from continuum_grasp.nlp import Attempt, Budget, SolutionSlopes, Start
 from continuum_grasp.scene import GraspScene, HandScene
 
@@ -83,11 +89,47 @@ def _surface(scene: Any) -> dict[str, Any]:
     return dict(scene.object.model_dump(exclude=_PLACED))
 
 
-def _unlimited(problem: GraspRods) -> None:
-    """Let the object have any mass, at a gain for a greater one."""
-    less = problem.unknown("less mass", -np.inf, 1.0)
-    problem.cost(less, 1.0)
-    problem.add_load_share(less)
+@dataclass(frozen=True)
+class AnyMass:
+    """The problem of a scene whose object may have any mass, at a gain for a greater one."""
+
+    answers: AskedAnswers | None
+    """Answers that the scene requires."""
+    shares: bool
+    """Whether their push is in proportion to the mass."""
+
+    def __call__(self, problem: GraspRods) -> None:
+        """Add the mass to a problem."""
+        if self.answers is not None:
+            self.answers(problem)
+        less = problem.unknown("less mass", -np.inf, 1.0)
+        problem.cost(less, 1.0)
+        problem.add_load_share(less)
+        if self.shares and "push" in problem.at:
+            push = problem.at["push"]
+            least = float(problem.limits[0][push][0])
+            row = problem.rows("push of the mass", "contacts.push", "F0", 1, 1.0, least, least).ravel()
+            problem.bound(push, 0.0, np.inf)
+            problem.add(kinds.share_kind(), push, row, [1.0])
+            problem.add(kinds.share_kind(), less, row, [least])
+
+
+def _variant_at(scene: Any, grasp: RodGrasp) -> Callable[[GraspRods], None] | None:
+    """The variant of the problem of a grasp, with the numbers of another scene."""
+    variant = grasp.variant
+    if isinstance(variant, AnyMass):
+        return _any_mass(scene, with_answers=variant.answers is not None)
+    if not isinstance(variant, AskedAnswers):
+        return variant
+    aims = variant if isinstance(scene, HandScene) or scene.unloaded else asked_of(scene)
+    steady = steady_of(scene) if variant.stiffness else None
+    if steady is None:
+        return aims
+    return steady.joined(aims if variant.aimed else None)
+
+
+def _any_mass(scene: Any, *, with_answers: bool) -> AnyMass:
+    return AnyMass(steady_of(scene) if with_answers else None, scene.contacts.push is None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,12 +142,34 @@ class RodsAtScene:
     scene: GraspScene | HandScene
     grasp: RodGrasp
     follower: RodsFollower
-    chosen: bool = False
+
+    @property
+    def chosen(self) -> bool:
+        """Whether the mass of the object is sought."""
+        return isinstance(self.grasp.variant, AnyMass)
 
     @cached_property
     def quantities(self) -> dict[str, float]:
         """Quantities of the grasp that expressions may name."""
         return self._quantities(self.scene, self.grasp.problem, self.grasp.attempt.x)
+
+    def result(self) -> GraspResult:
+        """The grasp as a result of a scene in the plane, with the mass that it holds."""
+        scene, held = self._weighed, held_rods(self.grasp)
+        certificate = certify_held(scene, held)
+        resolved, arrays, errors = stored(scene, held, certificate)
+        status = GraspStatus.FEASIBLE if certificate.passed else GraspStatus.NOT_SOLVED
+        tension = amount_text(self.grasp.tension, "N", ".4g")
+        message = f"held with a sum of tensions of {tension}" if certificate.passed else str(certificate.worst)
+        return GraspResult(resolved, status, message, arrays, certificate, element_errors=errors)
+
+    @property
+    def _weighed(self) -> Any:
+        """The scene with the mass that is held."""
+        if not self.chosen:
+            return self.scene
+        known = self.scene.object
+        return self.scene.model_copy(update={"object": known.model_copy(update={"mass": self.quantities["payload"]})})
 
     @property
     def attempt(self) -> Attempt:
@@ -140,7 +204,23 @@ class RodsAtScene:
             self._quantities(scene, other, x + offset * STEP * moved)
             for offset, scene, other in zip(near.offsets, near.scenes, beside, strict=True)
         ]
-        return moved, {name: float(near.difference([s[name] for s in samples])) for name in self.quantities}
+        slopes = {name: float(near.difference([s[name] for s in samples])) for name in self.quantities}
+        return moved, slopes | (self._optimal_mass(near, starts, moved) if self.chosen else {})
+
+    def _optimal_mass(self, near: Stencil, starts: Sequence[Start], moved: Array) -> dict[str, float]:
+        """Derivative of the greatest mass, as an optimal value: multipliers that are not unique do not matter to it."""
+        grasp = self.grasp
+        less = int(grasp.problem.at["less mass"][0])
+        unclipped = [self._unclipped(start) for start in starts]
+        others = []
+        for offset, start in zip(near.offsets, starts, strict=True):
+            x = grasp.attempt.x + offset * STEP * moved
+            cost, _ = grasp.problem.nlp.functions["grad_f"](x, start.p)
+            others.append(float(cost) - x[less])
+        change = self._slopes.value(near.difference, unclipped) - near.difference(others)
+        share = 1.0 - float(grasp.attempt.x[less])
+        masses = [_mass(scene) for scene in near.scenes]
+        return {"payload": share * float(near.difference(masses)) - _mass(self.scene) * float(change)}
 
     @cached_property
     def _slopes(self) -> SolutionSlopes:
@@ -164,8 +244,8 @@ class RodsAtScene:
             near=known.near,
             fine=known.fine,
         )
-        if self.chosen:
-            _unlimited(problem)
+        if (variant := _variant_at(scene, grasp)) is not None:
+            variant(problem)
         return problem
 
     def _quantities(self, scene: Any, problem: GraspRods, x: Array) -> dict[str, float]:
@@ -234,7 +314,7 @@ class RodsFollower:
         spent: Callable[[int], None] = lambda iterations: None,
         beside: Sequence[RodsAtScene] = (),
     ) -> list[RodsAtScene]:
-        """Grasps of a scene, the best one first and the others by their aim.
+        """Grasps of a scene, as stable as it requires, the best one first and the others by their aim.
 
         They are followed from grasps of scenes ``beside`` it, and found by a full search unless several of these lead
         to the same one.
@@ -245,7 +325,8 @@ class RodsFollower:
         near = [found for before in beside if (found := follower.at(scene, before)) is not None]
         if not _agree(near):
             search.run()
-        held = sorted((g for g in search.tried if g.holds), key=lambda g: (not g.fine, g.attempt.objective))
+        steady = search.steady
+        held = [g for g in search.tried if (g.holds if steady is None else g.meets(steady))]
         others = [RodsAtScene(scene, grasp, follower) for grasp in held]
         return sorted([*near, *others], key=lambda each: (not each.grasp.fine, each.objective))
 
@@ -254,21 +335,38 @@ class RodsFollower:
         numbers = numbers_near(before.grasp, before.scene, scene)
         if before.chosen:
             numbers = replace(numbers, aims=GraspAims(0.0, 0.0))
-        start = NearStart(before.grasp.start, numbers)
+        start, variant = NearStart(before.grasp.start, numbers), _variant_at(scene, before.grasp)
         for x in [*([] if guess is None else [guess]), before.grasp.attempt.x]:
             beside = replace(before.grasp, attempt=replace(before.grasp.attempt, x=x))
-            found = self._solved(scene, start, beside, chosen=before.chosen)
+            found = self._solved(scene, start, beside, variant)
             if found is not None:
                 return found
         return None
 
     def heaviest(self, before: RodsAtScene, scene: Any) -> RodsAtScene | None:
-        """The grasp of a scene with the greatest mass next to one; None where the solver finds none."""
+        """The grasp of a scene with the greatest mass next to one, as stable as the scene requires; None where the
+        solver finds none.
+        """
         numbers = replace(numbers_near(before.grasp, before.scene, scene), aims=GraspAims(0.0, 0.0))
-        return self._solved(scene, NearStart(before.grasp.start, numbers), before.grasp, chosen=True)
+        start = NearStart(before.grasp.start, numbers)
+        found = self._solved(scene, start, before.grasp, _any_mass(scene, with_answers=False))
+        if found is None or steady_of(scene) is None:
+            return found
+        return self._solved(scene, start, found.grasp, _any_mass(scene, with_answers=True))
 
-    def _solved(self, scene: Any, start: NearStart, beside: RodGrasp, *, chosen: bool) -> RodsAtScene | None:
-        widen = _unlimited if chosen else None
-        grasp = self.search.solved(start, widen=widen, beside=beside, fine=beside.fine)
+    def _solved(
+        self,
+        scene: Any,
+        start: NearStart,
+        beside: RodGrasp,
+        variant: Callable[[GraspRods], None] | None,
+    ) -> RodsAtScene | None:
+        """A grasp as stable as the scene requires."""
+        grasp = self.search.solved(start, widen=variant, beside=beside, fine=beside.fine)
         self.spent(grasp.attempt.iterations)
-        return RodsAtScene(scene, grasp, self, chosen) if grasp.holds else None
+        steady = None if isinstance(variant, AnyMass) else steady_of(scene)
+        if grasp.holds and steady is not None and not grasp.meets(steady):
+            answers = variant if isinstance(variant, AskedAnswers) else None
+            grasp = self.search.solved(start, widen=steady.joined(answers), beside=grasp, fine=beside.fine)
+            self.spent(grasp.attempt.iterations)
+        return RodsAtScene(scene, grasp, self) if grasp.holds else None

@@ -11,7 +11,7 @@ from continuum_grasp.base import Array
 from continuum_grasp.grasp.rods.drives import DriveNumbers, drives_of
 from continuum_grasp.grasp.rods.object_numbers import ObjectNumbers
 from continuum_grasp.grasp.rods.obstacles import FingerObstacle
-from continuum_grasp.grasp.rods.rod import half_thickness
+from continuum_grasp.grasp.rods.rod import THICKNESS, half_thickness
 from continuum_grasp.grasp.rods.supports import SupportNumbers
 from continuum_grasp.model import Section, SectionPull
 from continuum_grasp.scene import FingerSetup
@@ -38,7 +38,7 @@ class FingerNumbers:
     arm: float  # of torsional friction, per friction
     friction: float  # coefficient, less the reserve
     places: tuple[tuple[float, float], ...]  # bounds of each middle contact
-    curvature_limit: float
+    curvature_limit: float  # where the elastic section is deepest
     middles: tuple[str, ...]
     tip: str | None
     obstacles: tuple[FingerObstacle, ...]
@@ -91,6 +91,18 @@ class FingerNumbers:
     def thickness(self, piece: int) -> Array:
         """Numbers of the half thickness on a piece (`THICKNESS`,)."""
         return np.array([self.section.places[piece], *self.section.half_thickness(piece)])
+
+    def depth(self, piece: int) -> Array:
+        """Numbers of half the depth of the elastic section on a piece, per its greatest (`THICKNESS`,)."""
+        numbers = np.zeros(THICKNESS)
+        start, end = self.section.places[piece : piece + 2]
+        numbers[:2] = start, 1.0
+        curve = self.setup.finger.profile.half_depth
+        if curve is not None:
+            k = int(np.searchsorted(curve.edges, 0.5 * (start + end) * self.length)) - 1
+            coefficients = np.asarray(curve.local(k, start * self.length).coef, dtype=float) / curve.most()
+            numbers[1 : 1 + len(coefficients)] = coefficients * self.length ** np.arange(len(coefficients))
+        return numbers
 
     def half(self, s: Any) -> Array:
         """Half thickness at places along the finger, as many as there are."""

@@ -1,22 +1,29 @@
-"""The grasp of a scene as exact rods: search, verdict, certificate, reasons, elements, and all of it as a result.
-
-`optimize_grasp` does not lead here yet: tests do.
-"""
+"""The grasp of a scene as exact rods: search, verdict, certificate, reasons, elements, and all of it as a result."""
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, overload
 
-from continuum_grasp.base import Array, InputError, Interrupted, SolverError, amount_text, interruptible
+from continuum_grasp.base import (
+    Array,
+    InputError,
+    Interrupted,
+    SolverError,
+    amount_text,
+    check_arguments,
+    interruptible,
+)
+from continuum_grasp.grasp.exploration import Exploration
 from continuum_grasp.grasp.hand.result import HandResult
-from continuum_grasp.grasp.judge.certificate import RodCertificate, rods_of
+from continuum_grasp.grasp.judge.arrays import RodArrays
+from continuum_grasp.grasp.judge.certificate import Certificate, shapes_of
 from continuum_grasp.grasp.judge.held import HeldRods
-from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.result import GraspResult, with_outline
-from continuum_grasp.grasp.rods.arrays import RodArrays
+from continuum_grasp.grasp.rods.contact_sets import contact_modes
 from continuum_grasp.grasp.rods.hand_search import HandRodSearch
 from continuum_grasp.grasp.rods.projection import MOST_ELEMENTS, on_elements
 from continuum_grasp.grasp.rods.record import held_rods
@@ -26,32 +33,73 @@ from continuum_grasp.grasp.rods.search import RodSearch
 from continuum_grasp.grasp.rods.sensitivity import sensitivities_of
 from continuum_grasp.grasp.rods.solving import BORNE, STARTS, RodGrasp, StartedSearch
 from continuum_grasp.grasp.rods.verdict import RodVerdict, VerdictDoubt, verdict_of
-from continuum_grasp.grasp.tried import Exploration
-from continuum_grasp.grasp.values import ElementError, GraspStatus, Reason
+from continuum_grasp.grasp.values import OPENED, STEADIER, ElementError, GraspStatus, Reason, unloaded_words
 from continuum_grasp.nlp import Budget
-from continuum_grasp.scene import GraspScene, HandScene
+from continuum_grasp.scene import GraspScene, HandScene, scene_of
 
 _MORE = {"quick": STARTS // 2, "normal": STARTS, "thorough": 4 * STARTS}
 """Starts by effort."""
 
 
+_Listener = Callable[[str], None] | None
+
+
 @overload
-def held_by_rods(
-    scene: GraspScene, *, raise_on_failure: bool = ..., progress: Callable[[str], None] | None = ...
-) -> GraspResult: ...
+def optimize_grasp(scene: HandScene, *, raise_on_failure: bool = ..., progress: _Listener = ...) -> HandResult: ...
 @overload
-def held_by_rods(
-    scene: HandScene, *, raise_on_failure: bool = ..., progress: Callable[[str], None] | None = ...
-) -> HandResult: ...
+def optimize_grasp(scene: GraspScene, *, raise_on_failure: bool = ..., progress: _Listener = ...) -> GraspResult: ...
+@overload
+def optimize_grasp(
+    scene: str | os.PathLike[str], *, raise_on_failure: bool = ..., progress: _Listener = ...
+) -> Any: ...
 @interruptible()
-def held_by_rods(
-    scene: GraspScene | HandScene,
+@check_arguments
+def optimize_grasp(
+    scene: GraspScene | HandScene | str | os.PathLike[str],
     *,
     raise_on_failure: bool = True,
     progress: Callable[[str], None] | None = None,
-) -> GraspResult | HandResult:
-    """Find the best grasp of a scene as exact rods; with arguments, result and errors as in `optimize_grasp`."""
-    result = _result(scene, Budget.of(scene.solver, progress))
+) -> Any:
+    """Find the best grasp of an object by the fingers of a scene, and verify it.
+
+    Parameters
+    ----------
+    scene : GraspScene, HandScene or path-like
+        The scene, in the plane or of a hand in space, or its YAML file. With
+        ``robust``, the grasp holds for all those errors, and ``robustness`` of the result has the trials.
+    raise_on_failure : bool, optional
+        Raise an error if no verified grasp holds the object; False: return the result with its ``status``.
+    progress : callable, optional
+        Takes a line of text now and then: the best so far, and the remaining work.
+
+    Returns
+    -------
+    GraspResult or HandResult
+        The best verified grasp found; its ``exploration`` describes the search. ``optimal`` is a local optimum to which
+        starts from different postures lead, and none to a better one.
+
+    Raises
+    ------
+    InputError
+        The scene is inconsistent, or its file cannot be read.
+    SolverError
+        There is no verified grasp, or only an unstable one (``status`` unstable) where the scene requires a stable
+        one; ``result`` of the error holds the outcome.
+    Interrupted
+        Ctrl-C was pressed before any grasp was verified. With one, that is the result, and its message
+        reports the interruption.
+
+    Examples
+    --------
+    A finger holds a mug against a palm; tensions and forces in N:
+
+    >>> import continuum_grasp as cg
+    >>> grasp = cg.optimize_grasp("configs/grasp/mug_arcs.yaml")
+    >>> grasp.status.value, round(grasp.tension, 1), len(grasp.contacts)
+    ('optimal', 39.7, 3)
+    """
+    asked = scene_of(scene, (GraspScene, HandScene))
+    result = _result(asked, Budget.of(asked.solver, progress))
     if raise_on_failure and not result.solved:
         raise SolverError(
             result.message,
@@ -119,30 +167,33 @@ class _EndedSearch:
         best, held, certificate = verdict.best, verdict.held, verdict.certificate
         if best is None or held is None or certificate is None:
             raise ValueError(f"a verdict {verdict.status} has a certified grasp")
-        scene, arrays, errors = stored(self.scene, held, certificate)
+        scene, arrays, errors = stored(self.search.scene, held, certificate)
         tension = amount_text(best.tension, "N", ".4g")
-        message = "; ".join([f"held with a sum of tensions of {tension}", *(doubt.value for doubt in verdict.doubts)])
+        held_with = f"held with a sum of tensions of {tension}"
+        if scene.contacts.push:
+            held_with += f" against any push up to {amount_text(certificate.push, 'N', '.3g')}"
+        message = "; ".join([held_with, *(doubt.value for doubt in verdict.doubts), *self._unloaded])
+        if self.search.steady is None and not best.is_stable:
+            message += OPENED
+        common: dict[str, Any] = {"statistics": self._statistics(best), "element_errors": errors}
         if isinstance(scene, HandScene):
-            return HandResult(
-                scene,
-                verdict.status,
-                message,
-                arrays,
-                certificate,
-                statistics=self._statistics(best),
-                element_errors=errors,
-            )
+            return HandResult(scene, verdict.status, message, arrays, certificate, **common)
         return GraspResult(
             scene,
             verdict.status,
             message,
             arrays,
             certificate,
-            statistics=self._statistics(best),
+            **common,
             sensitivity=sensitivities_of(scene, best) if best.attempt.converged else (),
             exploration=self._exploration,
-            element_errors=errors,
+            lower_bound=self.search.bound,
         )
+
+    @property
+    def _unloaded(self) -> list[str]:
+        """Why a grasp bears a push that the scene does not state."""
+        return [] if self.search.greatest_push is None else [unloaded_words(self.search.greatest_push)]
 
     # -- without one -------------------------------------------------------------------------------------------
 
@@ -152,42 +203,25 @@ class _EndedSearch:
         message = self._said(verdict, reasons)
         advice = self._advice(verdict, reasons)
         scene, arrays, errors = self.scene, dict[str, Array](), dict[str, ElementError]()
-        if reasons:
+        if reasons and not self.search.yielding:
             arrays = dict(reasons[0].arrays)
         elif verdict.best is not None:
             # What is no grasp is not worth more elements.
             held = verdict.held or held_rods(verdict.best)
             scene, arrays, errors = stored(self.scene, held, verdict.certificate, most=0)
+        common: dict[str, Any] = {"statistics": self._statistics(verdict.best), "element_errors": errors}
+        common |= {"certificate": verdict.certificate, "reasons": tuple(reasons), "advice": advice}
         if isinstance(scene, HandScene):
-            return HandResult(
-                scene,
-                verdict.status,
-                message,
-                arrays,
-                None,
-                tuple(reasons),
-                advice,
-                statistics=self._statistics(verdict.best),
-                element_errors=errors,
-            )
-        return GraspResult(
-            scene,
-            verdict.status,
-            message,
-            arrays,
-            verdict.certificate,
-            violated=() if reasons else tuple(_violated(verdict)),
-            reasons=tuple(reasons),
-            advice=advice,
-            statistics=self._statistics(verdict.best),
-            exploration=self._exploration,
-            element_errors=errors,
-        )
+            return HandResult(scene, verdict.status, message, arrays, **common)
+        common |= {"violated": () if reasons else tuple(_violated(verdict)), "exploration": self._exploration}
+        return GraspResult(scene, verdict.status, message, arrays, **common)
 
     def _reasons(self, verdict: RodVerdict) -> list[Reason]:
         """Limits that stand in the way, with the grasp of the first one."""
-        if verdict.best is None or VerdictDoubt.UNBORNE not in verdict.doubts:
+        if verdict.best is None or not {VerdictDoubt.UNBORNE, VerdictDoubt.NO_BALANCE}.intersection(verdict.doubts):
             return []
+        if self.search.yielding:
+            return [self._push_reason()]
         self.search.budget.tell("no grasp found; looking for a change that allows one")
         found = LeastRepairs(self.search).found()
         reasons = [reason_of(self.search.scene, repair) for repair in found]
@@ -197,10 +231,23 @@ class _EndedSearch:
             reasons[0] = replace(reasons[0], arrays=arrays)
         return reasons
 
+    def _push_reason(self) -> Reason:
+        """Reason that grasps hold the object, but bear a smaller push than the scene states."""
+        # 0.99: a grasp with it is found, too
+        asked, borne = self.search.scene.contacts.push or 0.0, 0.99 * self.search.most_push()
+        most = amount_text(borne, "N", ".3g")
+        text = f"the push is too great: {amount_text(asked, 'N', '.3g')}; a grasp bears {most}"
+        return Reason("push", "contacts.push", "N", asked, borne, text, f"contacts.push = {most}")
+
     def _said(self, verdict: RodVerdict, reasons: Sequence[Reason]) -> str:
         """Why there is no grasp, in one sentence."""
         if reasons:
             return reasons[0].text
+        if self.search.greatest_push is not None and not self.search.scene.contacts.push:
+            most = amount_text(self.search.greatest_push, "N", ".3g")
+            return f"nothing loads the object, and the greatest push that any found grasp bears is negligible: {most}"
+        if verdict.status is GraspStatus.UNSTABLE:
+            return "; ".join([f"in balance, but {verdict.doubts[0].value}", *self._unloaded])
         if verdict.certificate is not None:
             return f"{verdict.doubts[0].value}: {verdict.certificate.worst}"
         words = [doubt.value for doubt in verdict.doubts]
@@ -212,11 +259,15 @@ class _EndedSearch:
         """A remedy."""
         if reasons:
             return "Any one of these repairs it: " + "; ".join(reason.repair for reason in reasons) + "."
+        if verdict.status is GraspStatus.UNSTABLE:
+            return STEADIER
         if self.search.budget.stopped:
             return "Raise solver.time_limit, or free the machine."
         if self.search.budget.cut:
             return "Raise solver.max_total_iterations."
         move = "move the base or the object, or let the middle contact be elsewhere (contacts.middle_range)"
+        if verdict.best is not None and verdict.best.crosses:
+            return "Use a shorter finger, or bases further apart: base_free lets the search find them."
         if self.scene.solver.effort == "thorough":
             return f"Probably the geometry is the cause: {move}."
         return f"Try solver.effort: thorough, which tries more starts. Otherwise {move}."
@@ -264,10 +315,10 @@ class _EndedSearch:
 
 
 def stored(
-    scene: Any, held: HeldRods, certificate: RodCertificate | None = None, most: int = MOST_ELEMENTS
+    scene: Any, held: HeldRods, certificate: Certificate | None = None, most: int = MOST_ELEMENTS
 ) -> tuple[Any, dict[str, Array], dict[str, ElementError]]:
     """Scene with the elements, up to ``most``, that stand for a grasp, its arrays, and differences by finger."""
-    rods = certificate.rods if certificate is not None and certificate.rods else rods_of(scene, held)
+    rods = certificate.rods if certificate is not None and certificate.rods else shapes_of(scene, held)
     resolved, projection = on_elements(scene, held, rods, most)
     return resolved, {**projection.arrays, **RodArrays.of(scene).stored(held, rods)}, dict(projection.errors)
 
@@ -284,7 +335,7 @@ def _missed(nearest: RodGrasp) -> str:
 def _violated(verdict: RodVerdict) -> list[str]:
     """Constraints that what came nearest to a grasp violates, in words."""
     if verdict.certificate is not None:
-        return [str(finding) for finding in verdict.certificate.failed]
+        return [str(check) for check in verdict.certificate.failed]
     if verdict.best is None:
         return []
     problem, x = verdict.best.problem, verdict.best.attempt.x

@@ -12,6 +12,7 @@ from continuum_grasp.base import Array
 from continuum_grasp.grasp.body.bodies import body_of
 from continuum_grasp.grasp.body.body import Body
 from continuum_grasp.grasp.body.table import DistanceTable
+from continuum_grasp.grasp.object_supports import Pose, support_contacts
 from continuum_grasp.grasp.rods.numbers import (
     REACH,
     FingerNumbers,
@@ -21,8 +22,6 @@ from continuum_grasp.grasp.rods.numbers import (
 from continuum_grasp.grasp.rods.obstacles import FingerObstacle, PlaneObstacle, PostObstacle
 from continuum_grasp.grasp.rods.planar import PLANE
 from continuum_grasp.grasp.rods.supports import FlatSupport, PegSupport, SupportNumbers
-from continuum_grasp.grasp.starts.supports import support_contacts
-from continuum_grasp.grasp.starts.values import Pose
 from continuum_grasp.scene import FingerSetup, GraspScene, Peg, Wall
 
 FLAT = 100.0

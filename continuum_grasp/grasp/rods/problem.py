@@ -264,7 +264,8 @@ class GraspRods(BlockProblem):
             span = part.span_of(node)
             row = self.rows(f"strain, {finger.name}", key, "1 / L", 1, 1.0, -limit, limit)
             unknowns = [*part.nodes[node], *span.force, *part.pulls, *span.ends]
-            data = [*finger.acting(span.piece, part.along(node)), (node - span.first) / span.stages]
+            share = (node - span.first) / span.stages
+            data = [*finger.acting(span.piece, part.along(node)), share, *finger.depth(span.piece)]
             self.add(kinds.bend_kind(geometry, form), unknowns, row, data)
 
     def _marks(self, index: int, finger: FingerNumbers, part: FingerPlaces) -> list[float]:

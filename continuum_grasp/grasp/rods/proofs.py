@@ -9,7 +9,8 @@ import numpy as np
 from continuum_grasp.base import amount_text
 from continuum_grasp.grasp.at_rest import CLEAR, free_line, overlaps_at_rest
 from continuum_grasp.grasp.bound import cannot_balance
-from continuum_grasp.grasp.reasons.diagnosis import out_of_reach
+from continuum_grasp.grasp.shape import ROUNDING
+from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene import FingerSetup, GraspScene, HandScene
 
 
@@ -63,3 +64,34 @@ def _depth_in_itself(setup: FingerSetup) -> float:
         return -float(half.max())
     gaps = np.linalg.norm(line[:, None] - line, axis=2) - half[:, None] - half
     return -float(gaps[far].min())
+
+
+def out_of_reach(scene: GraspScene) -> Reason | None:
+    """The exact test of distance: no shape at all can touch."""
+    needed = [s for s in scene.setups if "on" in (*s.middles, s.tip) or len(scene.setups) == 1]
+    away = [(_distance(scene, setup), _reach(setup)) for setup in needed]
+    missing, distance, reach = max(((d - r, d, r) for d, r in away), key=lambda gap: gap[0], default=(0.0, 0.0, 0.0))
+    if missing <= ROUNDING * reach:
+        return None
+    text = f"the object is out of reach: it is {distance:.4g} m from the base; the finger reaches {reach:.4g} m"
+    repair = f"move object and base closer together, by at least {missing:.4g} m"
+    return Reason("reach", "object.position", "m", distance, reach, text, repair)
+
+
+def _reach(setup: FingerSetup) -> float:
+    """Greatest distance from its base at which a finger can touch [m]."""
+    length = setup.finger.rod.length
+    middle = setup.middle_bounds[1] if "on" in setup.middles else length
+    return min(middle, length) + setup.finger.thickness_radius
+
+
+def _distance(scene: GraspScene, setup: FingerSetup) -> float:
+    """Least distance between a base and the object's surface [m]; a lower bound where a pose is free."""
+    x, y = setup.finger.base.position
+    body = scene.object
+    if body.free is None or body.free.angle is None:
+        away = body.distance((x, y))
+    else:
+        # However it is turned about its position, the object lies within its size of its center of mass.
+        away = math.dist((x, y), body.position) - math.hypot(*body.com) - body.size
+    return away - body.greatest_shift - setup.finger.base_shift

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from continuum_grasp.base import amount_text
-from continuum_grasp.grasp.judge.certificate import certify_rods
+from continuum_grasp.grasp.judge.certificate import certify_held
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust.result import GraspTrials, Robustness
 from continuum_grasp.grasp.rods.record import held_rods
@@ -41,7 +41,7 @@ class SoughtRobust:
         if best is None:
             return nominal
         held = held_rods(best.grasp)
-        return replace(nominal, best=best.grasp, held=held, certificate=certify_rods(self._search.scene, held))
+        return replace(nominal, best=best.grasp, held=held, certificate=certify_held(self._search.scene, held))
 
     def result(self, result: GraspResult) -> GraspResult:
         """The result of that verdict, with trials; or why no grasp is robust."""

@@ -10,20 +10,29 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.body.table import DistanceTable
-from continuum_grasp.grasp.finger_map import ROUGH, Place, SceneMaps, places_of
-from continuum_grasp.grasp.finger_map.balance import WEIGHTS, ObjectBalance, Settled
-from continuum_grasp.grasp.finger_map.fill import FingerMap
-from continuum_grasp.grasp.finger_map.rod import FOR_STARTS, FULL
+from continuum_grasp.grasp.bound import least_normal_force_bound
+from continuum_grasp.grasp.finger_map import (
+    FOR_STARTS,
+    FULL,
+    WEIGHTS,
+    FingerMap,
+    MapFinger,
+    ObjectBalance,
+    Place,
+    SceneMaps,
+    Settled,
+    is_mapped,
+    places_of,
+)
 from continuum_grasp.grasp.rods.answers import AskedAnswers, asked_of
 from continuum_grasp.grasp.rods.contact_sets import contact_sets, nearest_stations, neighboring_stations
 from continuum_grasp.grasp.rods.guess import ContinuedFinger, PosedFinger, ShotFinger, filled
 from continuum_grasp.grasp.rods.numbers import FingerNumbers, SceneNumbers
 from continuum_grasp.grasp.rods.planar_numbers import planar_numbers, planar_supports, planar_table
 from continuum_grasp.grasp.rods.problem import STAGES, GraspRods
+from continuum_grasp.grasp.rods.rough import RoughPostures, rough_postures
 from continuum_grasp.grasp.rods.solving import RodGrasp, RodStart, StartedSearch
 from continuum_grasp.grasp.rods.supports import SupportNumbers
-from continuum_grasp.grasp.starts.rough import rough_starts
-from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import GraspScene
 
@@ -69,13 +78,20 @@ class Case:
         """Maps of the fingers."""
         pose, bases = self.place
         pairs = zip(self.search.scene.setups, bases, strict=True)
-        return [self.search.maps.map_of(setup.name, base, pose, self.on, exact=True) for setup, base in pairs]
+        return [self.search.maps.map_of(setup.name, base, pose, self.on) for setup, base in pairs]
+
+    @cached_property
+    def _fingers(self) -> list[MapFinger]:
+        """The fingers of the maps."""
+        pose, bases = self.place
+        pairs = zip(self.search.scene.setups, bases, strict=True)
+        return [self.search.maps.finger_of(setup.name, base, pose, self.on) for setup, base in pairs]
 
     @cached_property
     def balance(self) -> ObjectBalance:
         """The balance of the object, as samples of the maps are combined."""
         # Samples may be rough; what they settle to is not.
-        fingers = [one.finger.stepped(FULL.steps) for one in self._maps]
+        fingers = [finger.stepped(FULL.steps) for finger in self._fingers]
         return ObjectBalance(self.search.scene, self.on, fingers, self.place[0])
 
     @cached_property
@@ -94,7 +110,7 @@ class Case:
     @cached_property
     def _combinations(self) -> Array:
         """Samples that balance the object best for their tension (n, numbers)."""
-        return self.balance.candidates(self._maps)
+        return self.balance.candidates(self._maps) if is_mapped() else np.zeros((0, self.balance.numbers))
 
     @property
     def unsettled(self) -> list[SettledStart] | list[RoughStart]:
@@ -103,8 +119,7 @@ class Case:
         """
         balance, x = self.balance, self._combinations
         if not len(x):
-            pose, bases = self.place
-            return [RoughStart(self, start) for start in rough_starts(self._scene, self.on, pose, bases, ROUGH)]
+            return [RoughStart(self, postures) for postures in rough_postures(self._scene, self.on, *self.place)]
         traced = balance.traced(x, slopes=False)
         total = np.zeros((len(x), 3)) + balance.loads
         for k, at in enumerate(traced):
@@ -152,8 +167,8 @@ class Case:
     def _at_stations(self, x: Array) -> Case:
         """The case with the stations that are nearest to the places of the middle contacts of a combination."""
         on = set(self.on)
-        for begin, one in zip(self.balance.at[:-1], self._maps, strict=True):
-            setup, finger = one.finger.setup, one.finger
+        for begin, finger in zip(self.balance.at[:-1], self._fingers, strict=True):
+            setup = finger.setup
             if setup.stations:
                 on -= set(finger.names)
                 on |= nearest_stations(setup, x[begin + 4 : begin + 4 + 3 * finger.middles : 3] * finger.length)
@@ -215,18 +230,20 @@ class SettledStart(RodStart):
 
 
 class RoughStart(RodStart):
-    """Postures that nearly touch, where fingers have empty maps: of a straight finger that just touches every bend
-    undoes that. Contacts press as their friction carries the weight.
+    """Postures that nearly touch, where fingers have no maps, or empty ones.
+
+    Contacts press as their friction carries the weight.
     """
 
-    def __init__(self, case: Case, start: GraspStart) -> None:
-        self.case, self._start, self.on = case, start, case.on
-        self.imbalance, self.aim = start.imbalance, 1.0
-        self.places = np.array([point for one in start.contacts.values() for point in one.point])
+    def __init__(self, case: Case, postures: RoughPostures) -> None:
+        self.case, self._postures, self.on = case, postures, case.on
+        # 1: nothing is known of forces
+        self.imbalance, self.aim = 1.0 + postures.off, 1.0
+        self.places = np.array([point for one in postures.contacts.values() for point in one.point])
 
     def changed(self, scene: GraspScene) -> RoughStart:
         """The start in a scene with other limits, or other places of its bases."""
-        return RoughStart(self.case.changed(scene), self._start)
+        return RoughStart(self.case.changed(scene), self._postures)
 
     @property
     def numbers(self) -> SceneNumbers:
@@ -243,22 +260,17 @@ class RoughStart(RodStart):
         return [self._posed(finger) for finger in self.numbers.fingers]
 
     def _posed(self, finger: FingerNumbers) -> PosedFinger:
-        one, length = self._start.fingers[finger.name], finger.length
-        joints = dict(zip(finger.setup.middle_names, one.joints, strict=True))
+        one, length = self._postures.fingers[finger.name], finger.length
         held = {name: np.array([self._pressed / finger.force, 0.0, 0.0, 0.0]) for name in finger.contacts}
-        return PosedFinger(
-            np.array(one.knots) / length,
-            np.array(one.curvatures) * length,
-            tuple(joints[name] / length for name in finger.middles),
-            np.zeros(len(finger.pulls)),
-            held,
-        )
+        joints = tuple(one.joints[name] / length for name in finger.middles)
+        curvatures = np.array(one.curvatures) * length
+        return PosedFinger(np.array([0.0, 1.0]), curvatures, joints, np.zeros(len(finger.pulls)), held)
 
     @property
     def _pressed(self) -> float:
         """Normal force [N] with which friction of all contacts carries the weight."""
         scene = self.case.search.scene
-        frictions = sum(scene.held_friction(name) for name in self._start.contacts)
+        frictions = sum(scene.held_friction(name) for name in self._postures.contacts)
         return float(scene.weight / max(frictions, 0.1))
 
     @property
@@ -331,11 +343,14 @@ class RodSearch(StartedSearch):
         search.maps, search._known = self.maps, contact_sets(self.scene)
         return search
 
+    @cached_property
+    def bound(self) -> float | None:
+        """Lower bound on the greatest normal force of all grasps [N]; None where that is not the objective."""
+        return least_normal_force_bound(self.scene) if self.scene.objective == "least_normal_force" else None
+
     @property
     def asked(self) -> AskedAnswers | None:
         """Answers to loads that the scene asks for; None where it asks for none."""
-        if self.scene.unloaded:
-            return self.share_of_greatest_push(self.scene.contacts.normal_force_max)
         return asked_of(self.scene)
 
     @cached_property

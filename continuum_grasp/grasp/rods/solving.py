@@ -19,7 +19,7 @@ from continuum_grasp.grasp.rods.numbers import SceneNumbers
 from continuum_grasp.grasp.rods.places import NearPair, StagePlace
 from continuum_grasp.grasp.rods.problem import STAGES, GraspRods
 from continuum_grasp.grasp.rods.supports import SupportNumbers, rested
-from continuum_grasp.grasp.values import PUSH_SHARE
+from continuum_grasp.grasp.values import NEAR, PUSH_SHARE
 from continuum_grasp.nlp import Attempt, Budget, Settings, Solver, SolverStatus
 
 STARTS = 6
@@ -32,6 +32,9 @@ FINER = 5
 """Most solves with finer tables at the contacts."""
 SHRINKS = 0.2
 """Factor on the step of a table at a contact that still misses the object [1]."""
+WIDER = 1.5
+"""Factor on the step of a table with which a solve fails [1]: a jar of 72 chords converges with 0.03 per half
+thickness, and not with 0.02 (`docs/grasp_an_object.md`)."""
 RESTS = 6
 """Most solves in which supports touch the object anew."""
 RESTED = 1e-8
@@ -130,6 +133,8 @@ class RodGrasp:
     crosses: bool
     rough: float | None = None
     """Objective before the grasp was solved with fine tables; None: that was not tried."""
+    variant: Callable[[GraspRods], None] | None = None
+    """Change of the scene's problem whose solution this is; None: the problem as it is."""
 
     @property
     def compared(self) -> float:
@@ -156,6 +161,19 @@ class RodGrasp:
         """Whether the grasp holds the object."""
         return self.attempt.converged and self.problem.unborne(self.attempt.x) < BORNE and not self.crosses
 
+    @property
+    def is_stable(self) -> bool:
+        """Whether every small motion of the grasp raises the energy."""
+        tangent = tangent_of(self.problem, self.attempt.x)
+        return tangent is not None and tangent.stable
+
+    @property
+    def greatest_normal_force(self) -> float:
+        """Greatest normal force of a contact [N]."""
+        unit, x = self.problem.numbers.unit, self.attempt.x
+        forces = (unit(name) * float(x[held[0]]) for name, held in self.problem.contacts.items())
+        return self.problem.numbers.force * max(forces, default=0.0)
+
     def meets(self, asked: AskedAnswers) -> bool:
         """Whether the grasp holds the object, and answers loads as asked."""
         return self.holds and asked.met(self.problem, self.attempt.x)
@@ -180,6 +198,8 @@ class StartedSearch(ABC):
         self.tried: list[RodGrasp] = []
         self._promising: list[RodStart] = []
         self._answering: AskedAnswers | None = None
+        self.greatest_push: float | None = None  # where nothing loads the object [N]
+        self.yielding = list[RodGrasp]()  # grasps where none bears the push that the scene states
         self.aimed = True  # whether grasps were found for the objective
         self._solver = rods_solver(self.iterations)
 
@@ -230,6 +250,11 @@ class StartedSearch(ABC):
         return steady_of(self.scene)
 
     @property
+    def bound(self) -> float | None:
+        """Lower bound on the greatest normal force of all grasps [N]; None where that is not the objective."""
+        return None
+
+    @property
     def asked(self) -> AskedAnswers | None:
         """Answers to loads that the scene asks for; None where it asks for none."""
         return None
@@ -253,16 +278,33 @@ class StartedSearch(ABC):
         self._confirm(most)
         if self.best is None:
             return
+        if self.scene.unloaded and not self._pushed():
+            return
         if (asked := self.asked) is not None:
             answered = self.answered(asked)
+            if asked.push and not any(grasp.holds for grasp in answered):
+                self.yielding = [grasp for grasp in self.tried if grasp.holds]
             self.aimed = asked.required or any(grasp.holds for grasp in answered)
             if self.aimed:
                 self.tried, self._answering = answered, asked
         self._refine()
+        self._steadied()
+
+    def _steadied(self) -> None:
+        """Take stable grasps where the best one is not as stable as the scene requires; of the least tension if none
+        is found for the objective.
+        """
         best, steady = self.best, self.steady
-        if best is not None and steady is not None and not best.meets(steady):
-            stable = [grasp for grasp in self.answered(steady, fine=True) if grasp.meets(steady)]
-            self.tried = [*stable, *(grasp for grasp in self.tried if not grasp.holds)] if stable else self.tried
+        if best is None or steady is None or best.meets(steady):
+            return
+        answering = self._answering
+        tries = [steady.joined(answering), *([steady] if answering is not None and answering.aimed else [])]
+        for k, asked in enumerate(tries):
+            stable = [grasp for grasp in self.answered(asked, fine=True) if grasp.meets(steady)]
+            if stable:
+                self.tried = [*stable, *(grasp for grasp in self.tried if not grasp.holds)]
+                self._answering, self.aimed = asked, self.aimed and k == 0
+                return
 
     def refined(self, grasp: RodGrasp) -> RodGrasp:
         """Solve a grasp again as exactly as it can be."""
@@ -315,17 +357,42 @@ class StartedSearch(ABC):
     def answered(self, asked: AskedAnswers, *, fine: bool = False) -> list[RodGrasp]:
         """Grasps that answer loads as asked: the ones that hold, where they do, and solutions beside them."""
         first = sorted((grasp for grasp in self.tried if grasp.holds), key=lambda grasp: grasp.attempt.objective)
-        return [
-            grasp if grasp.meets(asked) else self.solved(grasp.start, widen=asked, beside=grasp, fine=fine)
-            for grasp in first
-            if not self.budget.over
-        ]
+        found, least = list[tuple[RodGrasp, RodGrasp]](), np.inf
+        for grasp in first:
+            # More requirements do not lower an aim.
+            if self.budget.over or (not asked.aimed and grasp.attempt.objective > least):
+                break
+            alike = (answer for one, answer in found if one.start.on == grasp.start.on and _same(one, grasp))
+            answer = next(alike, None)
+            if answer is not None:
+                answer = replace(answer, start=grasp.start)
+            elif grasp.meets(asked) and not asked.aimed:
+                answer = grasp
+            else:
+                answer = self.solved(grasp.start, widen=asked, beside=grasp, fine=fine)
+            found.append((grasp, answer))
+            if answer.meets(asked):
+                least = min(least, answer.attempt.objective + SAME_AIM * abs(answer.attempt.objective))
+        return [answer for _, answer in found]
 
-    def share_of_greatest_push(self, most: float) -> AskedAnswers | None:
-        """Push that a grasp of an object without load bears: a share of the greatest one near the grasps found.
-
-        ``most`` is the greatest normal force [N]. None where no grasp bears a push.
+    def _pushed(self) -> bool:
+        """Ask for a push of an object that nothing loads: a share of the greatest one near the grasps found. Returns
+        whether it is more than negligible.
         """
+        self.budget.tell("nothing loads the object: searching for the greatest push that a grasp bears")
+        self.greatest_push = self.most_push()
+        # As small as a weight that is negligible.
+        if self.greatest_push <= NEAR * max(setup.tip_force for setup in self.scene.setups):
+            self.tried = []
+            return False
+        self.scene = self.scene.changed({"contacts.push": PUSH_SHARE * self.greatest_push})
+        self.__dict__.pop("steady", None)
+        return True
+
+    def most_push(self) -> float:
+        """Greatest push that a grasp near the ones found bears [N]."""
+        self.tried = self.yielding or self.tried
+        most = self.scene.contacts.normal_force_max
 
         def press(problem: GraspRods) -> None:
             """Let no contact bear nothing: such a grasp has no answer to a push."""
@@ -336,8 +403,7 @@ class StartedSearch(ABC):
         self.tried = [self.solved(g.start, widen=press, beside=g, fine=False) for g in self.tried if g.holds]
         grasps = [grasp for grasp in self.answered(AskedAnswers(push_aim=1.0 / most, tension=1e-5)) if grasp.holds]
         tangents = [tangent_of(grasp.problem, grasp.attempt.x) for grasp in grasps]
-        greatest = max((tangent.push for tangent in tangents if tangent is not None), default=0.0)
-        return AskedAnswers(push=PUSH_SHARE * greatest) if greatest else None
+        return max((tangent.push for tangent in tangents if tangent is not None), default=0.0)
 
     def agree(self, share: float) -> bool:
         """Whether the most promising starts and starts at other places lead to the same aim, within a share."""
@@ -433,6 +499,7 @@ class StartedSearch(ABC):
             times = beside.problem.geometry.finer if fine and not beside.fine else 1
             places, near = finer_places(beside.problem.places, times), finer_pairs(beside.problem.near, times)
         numbers, rounds, finer, rests, stays = loosen(start.numbers), 0, 0, 0, False
+        step, wider = 0.0, False
         while True:
             problem = GraspRods(numbers, joints=start.joints, stages=self.stages, places=places, near=near, fine=fine)
             if widen is not None:
@@ -446,8 +513,14 @@ class StartedSearch(ABC):
                 problem.fill(first)
                 attempt = self._attempt(problem, first)
             crossing = Crossing(problem, attempt.x)
-            grasp = RodGrasp(problem, attempt, start, crossing.depth > CROSSED)
+            grasp = RodGrasp(problem, attempt, start, crossing.depth > CROSSED, variant=widen)
             if not attempt.converged or problem.unborne(attempt.x) > BORNE:
+                if finer and not wider and known is not None:
+                    # A contact leaves a table that is too small.
+                    step, wider = WIDER * step, True
+                    table = numbers.table.refined(touched_places(known.problem, known.attempt.x), step)
+                    numbers = replace(numbers, table=table)
+                    continue
                 if not finer or stays or known is None or not problem.moves:
                     return grasp
                 # Facets of a drawing have optima of their own: object and bases stay where smoother tables had them.
@@ -477,7 +550,7 @@ class StartedSearch(ABC):
             # Where curvature jumps, a table is as wrong as its step is wide.
             step = FINE * SHRINKS**finer * thin / numbers.size
             table = numbers.table.refined(touched_places(problem, attempt.x), step)
-            numbers, known, finer = replace(numbers, table=table), grasp, finer + 1
+            numbers, known, finer, wider = replace(numbers, table=table), grasp, finer + 1, False
 
     def _attempt(self, problem: GraspRods, x: Array) -> Attempt:
         """Solve from unknowns; once more from where the solver stopped, if that is almost a grasp.
@@ -488,6 +561,13 @@ class StartedSearch(ABC):
         if attempt.status is not SolverStatus.ITERATION_LIMIT or problem.unborne(attempt.x) > RESUMED:
             return attempt
         return self._solver.solve(problem.nlp, problem.start(attempt.x), self.budget)
+
+
+def _same(first: RodGrasp, second: RodGrasp) -> bool:
+    """Whether two grasps are the same one: their problems have the same unknowns, and the solutions agree."""
+    x, y = first.attempt.x, second.attempt.x
+    # 1e-3: ways from different starts end closer than that, other grasps do not
+    return x.size == y.size and _tied(first, second.attempt.objective) and float(np.abs(x - y).max()) < 1e-3
 
 
 def _tied(grasp: RodGrasp, aim: float) -> bool:

@@ -19,7 +19,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.certificate.push import bears
+from continuum_grasp.grasp.judge.borne_push import bears
 from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.clearance import places_of_nodes
 from continuum_grasp.grasp.rods.motion import ContactMotion, GraspMotion, TendonBehavior
@@ -31,8 +31,10 @@ Entries = tuple[Any, Any, Any]
 """Rows, columns and values of a sparse matrix."""
 IDLE = 1e-6
 """Normal force per force unit up to which a contact bears nothing."""
-HELD = 1e-9
-"""Compliance, per the greatest of a bent finger, below which contacts hold a motion."""
+HELD = 1e-4
+"""Compliance, per the greatest of a bent finger, below which contacts hold a motion [1]: forces of contacts lower the
+stiffness by at most their size times the length, a few hundred E I / L, and what contacts hold has up to 8e-5 of either
+sign from loads at nodes (`free_base`, `mug_steady`)."""
 SHIFT = 0.25
 """Shift of the object, per length of the first finger, that counts as much as a turn by 1 rad."""
 

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from enum import Enum
 
 from continuum_grasp.grasp.bound import cannot_balance
-from continuum_grasp.grasp.judge.certificate import RodCertificate, certify_rods
+from continuum_grasp.grasp.judge.certificate import Certificate, certify_held
 from continuum_grasp.grasp.judge.held import HeldRods
-from continuum_grasp.grasp.rods.answers import tangent_of
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.solving import AGREE, RodGrasp, StartedSearch
-from continuum_grasp.grasp.values import GraspStatus
+from continuum_grasp.grasp.values import NEAR, GraspStatus
 from continuum_grasp.scene import GraspScene
 
 REFUSED = 3
@@ -48,7 +47,7 @@ class RodVerdict:
         The grasp: as stable as the scene requires, where there is one; without one, what came nearest to it.
     held : HeldRods or None
         Its record.
-    certificate : RodCertificate or None
+    certificate : Certificate or None
         Of the record.
     """
 
@@ -56,7 +55,7 @@ class RodVerdict:
     doubts: tuple[VerdictDoubt, ...]
     best: RodGrasp | None = None
     held: HeldRods | None = None
-    certificate: RodCertificate | None = None
+    certificate: Certificate | None = None
 
 
 def verdict_of(search: StartedSearch, *, interrupted: bool = False) -> RodVerdict:
@@ -64,7 +63,7 @@ def verdict_of(search: StartedSearch, *, interrupted: bool = False) -> RodVerdic
     refused: RodVerdict | None = None
     for best in _candidates(search):
         held = held_rods(best)
-        certificate = certify_rods(search.scene, held)
+        certificate = certify_held(search.scene, held)
         if certificate.passed:
             doubts = tuple(_doubts(search, refused is not None, interrupted))
             status = GraspStatus.FEASIBLE if doubts else GraspStatus.OPTIMAL
@@ -77,19 +76,22 @@ def verdict_of(search: StartedSearch, *, interrupted: bool = False) -> RodVerdic
 
 def _unsteady(best: RodGrasp) -> VerdictDoubt:
     """Why the best grasp is not as stable as the scene requires, and no grasp near one that was found is."""
-    tangent = tangent_of(best.problem, best.attempt.x)
-    return VerdictDoubt.YIELDS if tangent is not None and tangent.stable else VerdictDoubt.DRIVEN_AWAY
+    return VerdictDoubt.YIELDS if best.is_stable else VerdictDoubt.DRIVEN_AWAY
 
 
 def _candidates(search: StartedSearch) -> Iterator[RodGrasp]:
     """Grasps that hold, the best first, each as exactly as it can be."""
     held = sorted((g for g in search.tried if g.holds), key=lambda g: g.attempt.objective)
     for grasp in held[:REFUSED]:
-        yield grasp if grasp.fine or search.budget.over else search.refined(grasp)
+        finer = grasp if grasp.fine or search.budget.over else search.refined(grasp)
+        yield finer if finer.holds else grasp
 
 
 def _doubts(search: StartedSearch, refused: bool, interrupted: bool) -> Iterator[VerdictDoubt]:
     """Why a better grasp may have been missed."""
+    best = search.best
+    if search.bound and best is not None and best.greatest_normal_force <= (1.0 + NEAR) * search.bound:
+        return
     if refused:
         yield VerdictDoubt.REFUSED
     if interrupted:

@@ -14,8 +14,8 @@ from scipy.integrate import solve_bvp
 
 import continuum_grasp as cg
 from benchmarks.grasp_images import mirrored, moved
-from continuum_grasp.grasp.judge.certificate import certify_rods
-from continuum_grasp.grasp.judge.findings import Requirement
+from continuum_grasp.grasp.judge.certificate import certify_held
+from continuum_grasp.grasp.judge.check import Requirement
 from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.search import RodSearch
@@ -44,19 +44,19 @@ CLOSED = {
 def shares(certificate):
     """Greatest share of its limit per property."""
     found = {}
-    for finding in certificate.findings:
-        found[finding.requirement] = max(found.get(finding.requirement, -np.inf), finding.share)
+    for check in certificate.checks:
+        found[check.requirement] = max(found.get(check.requirement, -np.inf), check.share)
     return found
 
 
 def failed(certificate):
-    return {finding.requirement for finding in certificate.failed}
+    return {check.requirement for check in certificate.failed}
 
 
 @pytest.mark.parametrize("case", CLOSED.values(), ids=CLOSED)
 def test_grasps_in_closed_form_pass(case):
     scene, arrays = case()
-    certificate = certify_rods(scene, held_plane(scene, arrays))
+    certificate = certify_held(scene, held_plane(scene, arrays))
     assert certificate.passed
     # Straight fingers are exact: what is left is rounding.
     assert certificate.worst.share < 1e-3
@@ -65,7 +65,7 @@ def test_grasps_in_closed_form_pass(case):
 def test_the_record_of_a_shape_is_not_trusted():
     """The arcs of a wrapped finger are no shape of a rod under these loads."""
     scene, arrays = cases.wrapped_disc()
-    certificate = certify_rods(scene, held_plane(scene, arrays))
+    certificate = certify_held(scene, held_plane(scene, arrays))
     assert {Requirement.GAP, Requirement.TANGENT} <= failed(certificate)
 
 
@@ -80,7 +80,7 @@ def pinched():
 def test_a_gap_is_measured_as_it_is():
     scene, held = pinched()
     shift = 3e-5
-    certificate = certify_rods(scene, replace(held, position=held.position + np.array([shift, 0.0, 0.0])))
+    certificate = certify_held(scene, replace(held, position=held.position + np.array([shift, 0.0, 0.0])))
     assert certificate.of(Requirement.GAP, "a.tip").value == pytest.approx(shift, rel=1e-6)
     assert certificate.of(Requirement.GAP, "b.tip").value == pytest.approx(shift, rel=1e-6)
     assert certificate.of(Requirement.DEPTH, "b").value == pytest.approx(shift, rel=1e-6)
@@ -91,7 +91,7 @@ def test_a_gap_is_measured_as_it_is():
 def test_a_force_that_nothing_balances_is_measured():
     scene, held = pinched()
     more = np.array([0.0, 0.0, 0.02])
-    certificate = certify_rods(scene, with_contact(held, "a.tip", force=contact_of(held, "a.tip").force + more))
+    certificate = certify_held(scene, with_contact(held, "a.tip", force=contact_of(held, "a.tip").force + more))
     assert certificate.of(Requirement.FORCE).value == pytest.approx(0.02, rel=1e-9)
     # At the left side, 30 mm from the center of mass.
     assert certificate.of(Requirement.MOMENT).value == pytest.approx(0.02 * 0.03, rel=1e-6)
@@ -99,13 +99,13 @@ def test_a_force_that_nothing_balances_is_measured():
 
 def test_a_cone_is_measured_from_its_side():
     scene, held = pinched()
-    own = certify_rods(scene, held).of(Requirement.FRICTION, "a.tip").value
+    own = certify_held(scene, held).of(Requirement.FRICTION, "a.tip").value
     lift = 0.5 * 9.81 * 0.3
     assert own == pytest.approx(lift - 0.4 * 6.0)
     least = lift / 6.0
     for share, holds in ((1.001, True), (0.999, False)):
         contacts = scene.contacts.model_copy(update={"friction": share * least})
-        certificate = certify_rods(scene.replaced(contacts=contacts), held)
+        certificate = certify_held(scene.replaced(contacts=contacts), held)
         assert (Requirement.FRICTION not in failed(certificate)) is holds
 
 
@@ -114,7 +114,7 @@ def test_a_tension_bends_the_finger_off_the_object():
     scene, held = pinched()
     tension = 1e-3
     fingers = (replace(held.fingers[0], tensions=np.array([tension, 0.0])), *held.fingers[1:])
-    certificate = certify_rods(scene, replace(held, fingers=fingers))
+    certificate = certify_held(scene, replace(held, fingers=fingers))
     moved_by = tension * cases.OFFSET * cases.LENGTH**2 / (2.0 * cases.STIFFNESS)
     point = certificate.rods[0].at(np.array([cases.LENGTH])).points[0]
     straight = held.fingers[0].position + cases.LENGTH * held.fingers[0].axes[:, 1]
@@ -142,7 +142,7 @@ def limits():
     ("scene", "held", "name"), list(limits()), ids=lambda value: value if isinstance(value, str) else ""
 )
 def test_limits_of_the_scene(scene, held, name):
-    certificate = certify_rods(scene, held)
+    certificate = certify_held(scene, held)
     assert Requirement[name] in failed(certificate)
 
 
@@ -150,7 +150,7 @@ def test_a_moment_in_the_base_is_not_trusted():
     scene, held = pinched()
     moment = 1e-4
     fingers = (replace(held.fingers[0], moment=np.array([0.0, 0.0, moment])), held.fingers[1])
-    certificate = certify_rods(scene, replace(held, fingers=fingers))
+    certificate = certify_held(scene, replace(held, fingers=fingers))
     # The finger is bent by a moment M in its base and pressed by P: M cos(L sqrt(P / B)) is left at its end.
     left = moment * math.cos(cases.LENGTH * math.sqrt(6.0 / cases.STIFFNESS))
     assert certificate.of(Requirement.SHAPE, "a").value == pytest.approx(abs(left), rel=1e-4)
@@ -161,7 +161,7 @@ def test_what_is_not_certified_does_not_pass():
     finger = cases.make_finger(tendons=Tendons(offset=cases.OFFSET, max_tension=60.0, friction=0.1))
     for states, passes in (("pulled", True), ("any", False)):
         scene, arrays = cases.apart(finger, family="clothoid", friction_states=states)
-        certificate = certify_rods(scene, held_plane(scene, arrays))
+        certificate = certify_held(scene, held_plane(scene, arrays))
         assert (Requirement.LAWS not in failed(certificate)) is passes
 
 
@@ -182,7 +182,7 @@ def test_a_motor_reaches_its_tension(share, passes):
     scene, arrays = cases.apart(
         cases.make_finger(tendons=tendons), {"finger": {"tensions": (tension, 0.0)}}, family="clothoid"
     )
-    certificate = certify_rods(scene, held_plane(scene, arrays))
+    certificate = certify_held(scene, held_plane(scene, arrays))
     assert certificate.of(Requirement.TORQUE, "finger").passed is passes
 
 
@@ -196,10 +196,10 @@ def test_numbers_that_are_none_never_pass():
         replace(held, fingers=(replace(held.fingers[0], tensions=np.array([nan, 0.0])), held.fingers[1])),
         with_contact(held, "b.tip", force=np.array([math.inf, 0.0, 0.0])),
     ):
-        assert not certify_rods(scene, wrong).passed
+        assert not certify_held(scene, wrong).passed
     # Numbers that are finite, and lead to none that are.
     huge = with_contact(held, "a.tip", force=np.array([1e200, 1e200, 0.0]))
-    assert not certify_rods(scene, huge).passed
+    assert not certify_held(scene, huge).passed
 
 
 def test_contacts_match_the_scene():
@@ -207,7 +207,7 @@ def test_contacts_match_the_scene():
     a = held.fingers[0]
     stranger = replace(a.contacts[0], name="a.other")
     for contacts in ((), (*a.contacts, *a.contacts), (*a.contacts, stranger)):
-        certificate = certify_rods(scene, replace(held, fingers=(replace(a, contacts=contacts), held.fingers[1])))
+        certificate = certify_held(scene, replace(held, fingers=(replace(a, contacts=contacts), held.fingers[1])))
         assert failed(certificate) == {Requirement.CONTACTS}
 
 
@@ -217,7 +217,7 @@ def test_a_finger_in_another_is_measured():
         base = (0.1, 0.1, math.pi / 2) if not angle else (-0.01, 0.05, 0.0)
         fingers = {"a": cases.make_finger(), "b": cases.make_finger(base[:2], base[2])}
         scene, arrays = cases.apart(fingers, contacts=[("a.tip", (0, 0), cases.UP, (0, 0, 0), cases.LENGTH, 0)])
-        certificate = certify_rods(scene, held_plane(scene, arrays))
+        certificate = certify_held(scene, held_plane(scene, arrays))
         assert certificate.of(Requirement.CROSSED, "a, b").value == pytest.approx(deep, rel=1e-9)
 
 
@@ -225,7 +225,7 @@ def test_a_finger_in_itself_is_measured():
     """A tendon bends a finger to a circle that closes: its end is in its begin."""
     tension = 2.0 * math.pi * cases.STIFFNESS / cases.LENGTH / cases.OFFSET
     scene, arrays = cases.apart(values={"finger": {"tensions": (tension, 0.0)}})
-    certificate = certify_rods(scene, held_plane(scene, arrays))
+    certificate = certify_held(scene, held_plane(scene, arrays))
     assert certificate.of(Requirement.CURLED, "finger").value == pytest.approx(2.0 * cases.HALF, rel=1e-6)
 
 
@@ -241,7 +241,7 @@ def test_a_hand_sees_what_a_beam_of_first_order_leaves_out():
     s = np.linspace(0.0, length, 2001)
     slope = force / hand_cases.LATERAL * ((length + half) * s - 0.5 * s * s)
     nearer = 0.5 * np.trapezoid(slope**2, s)
-    certificate = certify_rods(scene, held_hand(scene, arrays))
+    certificate = certify_held(scene, held_hand(scene, arrays))
     for name in ("left.tip", "right.tip"):
         assert certificate.of(Requirement.GAP, name).value == pytest.approx(nearer, rel=2e-3)
 
@@ -288,7 +288,7 @@ def round_fingers(twist, press=0.8, mass=0.04, slope=0.1, lean=-1.0):
 def test_three_round_fingers_hold_a_ball_in_space(twist):
     scene, arrays = round_fingers(twist)
     held = held_hand(scene, arrays)
-    certificate = certify_rods(scene, held)
+    certificate = certify_held(scene, held)
     assert certificate.passed, certificate.worst
     assert certificate.of(Requirement.GAP, "finger_2.tip").value < 1e-9
     # Far beyond beams of first order.
@@ -298,7 +298,7 @@ def test_three_round_fingers_hold_a_ball_in_space(twist):
     moments = [rod.at(np.zeros(1)).moment[0] for rod in certificate.rods]
     fingers = tuple(replace(f, moment=m) for f, m in zip(held.fingers, moments, strict=True))
     lower = replace(held, position=held.position - np.array([0.0, 0.0, 1e-5]), fingers=fingers)
-    gap = certify_rods(scene, lower).of(Requirement.GAP, "finger_2.tip").value
+    gap = certify_held(scene, lower).of(Requirement.GAP, "finger_2.tip").value
     assert gap == pytest.approx(1e-5 * math.sin(0.1), rel=1e-2)
 
 
@@ -306,13 +306,13 @@ def test_a_moment_about_a_normal_counts_in_balance_and_cone():
     """Both ends bear half the moment of a center of mass beside the line through them."""
     scene, arrays = hand_cases.twisted_box(mass=1e-4)
     held = held_hand(scene, arrays)
-    certificate = certify_rods(scene, held)
+    certificate = certify_held(scene, held)
     assert certificate.passed
     moment = 0.5 * 1e-3 * 9.81 * 1e-4
-    without = certify_rods(scene, with_contact(held, "left.tip", moment=0.0))
+    without = certify_held(scene, with_contact(held, "left.tip", moment=0.0))
     assert without.of(Requirement.MOMENT).value == pytest.approx(moment, rel=1e-3)
     most = 1e-3 * 2.0
-    over = certify_rods(scene, with_contact(held, "left.tip", moment=1.01 * most))
+    over = certify_held(scene, with_contact(held, "left.tip", moment=1.01 * most))
     assert over.of(Requirement.FRICTION, "left.tip").value == pytest.approx(0.01 * 0.5 * 2.0, rel=1e-2)
 
 
@@ -321,10 +321,10 @@ def test_a_table_carries_a_body():
     points = [(x, y, 0.0) for x in (-0.016, 0.016) for y in (-0.021, 0.021)]
     scene, arrays = hand_cases.resting(solid, points)
     held = held_hand(scene, arrays)
-    certificate = certify_rods(scene, held)
+    certificate = certify_held(scene, held)
     assert certificate.passed
     lifted = with_contact(held, "table_1", position=np.array([-0.016, -0.021, 1e-5]))
-    assert certify_rods(scene, lifted).of(Requirement.GAP, "table_1").value == pytest.approx(1e-5)
+    assert certify_held(scene, lifted).of(Requirement.GAP, "table_1").value == pytest.approx(1e-5)
 
 
 # -- what the problem finds ----------------------------------------------------------------------------------------
@@ -348,10 +348,10 @@ SHIPPED = [
 @pytest.mark.parametrize("name", few(SHIPPED, 1))
 def test_shipped_grasps_pass(name):
     scene, held = found(name)
-    certificate = certify_rods(scene, held)
+    certificate = certify_held(scene, held)
     assert certificate.passed, certificate.worst
     # What the integration leaves is far below the limits.
-    rough = shares(certify_rods(scene, held, tolerance=1e-8))
+    rough = shares(certify_held(scene, held, tolerance=1e-8))
     for wanted in (Requirement.GAP, Requirement.TANGENT, Requirement.MOMENT, Requirement.SHAPE):
         if wanted in rough:
             assert abs(rough[wanted] - shares(certificate)[wanted]) < 0.05
@@ -360,7 +360,7 @@ def test_shipped_grasps_pass(name):
 @pytest.mark.deep
 def test_images_have_the_same_findings():
     scene, held = found("pinch")
-    own = shares(certify_rods(scene, held))
+    own = shares(certify_held(scene, held))
     data = {"supports": {}, **scene.model_dump(exclude_unset=True)}
     data["object"] = {"angle": 0.0, **data["object"]}
     turn, shift = 0.7, np.array([0.31, -0.17, 0.0])
@@ -370,7 +370,7 @@ def test_images_have_the_same_findings():
         (moved(data), held_cases.turned(held, about, shift)),
         (mirrored(data), held_cases.mirrored(held)),
     ):
-        other = shares(certify_rods(type(scene)(**image), record))
+        other = shares(certify_held(type(scene)(**image), record))
         assert other.keys() == own.keys()
         for wanted, share in own.items():
             assert other[wanted] == pytest.approx(share, abs=2e-3), wanted
@@ -412,7 +412,7 @@ def anew():
 def test_a_wrong_line_of_the_problem_is_noticed(name, line, broken, monkeypatch, anew):
     monkeypatch.setattr(kinds, line, broken(getattr(kinds, line)))
     scene, held = found(name)
-    certificate = certify_rods(scene, held)
+    certificate = certify_held(scene, held)
     assert not certificate.passed
     assert certificate.worst.share > 10.0
 

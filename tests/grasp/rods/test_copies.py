@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.grasp.judge.certificate import certify_rods
+from continuum_grasp.grasp.judge.certificate import certify_held
 from continuum_grasp.grasp.rods.copies import RodCopies, RodCopy, held_tensions
 from continuum_grasp.grasp.rods.hand_search import HandRodSearch
-from continuum_grasp.grasp.rods.optimize import held_by_rods
+from continuum_grasp.grasp.rods.optimize import optimize_grasp
 from continuum_grasp.grasp.rods.problem import GraspRods
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.robust import (
@@ -76,7 +76,7 @@ def test_each_copy_passes_a_certificate_of_the_scene_in_error():
     assert len(robust.copies) >= 2
     for error, copy in zip(robust.active, robust.copies, strict=True):
         assert copy.tension == pytest.approx(robust.grasp.tension, rel=1e-7)
-        certificate = certify_rods(robust.errors.scene_with(error), held_rods(copy))
+        certificate = certify_held(robust.errors.scene_with(error), held_rods(copy))
         assert certificate.passed, certificate.worst
 
 
@@ -179,17 +179,17 @@ def test_a_hand_holds_a_ball_in_error():
 @pytest.mark.deep
 def test_a_robust_result_has_trials_of_both_grasps_or_the_share_that_holds():
     scene = cg.load("configs/grasp/mug_uncertain.yaml").changed({"robust.draws": 8})
-    found = held_by_rods(scene)
+    found = optimize_grasp(scene)
     assert found.status is GraspStatus.OPTIMAL
     assert "49.09 N of total tension whatever the errors within robust; 39.74 N without errors" in found.message
     assert found.certificate.passed
     assert found.tension == pytest.approx(found.robustness.robust.tension, rel=1e-6)
     assert (found.robustness.robust.held, found.robustness.nominal.held < 8) == (8, True)
     weaker = scene.changed({"robust.friction": 0.45, "finger.tendons.max_tension": 45.0})
-    none = held_by_rods(weaker, raise_on_failure=False)
+    none = optimize_grasp(weaker, raise_on_failure=False)
     assert none.status is GraspStatus.INFEASIBLE
     (reason,) = none.reasons
     less = scene.robust.replaced(
         **{key: reason.needed * getattr(weaker.robust, key) for key in ("position", "radius", "friction", "mass")}
     )
-    assert held_by_rods(weaker.replaced(robust=less)).robustness.robust.holds
+    assert optimize_grasp(weaker.replaced(robust=less)).robustness.robust.holds

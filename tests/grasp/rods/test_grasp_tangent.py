@@ -1,4 +1,4 @@
-"""Small motions of grasps of exact rods, from inside: no door leads to them yet.
+"""Small motions of grasps of exact rods, from inside: no door leads to tangents of a problem.
 
 Truths are closed forms of a grip between parallel fingers, the certificate, which integrates rods anew and takes
 differences, images of scenes, and the response of elements.
@@ -14,9 +14,8 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from benchmarks.bench_rods import image_of
-from benchmarks.grasp_images import STRONGER, drawn, scene_of
-from continuum_grasp.grasp.judge.certificate import certify_rods
+from benchmarks.grasp_images import STRONGER, drawn, mirrored, moved, scaled, scene_of
+from continuum_grasp.grasp.judge.certificate import certify_held
 from continuum_grasp.grasp.rods import motion
 from continuum_grasp.grasp.rods.answers import BornePush
 from continuum_grasp.grasp.rods.hand_search import HandRodSearch
@@ -120,7 +119,7 @@ def test_without_a_margin_any_push_slips():
 def test_tangents_are_differences_of_rods_integrated_anew(path):
     """Middle contacts that roll where friction makes curvatures jump, tips, flat faces, a palm, a groove, a peg."""
     search = shipped(path)
-    tangent, certificate = tangent_of(search), certify_rods(search.scene, held_rods(search.best))
+    tangent, certificate = tangent_of(search), certify_held(search.scene, held_rods(search.best))
     expected = certificate.pushed.stiffness
     assert stiffness(tangent, PLANE) == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
     assert tangent.stable == certificate.pushed.stable
@@ -133,7 +132,7 @@ def test_tangents_are_differences_of_rods_integrated_anew(path):
 def test_tangents_of_hands_are_differences_of_rods_integrated_anew(path):
     """With torsional friction (pinch), and on one, and on four, contacts of a support."""
     search = shipped(path)
-    tangent, certificate = tangent_of(search), certify_rods(search.scene, held_rods(search.best))
+    tangent, certificate = tangent_of(search), certify_held(search.scene, held_rods(search.best))
     expected = certificate.pushed.stiffness
     assert stiffness(tangent, list(range(6))) == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
     assert certificate.push == pytest.approx(tangent.push, rel=2e-3)
@@ -144,7 +143,7 @@ def test_grasps_that_turn_away_have_a_motion_that_lowers_the_energy():
     """Random ones: the certificate finds the stiffness of the object alone, at constant tensions."""
     for kind, seed in (("two", 6), ("one", 7)):
         search = searched(scene_of(drawn(kind, seed), 8).replaced(stability="ignore"))
-        stable = certify_rods(search.scene, held_rods(search.best)).pushed.stable
+        stable = certify_held(search.scene, held_rods(search.best)).pushed.stable
         assert tangent_of(search).stable == stable == (kind == "one")
 
 
@@ -152,7 +151,8 @@ def test_grasps_that_turn_away_have_a_motion_that_lowers_the_energy():
 def test_a_scene_and_its_image_are_as_stable():
     data = drawn("one", 5)
     own, other = (
-        tangent_of(searched(scene_of(each, 8).replaced(stability="ignore"))) for each in (data, image_of(data))
+        tangent_of(searched(scene_of(each, 8).replaced(stability="ignore")))
+        for each in (data, mirrored(moved(scaled(data))))
     )
     assert other.eigenvalue == pytest.approx(own.eigenvalue, rel=1e-4)
     assert {name: push / STRONGER for name, push in other.pushes.items()} == pytest.approx(
@@ -187,15 +187,15 @@ def test_derivatives_of_answers_are_differences_of_rows():
 def test_the_greatest_push_is_that_of_many_elements():
     """The present search finds 1.19065 N with three elements of a pinch, whose fingers are nearly arcs."""
     search = searched(cg.load("configs/grasp/pinch.yaml").changed({"objective": "greatest_push"}))
-    assert certify_rods(search.scene, held_rods(search.best)).push == pytest.approx(1.19065, rel=1e-4)
+    assert certify_held(search.scene, held_rods(search.best)).push == pytest.approx(1.19065, rel=1e-4)
 
 
 def test_the_certificate_says_what_is_missing_of_a_push():
     scene = cg.load("configs/grasp/mug.yaml")
     held = held_rods(shipped("grasp/mug").best)
-    assert certify_rods(scene.changed({"contacts.push": 0.8}), held).passed
-    failed = certify_rods(scene.changed({"contacts.push": 1.0}), held).failed
-    assert [str(finding).partition(":")[0] for finding in failed] == ["missing of a push in every direction"]
+    assert certify_held(scene.changed({"contacts.push": 0.8}), held).passed
+    failed = certify_held(scene.changed({"contacts.push": 1.0}), held).failed
+    assert [str(check).partition(":")[0] for check in failed] == ["missing of a push in every direction"]
 
 
 def test_what_contacts_give_does_not_matter(monkeypatch):
@@ -210,12 +210,14 @@ def test_an_object_without_load_bears_a_tenth_of_the_greatest_push():
     """The present search finds 35.98 N, against 0.172 of 1.72 N."""
     search = searched(cg.load("configs/grasp/pinch.yaml").changed({"gravity": [0.0, 0.0, 0.0]}))
     assert search.best.tension == pytest.approx(35.98, rel=1e-3)
-    assert certify_rods(search.scene, held_rods(search.best)).push == pytest.approx(0.1717, rel=1e-3)
+    assert certify_held(search.scene, held_rods(search.best)).push == pytest.approx(0.1717, rel=1e-3)
 
 
 @pytest.mark.deep
 @pytest.mark.parametrize(
-    ("name", "factor"), [("mug_robust", 1.62), ("table_peg", 0.50), ("mug_steady", 2.43)], ids=["locked", "peg", "anew"]
+    ("name", "factor"),
+    [("mug_robust", 1.62), ("table_peg", 0.50), ("mug_steady", 2.43), ("box_edge", 1.17)],
+    ids=["locked", "peg", "anew", "corner"],
 )
 def test_resisted_disturbances_are_at_least_those_of_elements(name, factor):
     """The present search resists 2.43 times the disturbances of mug_steady, with a friction margin of 0.10."""
@@ -226,18 +228,20 @@ def test_resisted_disturbances_are_at_least_those_of_elements(name, factor):
 @pytest.mark.deep
 def test_a_grasp_that_turns_away_is_steadied():
     """With 4 % more tension than without; the certificate finds the object stable, too."""
-    search = searched(scene_of(drawn("one", 4), 8).replaced(stability="require"))
-    assert not tangent_of(search).stable
+    scene = scene_of(drawn("one", 4), 8)
+    without = searched(scene.replaced(stability="ignore"))
+    assert not tangent_of(without).stable
+    search = searched(scene.replaced(stability="require"))
     verdict = verdict_of(search)
-    assert verdict.status is GraspStatus.OPTIMAL
+    assert verdict.status in (GraspStatus.OPTIMAL, GraspStatus.FEASIBLE)
     assert verdict.certificate.pushed.stable
-    assert verdict.grasp.tension == pytest.approx(1.04 * search.best.tension, rel=0.01)
+    assert verdict.best.tension == pytest.approx(1.04 * without.best.tension, rel=0.02)
 
 
 @pytest.mark.deep
-def test_stability_asks_for_the_inertia_of_a_slow_hand():
-    """Half a meter per second squared, where the scene states no push; at margin zero any push slips."""
+def test_stability_asks_for_a_small_push():
+    """A tenth of a meter per second squared, where the scene states no push; at margin zero any push slips."""
     search = searched(cg.load("configs/grasp/pinch.yaml"))
     verdict = verdict_of(search)
-    assert verdict.certificate.push == pytest.approx(0.5 * search.scene.object.mass, rel=1e-3)
-    assert verdict.grasp.tension > search.best.tension
+    assert verdict.certificate.push == pytest.approx(0.1 * search.scene.object.mass, rel=1e-3)
+    assert 75.925 < verdict.best.tension < 1.01 * 75.925

@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import continuum_grasp as cg
-from continuum_grasp.grasp.judge.certificate import certify_rods
+from continuum_grasp.grasp.judge.certificate import certify_held
 from continuum_grasp.grasp.rods.hand_search import HandRodSearch
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.search import RodSearch
@@ -40,7 +40,7 @@ def test_shipped_hands_need_what_elements_need(name, tension):
     """The present search with elements and side shifts of first order finds these tensions."""
     grasp = found(hand(name))
     assert grasp.tension == pytest.approx(tension, rel=1e-3)
-    assert certify_rods(hand(name), held_rods(grasp)).passed
+    assert certify_held(hand(name), held_rods(grasp)).passed
 
 
 def test_mixed_contacts_hold_a_lying_can_with_less_than_half():
@@ -48,7 +48,7 @@ def test_mixed_contacts_hold_a_lying_can_with_less_than_half():
     scene = hand("lying_can")
     grasp = found(scene)
     assert grasp.tension < 18.93
-    assert certify_rods(scene, held_rods(grasp)).passed
+    assert certify_held(scene, held_rods(grasp)).passed
 
 
 def bases_as(scene, image):

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.grasp.judge.certificate import certify_rods
+from continuum_grasp.grasp.judge.certificate import certify_held
 from continuum_grasp.grasp.judge.postures import HistoryPostures
 from continuum_grasp.grasp.judge.stage import GraspStage
 from continuum_grasp.grasp.rods.clearance import places_of_nodes
 from continuum_grasp.grasp.rods.record import held_rods
-from continuum_grasp.grasp.rods.robust import RobustSearch, RodResponder, error_space
+from continuum_grasp.grasp.rods.robust import RobustSearch, RodResponder
 from continuum_grasp.grasp.rods.search import RodSearch
 from continuum_grasp.nlp import Budget
 from tests.marks import few
@@ -35,13 +35,13 @@ def search_of(scene, stages=12):
     return search, robust.best
 
 
-def responder(search, errors):
-    return RodResponder(errors, search.stages, Budget())
+def responder(search, robust):
+    return RodResponder(robust.errors, search.stages, Budget())
 
 
-def row(errors, states):
+def row(robust, states):
     """An error of friction states alone."""
-    return np.concatenate([np.zeros(len(errors.columns)), np.ravel(states)])
+    return np.concatenate([np.zeros(len(robust.errors.columns)), np.ravel(states)])
 
 
 @pytest.mark.deep
@@ -51,12 +51,12 @@ def test_no_history_that_is_drawn_or_turned_is_worse(name):
     search, robust = held(name)
     assert robust.holds
     assert robust.grasp.tension > search.best.tension
-    respond = responder(search, robust.errors)
+    respond = responder(search, robust)
     size, random = robust.errors.histories.size, np.random.default_rng(1)
     (worst,) = robust.active[:1]
     turned = [np.where(np.arange(size) == k, -1.0, 1.0) * robust.errors.states(worst) for k in range(0, size, 3)]
     drawn = [np.clip(random.uniform(-2.0, 2.0, size), -1.0, 1.0) for _ in range(4)]
-    margins = [respond.to(row(robust.errors, states)).margin for states in (*turned, *drawn)]
+    margins = [respond.to(row(robust, states)).margin for states in (*turned, *drawn)]
     assert min(margins) > -1e-6
     # The worst history is worth no margin at all, and its neighbors little.
     assert respond.to(worst).margin == pytest.approx(0.0, abs=1e-6)
@@ -71,19 +71,17 @@ def test_less_tension_does_not_bear_the_worst_history():
     x = grasp.attempt.x.copy()
     for part in grasp.problem.parts:
         x[part.pulls] *= 0.999
-    respond = responder(search, robust.errors)
+    respond = responder(search, robust)
     respond._x = x
     assert respond.to(worst).margin < -1e-4
 
 
 def test_directions_that_are_given_reach_their_bounds():
     """A tendon that slides all along obeys the capstan law also where its direction is given: exp(-mu bend)."""
-    search = RodSearch(cg.load("configs/grasp/mug_motor.yaml"), Budget(), 12)
-    search.run()
-    errors = error_space(search.scene, search.best, {})
-    respond = responder(search, errors)
+    search, robust = held("mug_motor")
+    respond = responder(search, robust)
     for sign in (1.0, -1.0):
-        response = respond.to(row(errors, sign * np.ones(errors.histories.size)))
+        response = respond.to(row(robust, sign * np.ones(robust.errors.histories.size)))
         problem, x = response.copy.problem, response.attempt.x
         part = problem.parts[0]
         loss = x[part.sliding(len(part.nodes) - 1)[0]]
@@ -118,13 +116,13 @@ def test_the_certificate_finds_the_same_postures():
     search, robust = held("mug_sticking", 24)
     scene, grasp = search.scene, robust.grasp
     record = held_rods(grasp)
-    rods = list(certify_rods(scene.replaced(friction_states="pulled"), record).rods)
+    rods = list(certify_held(scene.replaced(friction_states="pulled"), record).rods)
     postures = HistoryPostures(GraspStage.of(scene), record, rods)
-    respond = responder(search, robust.errors)
+    respond = responder(search, robust)
     places = places_of_nodes(grasp.problem, grasp.attempt.x, 0)
     assert places.size == 25
     for sign in (-1.0, 1.0):
-        response = respond.to(row(robust.errors, np.full(robust.errors.histories.size, sign)))
+        response = respond.to(row(robust, np.full(robust.errors.histories.size, sign)))
         spare = _spare(response) / postures.scale
         posture = postures.found([np.full((12, 1), sign)], postures.start)
         # A sum of some 50 rows, of which each counts 50 times as much as the reserve.

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.grasp.judge.certificate import certify_rods
+from continuum_grasp.grasp.judge.certificate import certify_held
+from continuum_grasp.grasp.judge.check import Requirement
 from continuum_grasp.grasp.judge.drives import WoundCables
-from continuum_grasp.grasp.judge.findings import Requirement
 from continuum_grasp.grasp.rods.hand_search import HandRodSearch
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.search import RodSearch
@@ -95,7 +95,7 @@ def test_tendons_of_one_pulley_go_together(pretension):
         assert left + right == pytest.approx(2.0 * pretension, rel=1e-6)
     else:
         assert right == pytest.approx(0.0, abs=1e-6)
-    assert certify_rods(search.scene, held_rods(search.best)).passed
+    assert certify_held(search.scene, held_rods(search.best)).passed
 
 
 def test_a_pulley_in_a_hand_holds_both_tendons_in_tension():
@@ -106,7 +106,7 @@ def test_a_pulley_in_a_hand_holds_both_tendons_in_tension():
     for index in range(3):
         _, tensions, _ = states(search.best, index)
         assert tensions.sum() == pytest.approx(10.0, rel=1e-6)
-    assert certify_rods(search.scene, held_rods(search.best)).passed
+    assert certify_held(search.scene, held_rods(search.best)).passed
 
 
 @pytest.mark.parametrize(("share", "holds"), [(1.001, True), (0.999, False)])
@@ -118,9 +118,9 @@ def test_a_motor_on_a_pulley_pulls_no_more_than_the_difference_of_the_tensions(s
     scene = mug({**pulley, "torque_max": torque})
     assert (found(scene).best is not None) is holds
     # The certificate measures the torque of the grasp that was found without the limit.
-    certificate = certify_rods(scene, held_rods(of_mug(pulley).best))
+    certificate = certify_held(scene, held_rods(of_mug(pulley).best))
     assert certificate.of(Requirement.TORQUE, "finger").passed is holds
-    assert {finding.requirement for finding in certificate.failed} <= {Requirement.TORQUE}
+    assert {check.requirement for check in certificate.failed} <= {Requirement.TORQUE}
 
 
 @pytest.mark.parametrize("changed", [(0.1, 0.1), (0.0, 0.1), (-0.1, 0.0)])
@@ -130,7 +130,7 @@ def test_the_certificate_measures_tendons_that_do_not_go_together(changed):
     held = held_rods(search.best)
     finger = held.fingers[0]
     more = replace(held, fingers=(replace(finger, tensions=finger.tensions + np.array(changed)),))
-    certificate = certify_rods(search.scene, more)
+    certificate = certify_held(search.scene, more)
     assert certificate.of(Requirement.DRIVE, "finger").value == pytest.approx(COMPLIANCE * abs(sum(changed)), rel=1e-2)
 
 
@@ -139,7 +139,7 @@ def test_the_certificate_follows_the_cables_to_the_same_places(friction):
     """Paths and elongations with friction, by integrals along a rod that it integrates anew."""
     grasp = of_mug(SERVO, friction).best
     scene = mug(SERVO, friction)
-    rod = certify_rods(scene, held_rods(grasp)).rods[0]
+    rod = certify_held(scene, held_rods(grasp)).rods[0]
     setup = scene.setups[0]
     drives, tensions, _ = states(grasp)
     cables = WoundCables(setup, setup.drive, rod, tensions)
@@ -161,6 +161,6 @@ def test_a_body_at_the_tip_weighs_at_its_center(gravity):
         loaded.__dict__.pop("setups", None)
         search = found(loaded)
         tensions.append(search.best.tension)
-        certificate = certify_rods(loaded, held_rods(search.best))
+        certificate = certify_held(loaded, held_rods(search.best))
         assert certificate.passed, certificate.worst
     assert abs(tensions[1] - tensions[0]) > 1e-3 * tensions[0]

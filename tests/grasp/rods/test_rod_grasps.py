@@ -15,7 +15,7 @@ import pytest
 import continuum_grasp as cg
 from benchmarks.bench_rods import image_of
 from benchmarks.grasp_images import STRONGER, drawn, scene_of
-from continuum_grasp.grasp.judge.certificate import certify_rods
+from continuum_grasp.grasp.judge.certificate import certify_held
 from continuum_grasp.grasp.rods import kinds
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.search import RodSearch
@@ -39,7 +39,7 @@ def found(scene, stages=24):
 @pytest.mark.parametrize("name", few(["mug", "pinch", "egg", "groove", "mug_hanging", "table_peg"], 3))
 def test_a_grasp_passes_a_certificate_that_integrates_it_anew(name):
     search = searched(name)
-    certificate = certify_rods(search.scene, held_rods(search.best))
+    certificate = certify_held(search.scene, held_rods(search.best))
     assert certificate.passed, certificate.worst
 
 
@@ -75,7 +75,7 @@ def test_a_grasp_of_three_fingers_is_weighed_by_all_that_the_scene_aims_at():
     grasp = search.best
     margin = float(grasp.attempt.x[grasp.problem.margin][0])
     assert grasp.tension / 180.0 - 0.5 * margin < 0.333
-    assert certify_rods(search.scene, held_rods(grasp)).worst.value < 1e-5
+    assert certify_held(search.scene, held_rods(grasp)).worst.value < 1e-5
 
 
 @pytest.mark.parametrize(

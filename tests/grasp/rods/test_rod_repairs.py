@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.grasp.judge.certificate import certify_rods
+from continuum_grasp.grasp.judge.certificate import certify_held
 from continuum_grasp.grasp.rods.hand_search import HandRodSearch
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.repairs import LeastRepairs, changes_by, reason_of
@@ -66,7 +66,7 @@ def test_repaired_scenes_pass_the_independent_certificate(name):
     scene = scene_named(name)
     assert repairs_of(name)
     for repair in repairs_of(name).values():
-        certificate = certify_rods(scene.changed(repair.changes), held_rods(repair.grasp))
+        certificate = certify_held(scene.changed(repair.changes), held_rods(repair.grasp))
         assert certificate.passed, (repair.changes, certificate.worst)
 
 

@@ -15,7 +15,7 @@ from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.base import InputError, Interrupted, SolverError
 from continuum_grasp.grasp import GraspStatus, HandResult
 from continuum_grasp.grasp.page import page
-from continuum_grasp.grasp.rods.optimize import held_by_rods
+from continuum_grasp.grasp.rods.optimize import optimize_grasp
 from continuum_grasp.grasp.rods.search import RodSearch
 from continuum_grasp.grasp.rods.sensitivity import sensitivities_of
 from continuum_grasp.grasp.rods.verdict import VerdictDoubt, verdict_of
@@ -27,7 +27,7 @@ MUG = "configs/grasp/mug.yaml"
 
 @cache
 def result_of(name):
-    return held_by_rods(cg.load(f"configs/{name}.yaml"))
+    return optimize_grasp(cg.load(f"configs/{name}.yaml"))
 
 
 # -- numbers -------------------------------------------------------------------------------------------------------
@@ -93,7 +93,7 @@ def test_sensitivities_are_differences_of_tensions(name):
 def test_a_scene_whose_limits_are_in_the_way_says_by_how_much():
     scene = cg.load(MUG).changed({"finger.tendons.max_tension": 40.0})
     with pytest.raises(SolverError) as raised:
-        held_by_rods(scene)
+        optimize_grasp(scene)
     assert raised.value.advice
     result = raised.value.result
     assert result.status is GraspStatus.NOT_SOLVED
@@ -102,13 +102,13 @@ def test_a_scene_whose_limits_are_in_the_way_says_by_how_much():
     # The least tension of the bending tendon is 41.71 N.
     assert 41.70 < tension.needed < 43.0
     assert tension.text in result.table()
-    assert held_by_rods(scene.changed({"finger.tendons.max_tension": tension.needed})).solved
+    assert optimize_grasp(scene.changed({"finger.tendons.max_tension": tension.needed})).solved
 
 
 def test_a_load_that_no_forces_balance_is_infeasible():
     scene = cg.load(MUG).changed({"contacts.friction": 0.0, "supports.palm.friction": 0.0})
     with pytest.raises(SolverError, match=VerdictDoubt.NO_BALANCE.value) as raised:
-        held_by_rods(scene)
+        optimize_grasp(scene)
     assert raised.value.result.status is GraspStatus.INFEASIBLE
     assert not raised.value.result.solved
 
@@ -126,7 +126,7 @@ def test_iterations_that_are_used_up_leave_a_doubt():
 
 def test_a_clock_that_ends_before_a_grasp_is_an_emergency():
     scene = cg.load(MUG, ["solver.time_limit=1e-3"])
-    result = held_by_rods(scene, raise_on_failure=False)
+    result = optimize_grasp(scene, raise_on_failure=False)
     assert result.status is GraspStatus.STOPPED
     assert "time_limit" in result.advice
 
@@ -135,7 +135,7 @@ def test_ctrl_c_after_a_grasp_gives_that_grasp():
     def press(text):
         raise KeyboardInterrupt
 
-    result = held_by_rods(cg.load(MUG), progress=press)
+    result = optimize_grasp(cg.load(MUG), progress=press)
     assert result.status is GraspStatus.FEASIBLE
     assert result.statistics["interrupted"]
     assert VerdictDoubt.INTERRUPTED.value in result.message
@@ -147,19 +147,19 @@ def test_ctrl_c_before_a_grasp_is_an_error():
         raise KeyboardInterrupt
 
     with pytest.raises(Interrupted, match="before a grasp was found"):
-        held_by_rods(cg.load(MUG).changed({"finger.tendons.max_tension": 40.0}), progress=press)
+        optimize_grasp(cg.load(MUG).changed({"finger.tendons.max_tension": 40.0}), progress=press)
 
 
 def test_a_weight_in_every_direction_is_refused():
     with pytest.raises(InputError, match="gravity"):
-        held_by_rods(cg.load("configs/hand/turned.yaml"))
+        optimize_grasp(cg.load("configs/hand/turned.yaml"))
 
 
 # -- files, texts and pictures -------------------------------------------------------------------------------------
 
 
 def test_elements_that_do_not_stand_for_the_rod_are_named(tmp_path):
-    result = held_by_rods(cg.load(MUG, ["fidelity.elements=2"]))
+    result = optimize_grasp(cg.load(MUG, ["fidelity.elements=2"]))
     assert any("2 elements of finger do not stand" in warning for warning in result.warnings)
     assert result.read(result.save(tmp_path / "run")).meta["element_errors"]["finger"]["elements"] == 2
 
@@ -170,10 +170,9 @@ def test_a_hand_is_read_and_certified_as_it_was_saved(tmp_path):
     again = HandResult.of_run(result.save(tmp_path / "run"))
     assert again.certificate.passed
     assert again.tension == pytest.approx(result.tension, rel=1e-12)
-    assert {finding.requirement for finding in again.certificate.findings} == {
-        finding.requirement for finding in result.certificate.findings
-    }
-    assert "36 of 36" in again.table()
+    own = {check.name for check in result.certificate.checks}
+    assert own <= {check.name for check in again.certificate.checks}
+    assert f"Certificate: {again.certificate.headline()}" in again.table()
     assert "finger_1.tip" in again.show().text
 
 
@@ -194,7 +193,7 @@ def test_a_page_and_a_picture_show_the_certificate_and_the_elements(tmp_path):
 @pytest.mark.deep
 def test_a_mission_is_assigned_from_a_grasp():
     mission = cg.load("configs/mission/mug.yaml")
-    grasp = held_by_rods(mission.grasp.replaced(objective="least_tension"))
+    grasp = optimize_grasp(mission.grasp.replaced(objective="least_tension"))
     (task,) = assign(mission, grasp)
     assert task.forces["finger.1"] == pytest.approx(grasp.contact("finger.middle").normal_force)
     assert np.abs(task.tensions - grasp.tensions["finger"]).max() == 0.0

@@ -12,7 +12,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.grasp.body.bodies import body_of
-from continuum_grasp.grasp.judge.certificate import certify_rods
+from continuum_grasp.grasp.judge.certificate import certify_held
 from continuum_grasp.grasp.rods.planar_numbers import planar_numbers, planar_table
 from continuum_grasp.grasp.rods.record import held_rods
 from continuum_grasp.grasp.rods.search import RodSearch
@@ -32,7 +32,7 @@ def found(scene):
 
 def certified(scene):
     grasp = found(scene)
-    certificate = certify_rods(scene, held_rods(grasp))
+    certificate = certify_held(scene, held_rods(grasp))
     assert certificate.passed, certificate.worst
     return grasp
 
@@ -68,8 +68,8 @@ def test_a_finger_keeps_clear_of_a_peg_in_its_way():
     peg = {"type": "point", "position": (float(at[0]), float(at[1])), "radius": 0.002, "touch": "off"}
     blocked = scene.changed({"supports.post": peg})
     around = found(blocked)
-    assert around is None or certify_rods(blocked, held_rods(around)).passed
-    gap = certify_rods(blocked, held_rods(grasp))
+    assert around is None or certify_held(blocked, held_rods(around)).passed
+    gap = certify_held(blocked, held_rods(grasp))
     assert not gap.passed
 
 

@@ -1,1 +1,0 @@
-"""The grasp as a nonlinear problem (NLP), and IPOPT on it."""

@@ -1,1 +1,0 @@
-"""Why there is no grasp, and what would repair it."""
